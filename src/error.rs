@@ -1,0 +1,127 @@
+//! What can go wrong, sorted by whose it is to mend; each kind has its exit code.
+
+use std::fmt;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Everything that stops beamcast.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A job or sensor file is wrong: every problem found, not only the first. At least one.
+    #[error("{}", .0.iter().map(Diagnostic::to_string).collect::<Vec<_>>().join("\n"))]
+    Config(Vec<Diagnostic>),
+    /// The command line asks for something that can't be.
+    #[error("{0}")]
+    Usage(String),
+    /// A scene can't be read.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// An output can't be written.
+    #[error("{}: {problem}", path.display())]
+    Output {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong with it, and what would be right.
+        problem: String,
+    },
+    /// A signal asked to stop. Nothing is half-written.
+    #[error("stopped by signal {signal}")]
+    Interrupted {
+        /// The signal's number: 2 for SIGINT, 15 for SIGTERM.
+        signal: i32,
+    },
+}
+
+impl Error {
+    /// An [`Error::Output`] about `path`.
+    pub fn output(path: impl AsRef<Path>, problem: impl fmt::Display) -> Self {
+        Self::Output { path: path.as_ref().to_path_buf(), problem: problem.to_string() }
+    }
+
+    /// The process's exit code: 2 usage or configuration, 3 scene or input, 4 output, 128 + the signal's number.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Config(_) | Self::Usage(_) => 2,
+            Self::Scene(_) => 3,
+            Self::Output { .. } => 4,
+            Self::Interrupted { signal } => 128 + *signal as u8,
+        }
+    }
+}
+
+/// One problem in a text that the user wrote, with the place to point at.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// Whether it stops the run.
+    pub severity: Severity,
+    /// What is wrong: the key, the value, one sentence.
+    pub message: String,
+    /// The file as the user named it, or what stands for one (`--set`).
+    pub path: PathBuf,
+    /// That file's whole text. Empty when it could not be read.
+    pub source: String,
+    /// The bytes of `source` that are meant; empty for the file as a whole.
+    pub span: Range<usize>,
+    /// What stands under the marked text: short, such as `expected a number of metres`.
+    pub label: String,
+    /// What would be right.
+    pub help: Option<String>,
+}
+
+/// How bad a [`Diagnostic`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// The run goes on, its result is probably not what was meant.
+    Warning,
+    /// Nothing can be run.
+    Error,
+}
+
+impl Diagnostic {
+    /// Line and column (in characters) of the span's start, both from 1.
+    pub fn line_column(&self) -> (usize, usize) {
+        let before = &self.source[..self.span.start.min(self.source.len())];
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
+        (line, column)
+    }
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (line, column) = self.line_column();
+        write!(f, "{}:{line}:{column}: {}", self.path.display(), self.message)?;
+        if let Some(help) = &self.help {
+            write!(f, " ({help})")?;
+        }
+        Ok(())
+    }
+}
+
+/// A scene that can't be used: the file, the element in it, what is wrong and what would be right.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub struct SceneError {
+    /// The scene's file as the user named it.
+    pub path: PathBuf,
+    /// The element, such as `mesh 3 "wall", primitive 0, accessor 7`. Empty for the file as a whole.
+    pub element: String,
+    /// What is wrong with it.
+    pub problem: String,
+    /// What would be right.
+    pub help: Option<String>,
+}
+
+impl fmt::Display for SceneError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: ", self.path.display())?;
+        if !self.element.is_empty() {
+            write!(f, "{}: ", self.element)?;
+        }
+        f.write_str(&self.problem)?;
+        if let Some(help) = &self.help {
+            write!(f, " ({help})")?;
+        }
+        Ok(())
+    }
+}

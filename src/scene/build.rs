@@ -1,0 +1,422 @@
+//! From placed meshes to a [`Scene`]: one space, one numbering.
+
+use glam::{DAffine3, DVec3};
+
+use super::{Instance, Material, Mesh, Part, Placement, Scene, SourceFile};
+
+/// Meshes and where they stand, in document order; [`SceneBuilder::build`] makes the scene of them.
+#[derive(Clone, Debug, Default)]
+pub struct SceneBuilder {
+    /// The meshes, each in its own space.
+    pub meshes: Vec<SourceMesh>,
+    /// Where they are placed, in document order.
+    pub placed: Vec<Placed>,
+    /// The materials.
+    pub materials: Vec<Material>,
+    /// The files that all of it came from.
+    pub files: Vec<SourceFile>,
+}
+
+/// A mesh as its file gives it.
+#[derive(Clone, Debug, Default)]
+pub struct SourceMesh {
+    /// Vertices, metres; those that triangles use must be finite.
+    pub positions: Vec<[f32; 3]>,
+    /// Its triangles, by material.
+    pub parts: Vec<SourcePart>,
+}
+
+/// Triangles of one material.
+#[derive(Clone, Debug, Default)]
+pub struct SourcePart {
+    /// Indices into [`SourceMesh::positions`], which must be in bounds; counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Index into [`SceneBuilder::materials`].
+    pub material: u32,
+}
+
+/// A mesh at a place.
+#[derive(Clone, Debug)]
+pub struct Placed {
+    /// Index into [`SceneBuilder::meshes`].
+    pub mesh: usize,
+    /// Any affine map; a mirroring one keeps fronts in front.
+    pub world_from_mesh: DAffine3,
+    /// What the instance is called.
+    pub instance: Instance,
+}
+
+/// Why placed meshes make no scene.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneBuildError {
+    /// There is nothing to hit.
+    #[error("the scene has no triangles")]
+    Empty {
+        /// Zero-area triangles that were left out.
+        skipped: u64,
+    },
+    /// Ids are 32-bit.
+    #[error(
+        "the scene has {count} triangles (each counted as often as it is placed), more than {}",
+        u32::MAX
+    )]
+    TooManyTriangles {
+        /// How many.
+        count: u64,
+    },
+    /// A vertex lies at infinity, or further out than [`SceneBuilder::MAX_COORDINATE_M`].
+    #[error(
+        "a vertex lies at {position} m, further than {:e} m from the middle",
+        SceneBuilder::MAX_COORDINATE_M
+    )]
+    TooFar {
+        /// Index into [`SceneBuilder::placed`].
+        placed: usize,
+        /// Where it lies.
+        position: DVec3,
+    },
+}
+
+impl SceneBuilder {
+    /// The largest coordinate, in the scene's space and in each mesh's own. Products of three of them still have room in
+    /// f64 and products of two (areas, which the BVH's builder compares) in f32.
+    pub const MAX_COORDINATE_M: f64 = 1e12;
+
+    /// Makes the scene: finds its centre, flattens what is placed once, rounds to f32, leaves out zero-area triangles.
+    pub fn build(mut self) -> Result<Scene, SceneBuildError> {
+        let mut uses = vec![0_u32; self.meshes.len()];
+        for placed in &self.placed {
+            uses[placed.mesh] = uses[placed.mesh].saturating_add(1);
+        }
+        // A placement that can't be undone (a scale of zero along an axis) has no space of its own to trace in.
+        let is_shared = |p: &Placed| uses[p.mesh] > 1 && invertible(&p.world_from_mesh);
+
+        let centre = self.centre(&is_shared)?;
+        let mut scene = Scene { centre, ..Scene::default() };
+        let mut flat = Mesh::default();
+        let mut shared = Vec::new();
+        for (index, placed) in self.placed.iter().enumerate() {
+            if is_shared(placed) {
+                shared.push(index);
+            } else {
+                let source = &mut self.meshes[placed.mesh];
+                let from_mesh = DAffine3::from_translation(-centre) * placed.world_from_mesh;
+                scene.skipped_triangles += flatten(source, &from_mesh, index, &mut flat)?;
+                if uses[placed.mesh] == 1 {
+                    *source = SourceMesh::default(); // its memory is not needed again
+                }
+            }
+        }
+        let mut next_triangle = flat.triangles.len() as u64;
+        scene.meshes.push(flat);
+        scene.placements.push(Placement {
+            mesh: 0,
+            scene_from_mesh: DAffine3::IDENTITY,
+            mesh_from_scene: DAffine3::IDENTITY,
+            first_triangle: 0,
+            first_instance: 0,
+        });
+
+        let mut stored = vec![None; self.meshes.len()];
+        for index in shared {
+            let placed = &self.placed[index];
+            let (mesh, skipped) = match stored[placed.mesh] {
+                Some(known) => known,
+                None => {
+                    let mut mesh = Mesh::default();
+                    let source = std::mem::take(&mut self.meshes[placed.mesh]);
+                    let skipped = keep(source, index, &mut mesh)?;
+                    scene.meshes.push(mesh);
+                    *stored[placed.mesh].insert(((scene.meshes.len() - 1) as u32, skipped))
+                }
+            };
+            scene.skipped_triangles += skipped;
+            let count = scene.meshes[mesh as usize].triangles.len() as u64;
+            if count == 0 {
+                continue;
+            }
+            if next_triangle + count > u64::from(u32::MAX) {
+                return Err(SceneBuildError::TooManyTriangles { count: next_triangle + count });
+            }
+            let scene_from_mesh = DAffine3::from_translation(-centre) * placed.world_from_mesh;
+            scene.placements.push(Placement {
+                mesh,
+                scene_from_mesh,
+                mesh_from_scene: scene_from_mesh.inverse(),
+                first_triangle: next_triangle as u32,
+                first_instance: index as u32,
+            });
+            next_triangle += count;
+        }
+        if next_triangle > u64::from(u32::MAX) {
+            return Err(SceneBuildError::TooManyTriangles { count: next_triangle });
+        }
+        if next_triangle == 0 {
+            return Err(SceneBuildError::Empty { skipped: scene.skipped_triangles });
+        }
+        scene.instances = self.placed.into_iter().map(|p| p.instance).collect();
+        scene.materials = self.materials;
+        scene.files = self.files;
+        Ok(scene)
+    }
+
+    /// The middle of the bounds of all triangles (of a shared mesh: of its own bounds' corners), rounded to a multiple of
+    /// a power of two no larger than a sixteenth of the largest half extent: then vertices with short coordinates, as
+    /// people and exporters write them, stay exactly what they are, and so does a scene centred on its own origin.
+    fn centre(&self, is_shared: &dyn Fn(&Placed) -> bool) -> Result<DVec3, SceneBuildError> {
+        let mut own_bounds = vec![None; self.meshes.len()];
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (mut farthest, mut farthest_placed) = (DVec3::ZERO, 0);
+        for (index, placed) in self.placed.iter().enumerate() {
+            let mesh = &self.meshes[placed.mesh];
+            let mut include = |p: DVec3| {
+                let p = placed.world_from_mesh.transform_point3(p);
+                (low, high) = (low.min(p), high.max(p));
+                if p.abs().max_element() > farthest.abs().max_element() {
+                    (farthest, farthest_placed) = (p, index);
+                }
+                if p.is_finite() {
+                    Ok(())
+                } else {
+                    Err(SceneBuildError::TooFar { placed: index, position: p })
+                }
+            };
+            if is_shared(placed) {
+                let (a, b) = *own_bounds[placed.mesh].get_or_insert_with(|| mesh.bounds());
+                if a.x <= b.x {
+                    for corner in 0..8 {
+                        let side = |axis: usize| if corner >> axis & 1 == 0 { a[axis] } else { b[axis] };
+                        include(DVec3::new(side(0), side(1), side(2)))?;
+                    }
+                }
+            } else {
+                for p in mesh.corners() {
+                    include(p)?;
+                }
+            }
+        }
+        if low.x > high.x {
+            return Ok(DVec3::ZERO);
+        }
+        let half_extent = ((high - low) / 2.0).max_element();
+        if half_extent > Self::MAX_COORDINATE_M {
+            return Err(SceneBuildError::TooFar { placed: farthest_placed, position: farthest });
+        }
+        let grid = power_of_two_below(half_extent) / 16.0;
+        let middle = low / 2.0 + high / 2.0;
+        Ok(if grid > 0.0 && grid.is_finite() { (middle / grid).round() * grid } else { middle })
+    }
+}
+
+impl SourceMesh {
+    /// The triangles' corners, one after the other.
+    fn corners(&self) -> impl Iterator<Item = DVec3> + '_ {
+        let triangles = self.parts.iter().flat_map(|part| part.triangles.iter());
+        triangles.flatten().map(|&v| f64_from(self.positions[v as usize]))
+    }
+
+    fn bounds(&self) -> (DVec3, DVec3) {
+        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        self.corners().fold(empty, |(low, high), p| (low.min(p), high.max(p)))
+    }
+}
+
+/// The largest power of two that is at most `x`; 0 for 0.
+fn power_of_two_below(x: f64) -> f64 {
+    f64::from_bits(x.to_bits() & 0x7ff0_0000_0000_0000)
+}
+
+fn f64_from(p: [f32; 3]) -> DVec3 {
+    DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))
+}
+
+fn invertible(map: &DAffine3) -> bool {
+    let determinant = map.matrix3.determinant();
+    determinant != 0.0 && determinant.is_finite() && map.inverse().is_finite()
+}
+
+/// Whether the triangle has no area. Differences of f32 are exact in f64 unless their exponents are 29 apart, and then so
+/// are the products; so this finds the exact zeros.
+fn is_degenerate(positions: &[[f32; 3]], triangle: [u32; 3]) -> bool {
+    let [a, b, c] = triangle.map(|v| f64_from(positions[v as usize]));
+    (b - a).cross(c - a) == DVec3::ZERO
+}
+
+/// Adds `source`, moved by `from_mesh`, to `flat`. Gives the number of triangles left out.
+fn flatten(
+    source: &SourceMesh,
+    from_mesh: &DAffine3,
+    placed: usize,
+    flat: &mut Mesh,
+) -> Result<u64, SceneBuildError> {
+    let base = flat.positions.len();
+    let vertices = base + source.positions.len();
+    if vertices > u32::MAX as usize {
+        // Ids of vertices are 32-bit too; a mesh has no more of them than it has triangles' corners.
+        return Err(SceneBuildError::TooManyTriangles { count: vertices as u64 });
+    }
+    flat.positions.extend(
+        source.positions.iter().map(|&p| from_mesh.transform_point3(f64_from(p)).as_vec3().to_array()),
+    );
+    let mirrored = from_mesh.matrix3.determinant() < 0.0;
+    let mut skipped = 0;
+    for part in &source.parts {
+        let first_triangle = flat.triangles.len() as u32;
+        for &triangle in &part.triangles {
+            let [a, b, c] = triangle.map(|v| v + base as u32);
+            let triangle = if mirrored { [a, c, b] } else { [a, b, c] };
+            check(&flat.positions, triangle, placed)?;
+            if is_degenerate(&flat.positions, triangle) {
+                skipped += 1;
+            } else if flat.triangles.len() as u64 == u64::from(u32::MAX) {
+                return Err(SceneBuildError::TooManyTriangles { count: u64::from(u32::MAX) + 1 });
+            } else {
+                flat.triangles.push(triangle);
+            }
+        }
+        if flat.triangles.len() as u32 > first_triangle {
+            flat.parts.push(Part { first_triangle, material: part.material, instance: placed as u32 });
+        }
+    }
+    Ok(skipped)
+}
+
+/// Makes `mesh` of `source` as it is. Gives the number of triangles left out.
+fn keep(source: SourceMesh, placed: usize, mesh: &mut Mesh) -> Result<u64, SceneBuildError> {
+    let mut skipped = 0;
+    mesh.positions = source.positions;
+    for part in &source.parts {
+        let first_triangle = mesh.triangles.len() as u32;
+        for &triangle in &part.triangles {
+            check(&mesh.positions, triangle, placed)?;
+            if is_degenerate(&mesh.positions, triangle) {
+                skipped += 1;
+            } else {
+                mesh.triangles.push(triangle);
+            }
+        }
+        if mesh.triangles.len() as u32 > first_triangle {
+            mesh.parts.push(Part { first_triangle, material: part.material, instance: 0 });
+        }
+    }
+    Ok(skipped)
+}
+
+fn check(positions: &[[f32; 3]], triangle: [u32; 3], placed: usize) -> Result<(), SceneBuildError> {
+    for v in triangle {
+        let position = f64_from(positions[v as usize]);
+        // Not `>`: a NaN must not pass.
+        if !(position.abs().max_element() <= SceneBuilder::MAX_COORDINATE_M) || position.is_nan() {
+            return Err(SceneBuildError::TooFar { placed, position });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square() -> SourceMesh {
+        SourceMesh {
+            positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+            parts: vec![SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3], [1, 1, 2]], material: 0 }],
+        }
+    }
+
+    fn at(mesh: usize, world_from_mesh: DAffine3) -> Placed {
+        Placed { mesh, world_from_mesh, instance: Instance::default() }
+    }
+
+    fn builder(meshes: Vec<SourceMesh>, placed: Vec<Placed>) -> SceneBuilder {
+        SceneBuilder { meshes, placed, materials: vec![Material::default()], files: vec![] }
+    }
+
+    fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
+        DAffine3::from_translation(DVec3::new(x, y, z))
+    }
+
+    #[test]
+    fn placed_once_is_flattened_around_the_centre() {
+        let far = DVec3::new(4.5e5, 5.4e6, 200.0);
+        let scene = builder(vec![square()], vec![at(0, DAffine3::from_translation(far))]).build().unwrap();
+        assert_eq!((scene.meshes.len(), scene.placements.len()), (1, 1));
+        assert_eq!(scene.skipped_triangles, 1);
+        assert_eq!(scene.triangle_count(), 2);
+        // No metre of the offset is left to be lost in f32: corners are exact.
+        let corner = scene.meshes[0].positions[2];
+        assert_eq!(scene.centre + f64_from(corner), far + DVec3::new(1.0, 1.0, 0.0));
+        assert!(corner.iter().all(|c| c.abs() <= 0.6));
+    }
+
+    #[test]
+    fn a_scene_about_its_origin_is_left_where_it_is() {
+        let scene = builder(vec![square()], vec![at(0, moved(-0.5, -0.5, 0.0))]).build().unwrap();
+        assert_eq!(scene.centre, DVec3::ZERO);
+    }
+
+    #[test]
+    fn placed_twice_is_stored_once() {
+        let placed =
+            vec![at(0, moved(0.0, 0.0, 0.0)), at(1, moved(9.0, 0.0, 0.0)), at(0, moved(0.0, 5.0, 0.0))];
+        let scene = builder(vec![square(), square()], placed).build().unwrap();
+        assert_eq!(scene.meshes.len(), 2);
+        assert_eq!(scene.stored_triangle_count(), 4);
+        assert_eq!(scene.triangle_count(), 6);
+        let firsts: Vec<_> = scene.placements.iter().map(|p| (p.first_triangle, p.first_instance)).collect();
+        // What is placed once comes first; instances keep the document's order.
+        assert_eq!(firsts, [(0, 0), (2, 0), (4, 2)]);
+        assert_eq!(scene.surface(0, 1).instance, 1);
+        assert_eq!(scene.surface(1, 1).instance, 0);
+        assert_eq!(scene.surface(2, 0).instance, 2);
+        // One zero-area triangle each time that the mesh is placed.
+        assert_eq!(scene.skipped_triangles, 3);
+    }
+
+    #[test]
+    fn mirroring_keeps_fronts_in_front() {
+        let mirror = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+        let scene = builder(vec![square()], vec![at(0, mirror)]).build().unwrap();
+        let mesh = &scene.meshes[0];
+        let [a, b, c] = mesh.triangles[0].map(|v| f64_from(mesh.positions[v as usize]));
+        assert!((b - a).cross(c - a).z > 0.0, "the square still faces up");
+    }
+
+    #[test]
+    fn a_placement_that_cannot_be_undone_is_flattened() {
+        let crushed = DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0));
+        let scene =
+            builder(vec![square()], vec![at(0, crushed), at(0, moved(0.0, 0.0, 3.0))]).build().unwrap();
+        assert_eq!(scene.placements.len(), 2);
+        assert_eq!(scene.meshes[0].triangles.len(), 2);
+        assert_eq!(scene.triangle_count(), 4);
+        let nothing = DAffine3::from_scale(DVec3::ZERO);
+        let error = builder(vec![square()], vec![at(0, nothing), at(0, nothing)]).build().unwrap_err();
+        assert_eq!(error, SceneBuildError::Empty { skipped: 6 });
+    }
+
+    #[test]
+    fn what_is_too_far_is_refused() {
+        let mut far = square();
+        far.positions[2][0] = 1e13;
+        let error = builder(vec![far], vec![at(0, DAffine3::IDENTITY)]).build().unwrap_err();
+        assert!(matches!(error, SceneBuildError::TooFar { placed: 0, .. }), "{error}");
+        let overflow = DAffine3::from_scale(DVec3::splat(f64::MAX)) * moved(9.0, 9.0, 9.0);
+        let error = builder(vec![square()], vec![at(0, overflow)]).build().unwrap_err();
+        assert!(matches!(error, SceneBuildError::TooFar { .. }), "{error}");
+    }
+
+    #[test]
+    fn labels_are_the_jobs_then_the_files() {
+        let mut scene = builder(vec![square()], vec![at(0, DAffine3::IDENTITY)]).build().unwrap();
+        let surface = scene.surface(0, 0);
+        assert_eq!(scene.label(surface), 0);
+        scene.instances[0].file_label = Some(1);
+        assert_eq!(scene.label(surface), 1);
+        scene.materials[0].job_label = Some(2);
+        assert_eq!(scene.label(surface), 2);
+        scene.instances[0].job_label = Some(3);
+        assert_eq!(scene.label(surface), 3);
+    }
+}

@@ -1,0 +1,1 @@
+//! Casting: what a ray hits, as geometry defines it.
