@@ -1,6 +1,6 @@
 //! From placed meshes to a [`Scene`]: one space, one numbering.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use super::{Instance, Material, Mesh, Part, Placement, Scene, SourceFile};
 
@@ -90,7 +90,7 @@ impl SceneBuilder {
             uses[placed.mesh] = uses[placed.mesh].saturating_add(1);
         }
         // A placement that can't be undone (a scale of zero along an axis) has no space of its own to trace in.
-        let is_shared = |p: &Placed| uses[p.mesh] > 1 && invertible(&p.world_from_mesh);
+        let is_shared = |p: &Placed| uses[p.mesh] > 1 && can_be_undone(&p.world_from_mesh);
 
         let centre = self.centre(&is_shared)?;
         let mut scene = Scene { centre, ..Scene::default() };
@@ -231,9 +231,11 @@ fn f64_from(p: [f32; 3]) -> DVec3 {
     DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))
 }
 
-fn invertible(map: &DAffine3) -> bool {
-    let determinant = map.matrix3.determinant();
-    determinant != 0.0 && determinant.is_finite() && map.inverse().is_finite()
+/// Whether rays can be carried into the mesh's space and keep their precision: the condition number of the linear part
+/// (in the largest-row-sum norm) is at most 2¹², as it is for anything but a mesh that is all but crushed flat.
+fn can_be_undone(map: &DAffine3) -> bool {
+    let norm = |m: DMat3| (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
+    norm(map.matrix3) * norm(map.matrix3.inverse()) <= 4096.0 && map.inverse().is_finite()
 }
 
 /// Whether the triangle has no area. Differences of f32 are exact in f64 unless their exponents are 29 apart, and then so
@@ -306,8 +308,8 @@ fn keep(source: SourceMesh, placed: usize, mesh: &mut Mesh) -> Result<u64, Scene
 fn check(positions: &[[f32; 3]], triangle: [u32; 3], placed: usize) -> Result<(), SceneBuildError> {
     for v in triangle {
         let position = f64_from(positions[v as usize]);
-        // Not `>`: a NaN must not pass.
-        if !(position.abs().max_element() <= SceneBuilder::MAX_COORDINATE_M) || position.is_nan() {
+        let in_reach = |c: f64| c.abs() <= SceneBuilder::MAX_COORDINATE_M; // which NaN is not
+        if !position.to_array().into_iter().all(in_reach) {
             return Err(SceneBuildError::TooFar { placed, position });
         }
     }

@@ -1,0 +1,125 @@
+//! Small scenes, made in code, and random numbers to aim with.
+
+use beamcast::scene::{Instance, Material, Placed, Scene, SceneBuilder, SourceMesh, SourcePart};
+use glam::{DAffine3, DVec3};
+
+/// SplitMix64 (Steele, Lea and Flood, 2014): the same numbers on every machine.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// In 0 .. 1.
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// In −1 .. 1.
+    pub fn signed(&mut self) -> f64 {
+        2.0 * self.unit() - 1.0
+    }
+
+    /// In the cube from −1 to 1.
+    pub fn point(&mut self) -> DVec3 {
+        DVec3::new(self.signed(), self.signed(), self.signed())
+    }
+
+    pub fn direction(&mut self) -> DVec3 {
+        loop {
+            let p = self.point();
+            if (0.01..=1.0).contains(&p.length_squared()) {
+                return p.normalize();
+            }
+        }
+    }
+
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.bits() % n as u64) as usize
+    }
+}
+
+pub fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> SourceMesh {
+    SourceMesh { positions, parts: vec![SourcePart { triangles, material: 0 }] }
+}
+
+/// A scene of meshes, each placed wherever the pairs (mesh, world_from_mesh) say.
+pub fn placed(meshes: Vec<SourceMesh>, placements: Vec<(usize, DAffine3)>) -> Scene {
+    let placed = placements.into_iter().map(|(mesh, world_from_mesh)| Placed {
+        mesh,
+        world_from_mesh,
+        instance: Instance::default(),
+    });
+    let placed = placed.collect();
+    SceneBuilder { meshes, placed, materials: vec![Material::default()], files: vec![] }.build().unwrap()
+}
+
+/// A scene of one mesh that stands as it is.
+pub fn alone(mesh: SourceMesh) -> Scene {
+    placed(vec![mesh], vec![(0, DAffine3::IDENTITY)])
+}
+
+/// A quadrilateral from its corners, in order around it: two triangles.
+pub fn quad(corners: [DVec3; 4]) -> SourceMesh {
+    mesh(corners.map(|c| c.as_vec3().to_array()).to_vec(), vec![[0, 1, 2], [0, 2, 3]])
+}
+
+/// A closed box, facing outward.
+pub fn cuboid(low: [f32; 3], high: [f32; 3]) -> SourceMesh {
+    let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] });
+    let triangles = vec![
+        [0, 2, 1],
+        [1, 2, 3],
+        [4, 5, 6],
+        [5, 7, 6],
+        [0, 1, 4],
+        [1, 5, 4],
+        [2, 6, 3],
+        [3, 6, 7],
+        [0, 4, 2],
+        [2, 4, 6],
+        [1, 3, 5],
+        [3, 7, 5],
+    ];
+    mesh((0..8).map(corner).collect(), triangles)
+}
+
+/// A closed sphere: an octahedron whose faces are cut in four `levels` times. 8·4^levels triangles.
+pub fn sphere(radius: f64, centre: DVec3, levels: u32) -> SourceMesh {
+    let mut points = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+    let mut triangles: Vec<[u32; 3]> =
+        vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+    for _ in 0..levels {
+        let mut middles = std::collections::HashMap::new();
+        let mut next = Vec::new();
+        for [a, b, c] in triangles {
+            let mut middle = |p: u32, q: u32| {
+                *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
+                    points.push((points[p as usize] + points[q as usize]).normalize());
+                    points.len() as u32 - 1
+                })
+            };
+            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+            next.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+        }
+        triangles = next;
+    }
+    mesh(points.into_iter().map(|p| (p * radius + centre).as_vec3().to_array()).collect(), triangles)
+}
+
+/// Triangles anywhere in the cube from −1 to 1, of any shape up to `size`.
+pub fn soup(random: &mut Random, count: u32, size: f64) -> SourceMesh {
+    let mut positions = Vec::new();
+    for _ in 0..count {
+        let middle = random.point();
+        let stretch = DVec3::new(random.unit(), random.unit(), random.unit()) * size;
+        for _ in 0..3 {
+            positions.push((middle + random.point() * stretch).as_vec3().to_array());
+        }
+    }
+    mesh(positions, (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
+}

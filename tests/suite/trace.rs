@@ -1,0 +1,227 @@
+//! Every tracer finds the hit that brute force finds, bit for bit, and closed meshes have no leaks.
+
+use beamcast::scene::{Scene, SourceMesh};
+use beamcast::trace::{BruteForce, Cast, Hit, Rays, Tracer};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+
+use crate::shapes::{Random, alone, cuboid, mesh, placed, quad, soup, sphere};
+
+/// The tracers under test.
+fn tracers(scene: &Scene) -> Vec<(&'static str, Box<dyn Cast + '_>)> {
+    vec![("two-level", Box::new(Tracer::build(scene)))]
+}
+
+fn cast(tracer: &dyn Cast, origin: DVec3, directions: &[DVec3], t_min: f64, t_max: f64) -> Vec<Option<Hit>> {
+    let mut hits = vec![None; directions.len()];
+    tracer.cast(&Rays { origin, directions, t_min, t_max }, &mut hits);
+    hits
+}
+
+/// A vertex of the scene in the world, or a point on one of its edges, as exactly as f64 has it.
+fn target(scene: &Scene, random: &mut Random) -> DVec3 {
+    let placement = &scene.placements[random.below(scene.placements.len())];
+    let mesh = &scene.meshes[placement.mesh as usize];
+    if mesh.triangles.is_empty() {
+        return scene.centre;
+    }
+    let triangle = mesh.triangles[random.below(mesh.triangles.len())];
+    let corner = random.below(3);
+    let at = |k: usize| {
+        let p = mesh.positions[triangle[k % 3] as usize];
+        DVec3::new(p[0].into(), p[1].into(), p[2].into())
+    };
+    let along = [0.0, 0.5, random.unit()][random.below(3)];
+    let p = at(corner) + (at(corner + 1) - at(corner)) * along;
+    placement.scene_from_mesh.transform_point3(p) + scene.centre
+}
+
+/// Rays in batches of up to 64 from points near the scene: random ones and ones aimed at vertices and edges, neighbours
+/// in a narrow fan, axis-parallel ones, with and without limits. Every tracer must agree with brute force bit for bit.
+fn agrees(scene: &Scene, batches: usize, seed: u64, spread: f64) -> usize {
+    let mut random = Random(seed);
+    let tracers = tracers(scene);
+    let brute = BruteForce(scene);
+    let mut hits = 0;
+    for batch in 0..batches {
+        let origin = match batch % 4 {
+            0 => scene.centre + random.point() * spread,
+            1 => scene.centre + random.point() * spread * 10.0,
+            2 => target(scene, &mut random) + random.point() * spread * 1e-3,
+            _ => (scene.centre + random.point() * spread).as_vec3().as_dvec3(),
+        };
+        let main = random.direction();
+        let directions: Vec<DVec3> = (0..64)
+            .map(|ray| match (batch / 4 % 4, ray % 4) {
+                (0, _) => (main + random.point() * 0.05).normalize(),
+                (1, 0) => DVec3::AXES[ray / 4 % 3] * random.signed().signum(),
+                (2, 0) => random.direction(),
+                // Aimed: as a unit vector, and unrounded, so that determinants are exactly zero.
+                (3, 1) => target(scene, &mut random) - origin,
+                _ => (target(scene, &mut random) - origin).normalize(),
+            })
+            .map(|d| if d.is_finite() && d != DVec3::ZERO { d } else { DVec3::X })
+            .collect();
+        let (t_min, t_max) = match batch % 5 {
+            0 => (0.3 * spread, 1.5 * spread),
+            1 => (spread, f64::INFINITY),
+            _ => (0.0, f64::INFINITY),
+        };
+        let expected = cast(&brute, origin, &directions, t_min, t_max);
+        hits += expected.iter().flatten().count();
+        for (name, tracer) in &tracers {
+            let found = cast(tracer.as_ref(), origin, &directions, t_min, t_max);
+            for (index, (e, f)) in expected.iter().zip(&found).enumerate() {
+                let bits = |h: &Option<Hit>| {
+                    h.map(|h| {
+                        (
+                            [h.t, h.u, h.v, h.normal.x, h.normal.y, h.normal.z].map(f64::to_bits),
+                            h.placement,
+                            h.triangle,
+                        )
+                    })
+                };
+                assert!(
+                    bits(e) == bits(f),
+                    "{name}: seed {seed}, batch {batch}, ray {index} from {origin:?} along {:?}: brute force {e:?}, found {f:?}",
+                    directions[index]
+                );
+            }
+        }
+    }
+    hits
+}
+
+fn rotated(axis: DVec3, angle: f64, scale: DVec3, translation: DVec3) -> DAffine3 {
+    let (sin, cos) = libm::sincos(angle / 2.0);
+    let axis = axis.normalize() * sin;
+    let rotation = DMat3::from_quat(DQuat::from_xyzw(axis.x, axis.y, axis.z, cos));
+    DAffine3::from_mat3_translation(rotation * DMat3::from_diagonal(scale), translation)
+}
+
+#[test]
+fn soup_agrees_with_brute_force() {
+    for (seed, size) in [(1, 0.02), (2, 0.3), (3, 2.0)] {
+        let scene = alone(soup(&mut Random(seed), 400, size));
+        assert!(agrees(&scene, 600, seed, 1.0) > 500);
+    }
+}
+
+#[test]
+fn spheres_agree_with_brute_force_at_every_scale_and_far_from_the_origin() {
+    for radius in [1e-3, 1.0, 1e3, 1e6] {
+        for offset in [DVec3::ZERO, DVec3::new(448_262.5, 5_411_932.25, 312.0)] {
+            let shape = sphere(radius, DVec3::ZERO, 3);
+            let scene = placed(vec![shape], vec![(0, DAffine3::from_translation(offset))]);
+            assert!(agrees(&scene, 200, 7, radius * 0.5) > 5_000, "radius {radius}");
+        }
+    }
+}
+
+#[test]
+fn placed_meshes_agree_with_brute_force() {
+    let mut random = Random(11);
+    let mut placements = vec![(1, DAffine3::from_translation(DVec3::new(0.0, 0.0, -3.0)))];
+    for index in 0..40 {
+        // Turned, stretched, some of them mirrored, some nearly flat.
+        let mut scale = DVec3::new(0.3 + random.unit(), 0.3 + random.unit(), 0.3 + random.unit());
+        if index % 3 == 0 {
+            scale.x = -scale.x;
+        }
+        if index % 7 == 0 {
+            scale.z = 2e-3;
+        }
+        placements.push((0, rotated(random.direction(), 6.0 * random.unit(), scale, random.point() * 5.0)));
+    }
+    let scene = placed(vec![sphere(1.0, DVec3::ZERO, 2), cuboid([-9.0; 3], [9.0, 9.0, 1.0])], placements);
+    assert_eq!(scene.placements.len(), 41);
+    assert!(agrees(&scene, 400, 13, 4.0) > 10_000);
+}
+
+/// Near-coincident layers a few ulps apart: only the exact order of depths tells them apart.
+#[test]
+fn near_coincident_layers_agree_with_brute_force() {
+    let mut layers = mesh(vec![], vec![]);
+    let mut z = 1.0_f32;
+    for gap in [0, 1, 2, 5, 12, 30] {
+        for _ in 0..gap {
+            z = z.next_up();
+        }
+        let base = layers.positions.len() as u32;
+        layers.positions.extend([[-3.0, -3.0, z], [3.0, -3.0, z], [3.0, 3.0, z], [-3.0, 3.0, z]]);
+        layers.parts[0].triangles.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+    }
+    let scene = alone(layers);
+    assert!(agrees(&scene, 600, 17, 1.0) > 5_000);
+    // Two layers that are the same: the lower id wins from either side.
+    let twice = quad([
+        DVec3::new(-1.0, -1.0, 0.0),
+        DVec3::new(1.0, -1.0, 0.0),
+        DVec3::new(1.0, 1.0, 0.0),
+        DVec3::new(-1.0, 1.0, 0.0),
+    ]);
+    let both = SourceMesh {
+        positions: twice.positions.clone(),
+        parts: vec![twice.parts[0].clone(), twice.parts[0].clone()],
+    };
+    let scene = alone(both);
+    for (_, tracer) in tracers(&scene) {
+        let hits = cast(tracer.as_ref(), DVec3::new(0.2, 0.1, 3.0), &[DVec3::NEG_Z], 0.0, f64::INFINITY);
+        assert_eq!(hits[0].unwrap().triangle, 0);
+        assert_eq!(hits[0].unwrap().t, 3.0);
+    }
+}
+
+/// What hierarchies are bad at: one point, one line, and all in one place.
+#[test]
+fn degenerate_arrangements_agree_with_brute_force() {
+    let one = mesh(vec![[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 1.0]], vec![[0, 1, 2]]);
+    assert!(agrees(&alone(one.clone()), 100, 19, 1.0) > 100);
+    let same = mesh(one.positions, vec![[0, 1, 2]; 3000]);
+    agrees(&alone(same), 16, 23, 1.0);
+    let chain = (0..1300).map(|i| libm::powf(1.02, i as f32)).collect::<Vec<_>>();
+    let mut line = mesh(vec![], vec![]);
+    for x in chain {
+        let base = line.positions.len() as u32;
+        line.positions.extend([[x, 0.0, 0.0], [x, x * 0.01, 0.0], [x, 0.0, x * 0.01]]);
+        line.parts[0].triangles.push([base, base + 1, base + 2]);
+    }
+    agrees(&alone(line), 16, 29, 1.0);
+}
+
+/// A ray from inside a closed mesh hits it, wherever it is aimed. A quarter of a million rays each at the vertices, at the
+/// edges and anywhere.
+#[test]
+fn closed_meshes_have_no_leaks() {
+    let mut random = Random(31);
+    let mut rays = 0_u64;
+    for radius in [1e-3, 1.0, 1e3, 1e6] {
+        for offset in [
+            DVec3::ZERO,
+            DVec3::new(148_376.0, 1_234.0, -223_423.0),
+            DVec3::new(448_262.5, 5_411_932.25, 312.0),
+        ] {
+            let place = rotated(random.direction(), random.unit(), DVec3::ONE, offset);
+            let scene = placed(vec![sphere(radius, DVec3::ZERO, 4)], vec![(0, place)]);
+            for (name, tracer) in tracers(&scene) {
+                for _ in 0..1000 {
+                    let origin = offset + random.point() * radius * 0.5;
+                    let directions: Vec<_> = (0..90)
+                        .map(|ray| {
+                            if ray % 3 == 0 {
+                                random.direction()
+                            } else {
+                                (target(&scene, &mut random) - origin).normalize()
+                            }
+                        })
+                        .collect();
+                    let hits = cast(tracer.as_ref(), origin, &directions, 0.0, f64::INFINITY);
+                    rays += hits.len() as u64;
+                    if let Some(leak) = hits.iter().position(Option::is_none) {
+                        panic!("{name}: radius {radius}, from {origin:?} along {:?}", directions[leak]);
+                    }
+                }
+            }
+        }
+    }
+    assert!(rays >= 1_000_000, "{rays}");
+}

@@ -1,0 +1,377 @@
+//! Whole scans against closed forms: planes, box, wedge, sphere, as a rotating LiDAR and a pinhole camera see them.
+
+use beamcast::angle::Angle;
+use beamcast::frame::Pose;
+use beamcast::scan::{Frame, Progress, scan};
+use beamcast::scene::Scene;
+use beamcast::sensor::{Beam, Pattern, Pinhole, RangeLimits, RingOrder, Rotating, Sensor};
+use beamcast::trace::Tracer;
+use glam::{DAffine3, DVec3};
+
+use crate::shapes::{Random, alone, cuboid, mesh, placed, quad, sphere};
+
+fn lidar(limits: RangeLimits) -> Sensor {
+    let beam = |i: i32| Beam {
+        elevation: Angle::deg(f64::from(i) * 2.0 - 31.0),
+        azimuth_offset: Angle::deg(f64::from(i % 4) * 0.7),
+        time_s: 0.0,
+        file_index: 0,
+    };
+    let turn = (Angle::deg(180.0), Angle::deg(-180.0));
+    let pattern = Rotating::new((0..32).map(beam).collect(), 360, turn, 10.0).unwrap();
+    Sensor { pattern: Pattern::Rotating(pattern), range: limits, ring: RingOrder::Row }
+}
+
+fn camera(limits: RangeLimits) -> Sensor {
+    let pattern = Pinhole::new((160, 120), (97.0, 98.0), (80.3, 58.9), None).unwrap();
+    Sensor { pattern: Pattern::Pinhole(pattern), range: limits, ring: RingOrder::Row }
+}
+
+const NO_LIMITS: RangeLimits = RangeLimits { min_m: 0.0, max_m: f64::INFINITY };
+
+fn see(scene: &Scene, sensor: &Sensor, pose: &Pose) -> Frame {
+    scan(scene, &Tracer::build(scene), sensor, pose, &Progress::default()).unwrap()
+}
+
+/// Calls `check` with each ray's world direction and what came back.
+fn each_ray(frame: &Frame, sensor: &Sensor, pose: &Pose, mut check: impl FnMut(DVec3, Option<f64>)) {
+    for row in 0..frame.rows {
+        for column in 0..frame.columns {
+            let direction = pose.direction(sensor.pattern.pulse(row, column).direction);
+            check(direction, frame.get(row, column).map(|r| r.range));
+        }
+    }
+}
+
+/// Half an ulp of f32 at `x`: what rounding a coordinate of that size costs at most.
+fn half_ulp(x: f64) -> f64 {
+    f64::from((x.abs() as f32).next_up() - x.abs() as f32) / 2.0
+}
+
+/// Two unit vectors that span the plane with this normal.
+fn across(normal: DVec3) -> (DVec3, DVec3) {
+    let u = normal.any_orthonormal_vector();
+    (u, normal.cross(u))
+}
+
+/// A square target with this normal, `half` its side, `distance` from the sensor along `towards`.
+struct Target {
+    middle: DVec3,
+    normal: DVec3,
+    half: f64,
+}
+
+/// Scans a target and holds each ray against two planes: the one through the stored (f32) vertices of the triangle that was
+/// hit, to 1e-9 m, and the ideal one, to what rounding the vertices may cost.
+fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
+    let (u, v) = across(target.normal);
+    // The corners in f64 around a local origin, so that the only f32 rounding is the one of the scene's space.
+    let local = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+    let shape = quad(local.map(|(a, b)| DVec3::new(a, b, 0.0)));
+    let axes = glam::DMat3::from_cols(u * target.half, v * target.half, target.normal * target.half);
+    let scene = placed(vec![shape], vec![(0, DAffine3::from_mat3_translation(axes, target.middle))]);
+    let stored: Vec<DVec3> =
+        scene.meshes[0].positions.iter().map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into())).collect();
+    let largest = stored.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+    // World coordinates themselves are f64: near 10⁶ m a pose or a corner is good to 1.2e-10 m.
+    let world =
+        4.0 * f64::EPSILON * (pose.translation.abs().max_element() + target.middle.abs().max_element());
+    let vertex_error = 3_f64.sqrt() * half_ulp(largest) + world;
+    let frame = see(&scene, sensor, pose);
+    let mut hits = 0;
+    for row in 0..frame.rows {
+        for column in 0..frame.columns {
+            let d = pose.direction(sensor.pattern.pulse(row, column).direction);
+            let found = frame.get(row, column);
+            // The closed form, about the target's middle.
+            let from = pose.translation - target.middle;
+            let cos = target.normal.dot(d);
+            let t = -target.normal.dot(from) / cos;
+            let p = from + d * t;
+            let (x, y) = (u.dot(p) / target.half, v.dot(p) / target.half);
+            // How far (in metres, seen along the ray) the point may be off, from the vertices and from f64.
+            let bound = vertex_error / cos.abs() + 1e-9;
+            let margin = bound / target.half;
+            let distance_from_rim = 1.0 - x.abs().max(y.abs());
+            let inside = distance_from_rim > 0.0 && t > 0.0;
+            if distance_from_rim.abs() > margin || t < 0.0 {
+                assert_eq!(
+                    found.is_some(),
+                    inside,
+                    "row {row}, column {column}: closed form ({x}, {y}) at {t}"
+                );
+            }
+            if let Some(found) = found {
+                hits += 1;
+                assert!(
+                    (found.range - t).abs() <= bound,
+                    "row {row}, column {column}: {} m, closed form {t} m, allowed {bound:e}",
+                    found.range
+                );
+                let [a, b, c] =
+                    scene.meshes[0].triangles[found.triangle as usize].map(|v| stored[v as usize]);
+                let n = (b - a).cross(c - a).normalize();
+                let origin = pose.translation - scene.centre;
+                let through_stored = n.dot(a - origin) / n.dot(d);
+                // What the reference itself loses: a few ulps of its operands, over the cosine.
+                assert!(
+                    (found.range - through_stored).abs() <= 1e-9,
+                    "row {row}, column {column}: {} m, stored plane {through_stored} m",
+                    found.range
+                );
+            }
+        }
+    }
+    hits
+}
+
+#[test]
+fn planes_at_every_distance_tilt_and_place() {
+    let mut hits = 0;
+    let places = [DVec3::ZERO, DVec3::new(1e6, -1e6, 250.0), DVec3::new(0.0, 1e6, 0.0)];
+    for sensor in [lidar(NO_LIMITS), camera(NO_LIMITS)] {
+        for place in places {
+            let pose = Pose::from_rpy(place, Angle::deg(1.5), Angle::deg(-2.0), Angle::deg(33.0));
+            let ahead = pose.direction(DVec3::X);
+            for distance in [0.5, 3.0, 20.0, 75.0, 200.0] {
+                // Facing, tilted, and a vertical wall that is none of the axes'.
+                for (tilt, about) in
+                    [(0.0, DVec3::Z), (35.0, DVec3::Y), (60.0, DVec3::Z), (80.0, DVec3::new(1.0, 2.0, 3.0))]
+                {
+                    let (sin, cos) = Angle::deg(tilt).sin_cos();
+                    let (u, _) = across(ahead);
+                    let normal = (-ahead * cos + u * sin).normalize();
+                    let turned = (normal + about * 1e-3).normalize();
+                    let target =
+                        Target { middle: place + ahead * distance, normal: turned, half: distance * 0.8 };
+                    hits += check_target(&target, &sensor, &pose);
+                }
+                // Level ground below, out to 200 m.
+                let level = Pose { translation: place + DVec3::Z * distance.min(20.0), ..Pose::IDENTITY };
+                let ground = Target { middle: place, normal: DVec3::Z, half: 200.0 };
+                hits += check_target(&ground, &sensor, &level);
+            }
+        }
+    }
+    assert!(hits > 200_000, "{hits}");
+}
+
+/// Beams that graze a plane at 89.9° of incidence and around it.
+#[test]
+fn grazing_planes() {
+    let elevations = [-0.05, -0.1, -0.11, -0.2, -0.5, -1.0];
+    let beams = elevations.map(|e| Beam {
+        elevation: Angle::deg(e),
+        azimuth_offset: Angle::default(),
+        time_s: 0.0,
+        file_index: 0,
+    });
+    let turn = (Angle::deg(180.0), Angle::deg(-180.0));
+    let pattern = Rotating::new(beams.to_vec(), 720, turn, 10.0).unwrap();
+    let sensor = Sensor { pattern: Pattern::Rotating(pattern), range: NO_LIMITS, ring: RingOrder::Row };
+    let mut hits = 0;
+    for place in [DVec3::ZERO, DVec3::new(1e6, 2e5, -3e5)] {
+        for height in [0.05, 0.2, 0.349] {
+            let pose = Pose { translation: place + DVec3::Z * height, ..Pose::IDENTITY };
+            hits += check_target(&Target { middle: place, normal: DVec3::Z, half: 200.0 }, &sensor, &pose);
+        }
+    }
+    assert!(hits > 10_000, "{hits}");
+}
+
+/// A convex solid as the planes around it: points p with n·p ≤ h for each (n, h). The depths at which a line enters and
+/// leaves it, if it does (Cyrus and Beck, 1978).
+fn clip(planes: &[(DVec3, f64)], origin: DVec3, d: DVec3) -> Option<(f64, f64)> {
+    let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+    for &(n, h) in planes {
+        let (along, above) = (n.dot(d), h - n.dot(origin));
+        if along < 0.0 {
+            enter = enter.max(above / along);
+        } else if along > 0.0 {
+            leave = leave.min(above / along);
+        } else if above < 0.0 {
+            return None;
+        }
+    }
+    (enter <= leave).then_some((enter, leave))
+}
+
+/// Planes of a box.
+fn slabs(low: DVec3, high: DVec3) -> Vec<(DVec3, f64)> {
+    [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|n| [(n, n.dot(high)), (-n, -n.dot(low))]).collect()
+}
+
+#[test]
+fn a_box_from_inside() {
+    let (low, high) = ([-4.0, -3.5, -1.25], [6.0, 3.0, 2.0]);
+    let scene = alone(cuboid(low, high));
+    let planes = slabs(low.map(f64::from).into(), high.map(f64::from).into());
+    for sensor in [lidar(NO_LIMITS), camera(NO_LIMITS)] {
+        for position in [DVec3::ZERO, DVec3::new(5.9, -3.4, 1.9), DVec3::new(0.1, 0.2, -1.2)] {
+            let pose = Pose::from_rpy(position, Angle::deg(3.0), Angle::deg(10.0), Angle::deg(-77.0));
+            let frame = see(&scene, &sensor, &pose);
+            each_ray(&frame, &sensor, &pose, |d, found| {
+                let (_, leave) = clip(&planes, position, d).expect("from inside, every ray leaves");
+                let found = found.expect("from inside, every ray hits");
+                assert!((found - leave).abs() <= 1e-12 * leave.max(1.0), "{found} m, closed form {leave} m");
+            });
+        }
+    }
+}
+
+#[test]
+fn a_box_and_a_wedge_from_outside() {
+    // A door stop: its slope rises from x = 2 to x = 5.
+    let wedge = mesh(
+        vec![
+            [2.0, -1.5, -1.0],
+            [5.0, -1.5, -1.0],
+            [5.0, -1.5, 0.5],
+            [2.0, 1.5, -1.0],
+            [5.0, 1.5, -1.0],
+            [5.0, 1.5, 0.5],
+        ],
+        vec![[0, 1, 2], [3, 5, 4], [0, 4, 1], [0, 3, 4], [1, 4, 5], [1, 5, 2], [0, 2, 5], [0, 5, 3]],
+    );
+    let slope = DVec3::new(-1.5, 0.0, 3.0).normalize();
+    let wedge_planes = vec![
+        (slope, slope.dot(DVec3::new(2.0, 0.0, -1.0))),
+        (DVec3::X, 5.0),
+        (DVec3::NEG_Z, 1.0),
+        (DVec3::Y, 1.5),
+        (DVec3::NEG_Y, 1.5),
+    ];
+    let (low, high) = ([1.5, 1.0, -0.75], [3.0, 2.5, 0.5]);
+    let cases = [
+        (alone(wedge), wedge_planes),
+        (alone(cuboid(low, high)), slabs(low.map(f64::from).into(), high.map(f64::from).into())),
+    ];
+    for (scene, planes) in &cases {
+        for sensor in [lidar(NO_LIMITS), camera(NO_LIMITS)] {
+            let pose =
+                Pose::from_rpy(DVec3::new(0.1, 0.2, 0.3), Angle::deg(1.0), Angle::deg(5.0), Angle::deg(9.0));
+            let frame = see(scene, &sensor, &pose);
+            let (mut hits, mut rim) = (0, 0);
+            each_ray(&frame, &sensor, &pose, |d, found| {
+                let closed = clip(planes, pose.translation, d).filter(|&(_, leave)| leave > 0.0);
+                // Whether a ray that barely touches an edge hits is for f64 to round either way in the closed form.
+                let touch = closed.is_some_and(|(enter, leave)| leave - enter < 1e-12);
+                rim += usize::from(touch);
+                if !touch {
+                    assert_eq!(found.is_some(), closed.is_some(), "{d}");
+                }
+                if let (Some(found), Some((enter, _))) = (found, closed) {
+                    hits += 1;
+                    assert!(
+                        (found - enter).abs() <= 1e-12 * enter.max(1.0),
+                        "{found} m, closed form {enter} m"
+                    );
+                }
+            });
+            assert!(hits > 100 && rim == 0, "{hits} hits, {rim} touching");
+        }
+    }
+}
+
+#[test]
+fn range_limits_see_through_what_is_nearer_and_not_what_is_farther() {
+    // Two walls, at 2 m and at 6 m.
+    let mut walls =
+        quad([[2.0, -9.0, -9.0], [2.0, 9.0, -9.0], [2.0, 9.0, 9.0], [2.0, -9.0, 9.0]].map(DVec3::from));
+    walls.positions.extend([[6.0, -50.0, -50.0], [6.0, 50.0, -50.0], [6.0, 50.0, 50.0], [6.0, -50.0, 50.0]]);
+    walls.parts[0].triangles.extend([[4, 5, 6], [4, 6, 7]]);
+    let scene = alone(walls);
+    let sensor = camera(RangeLimits { min_m: 2.1, max_m: 6.15 });
+    let frame = see(&scene, &sensor, &Pose::IDENTITY);
+    let (mut near, mut far, mut none) = (0, 0, 0);
+    each_ray(&frame, &sensor, &Pose::IDENTITY, |d, found| {
+        let (first, second) = (2.0 / d.x, 6.0 / d.x);
+        let expected = [first, second].into_iter().find(|t| (2.1..=6.15).contains(t));
+        match (expected, found) {
+            (Some(e), Some(f)) => {
+                assert!((e - f).abs() < 1e-13);
+                if e == first { near += 1 } else { far += 1 }
+            }
+            (None, None) => none += 1,
+            (e, f) => panic!("{e:?} {f:?}"),
+        }
+    });
+    assert!(near > 1000 && far > 100 && none > 100, "{near} {far} {none}");
+}
+
+/// A sphere against its own facets (found by Möller and Trumbore's test in f64, over all of them) and against the ball.
+#[test]
+fn a_tessellated_sphere() {
+    let radius = 2.0;
+    let levels = 4;
+    let centre = DVec3::new(5.0, 0.5, -0.25);
+    let scene = alone(sphere(radius, centre, levels));
+    let mesh = &scene.meshes[0];
+    let facets: Vec<[DVec3; 3]> = mesh
+        .triangles
+        .iter()
+        .map(|t| {
+            t.map(|v| {
+                let p = mesh.positions[v as usize];
+                DVec3::new(p[0].into(), p[1].into(), p[2].into()) + scene.centre
+            })
+        })
+        .collect();
+    // A facet's largest edge e lies within e²/(8r) of the sphere along its middle, and within e²/(6r) in its inside.
+    let edge = facets
+        .iter()
+        .flat_map(|[a, b, c]| [a.distance(*b), b.distance(*c), c.distance(*a)])
+        .fold(0.0, f64::max);
+    let sagitta = edge * edge / (6.0 * radius) * 1.01;
+    for sensor in [lidar(NO_LIMITS), camera(NO_LIMITS)] {
+        let frame = see(&scene, &sensor, &Pose::IDENTITY);
+        let mut hits = 0;
+        each_ray(&frame, &sensor, &Pose::IDENTITY, |d, found| {
+            let nearest = facets
+                .iter()
+                .filter_map(|[a, b, c]| {
+                    let (e1, e2) = (*b - *a, *c - *a);
+                    let p = d.cross(e2);
+                    let det = e1.dot(p);
+                    let (s, q) = (-*a, (-*a).cross(e1));
+                    let (u, v) = (s.dot(p) / det, d.dot(q) / det);
+                    (u >= -1e-12 && v >= -1e-12 && u + v <= 1.0 + 1e-12).then(|| e2.dot(q) / det)
+                })
+                .filter(|t| *t > 0.0)
+                .min_by(f64::total_cmp);
+            assert_eq!(found.is_some(), nearest.is_some(), "{d}");
+            let Some(found) = found else { return };
+            hits += 1;
+            let t = nearest.unwrap();
+            // Near the rim facets are seen edge-on and t is that much less certain: 10⁻¹² over the cosine.
+            let cos = ((d * t - centre) / radius).dot(d).abs().max(1e-3);
+            assert!((found - t).abs() <= 1e-12 / cos * t, "{found} m, facets {t} m");
+            let outside = (d * found - centre).length() - radius;
+            assert!((-sagitta..=1e-6).contains(&outside), "{outside} m off the ball");
+        });
+        assert!(hits > 200, "{hits}");
+    }
+}
+
+/// The same bytes for any number of threads.
+#[test]
+fn frames_do_not_depend_on_threads() {
+    let mut random = Random(5);
+    let places = (0..30).map(|_| (0, DAffine3::from_translation(random.point() * 4.0))).collect();
+    let scene = placed(vec![sphere(0.8, DVec3::ZERO, 3)], places);
+    let tracer = Tracer::build(&scene);
+    for sensor in [lidar(NO_LIMITS), camera(NO_LIMITS)] {
+        let frames = [1, 2, 3, 16].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| scan(&scene, &tracer, &sensor, &Pose::IDENTITY, &Progress::default()).unwrap())
+        });
+        let ranges = |f: &Frame| {
+            f.returns.iter().map(|r| r.map(|r| (r.range.to_bits(), r.triangle))).collect::<Vec<_>>()
+        };
+        assert!(frames[0].returns.iter().flatten().count() > 1000);
+        for frame in &frames[1..] {
+            assert_eq!(ranges(frame), ranges(&frames[0]));
+            assert_eq!(frame, &frames[0]);
+        }
+    }
+}
