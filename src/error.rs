@@ -91,8 +91,12 @@ impl Diagnostic {
 
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (line, column) = self.line_column();
-        write!(f, "{}:{line}:{column}: {}", self.path.display(), self.message)?;
+        write!(f, "{}:", self.path.display())?;
+        if !self.source.is_empty() {
+            let (line, column) = self.line_column();
+            write!(f, "{line}:{column}:")?;
+        }
+        write!(f, " {}", self.message)?;
         if let Some(help) = &self.help {
             write!(f, " ({help})")?;
         }

@@ -46,12 +46,16 @@ fn group(diagnostic: &Diagnostic) -> Group<'_> {
     let title = level.primary_title(printable(&diagnostic.message));
     let is_located = !diagnostic.source.is_empty();
     let mut group = if is_located {
-        let (shown, marked) = excerpt(&diagnostic.source, &diagnostic.span);
+        let excerpt = Excerpt::new(&diagnostic.source, &diagnostic.span);
         let label = Some(printable(&diagnostic.label)).filter(|label| !label.is_empty());
-        let mark = AnnotationKind::Primary.span(marked).label(label);
-        title
-            .element(Origin::path(path).line(line).char_column(column))
-            .element(Snippet::source(shown).line_start(line).fold(true).annotation(mark))
+        let mark = AnnotationKind::Primary.span(excerpt.marked).label(label);
+        let snippet = Snippet::source(excerpt.shown).line_start(line).annotation(mark);
+        if excerpt.is_cut {
+            // The column would be counted from the cut.
+            title.element(Origin::path(path).line(line).char_column(column)).element(snippet)
+        } else {
+            title.element(snippet.path(path))
+        }
     } else {
         title.element(Origin::path(path))
     };
@@ -62,47 +66,57 @@ fn group(diagnostic: &Diagnostic) -> Group<'_> {
 }
 
 /// The lines that a span is on, and the span in them. Long lines are cut, and what a terminal would act on is replaced.
-fn excerpt(source: &str, span: &Range<usize>) -> (String, Range<usize>) {
-    let start = source.floor_char_boundary(span.start);
-    let end = source.floor_char_boundary(span.end.max(start));
-    let line_start = source[..start].rfind('\n').map_or(0, |at| at + 1);
-    let is_long = source[start..end].bytes().filter(|b| *b == b'\n').nth(MOST_LINES).is_some();
-    let end = if is_long { start + source[start..end].find('\n').unwrap_or(0) } else { end };
-    let line_end = source[end..].find('\n').map_or(source.len(), |at| end + at);
+struct Excerpt {
+    shown: String,
+    marked: Range<usize>,
+    /// Whether the first line lacks its beginning.
+    is_cut: bool,
+}
 
-    let mut shown = String::new();
-    let mut marked = 0..0;
-    // Where the last character that is shown at or before each end of the span comes to stand.
-    let mut track = |position: usize, shown: &str| {
-        if position <= start {
-            marked.start = shown.len();
+impl Excerpt {
+    fn new(source: &str, span: &Range<usize>) -> Self {
+        let start = source.floor_char_boundary(span.start);
+        let end = source.floor_char_boundary(span.end.max(start));
+        let line_start = source[..start].rfind('\n').map_or(0, |at| at + 1);
+        let is_long = source[start..end].bytes().filter(|b| *b == b'\n').nth(MOST_LINES).is_some();
+        let end = if is_long { start + source[start..end].find('\n').unwrap_or(0) } else { end };
+        let line_end = source[end..].find('\n').map_or(source.len(), |at| end + at);
+
+        let mut shown = String::new();
+        let mut marked = 0..0;
+        // Where the last character that is shown at or before each end of the span comes to stand.
+        let mut track = |position: usize, shown: &str| {
+            if position <= start {
+                marked.start = shown.len();
+            }
+            if position <= end {
+                marked.end = shown.len();
+            }
+        };
+        let lead = source[line_start..start].chars().count();
+        let is_cut = lead > WIDEST_LINE - LEAD;
+        let mut line_at = line_start;
+        for line in source[line_start..line_end].split('\n') {
+            let skipped = if line_at == line_start && is_cut { lead - LEAD } else { 0 };
+            if skipped > 0 {
+                shown.push('…');
+            }
+            let mut characters = line.trim_end_matches('\r').char_indices().skip(skipped);
+            for (offset, c) in characters.by_ref().take(WIDEST_LINE) {
+                track(line_at + offset, &shown);
+                shown.push(if is_unprintable(c) && c != '\t' { char::REPLACEMENT_CHARACTER } else { c });
+                track(line_at + offset + c.len_utf8(), &shown);
+            }
+            if characters.next().is_some() {
+                shown.push('…');
+            }
+            shown.push('\n');
+            line_at += line.len() + 1;
+            track(line_at, &shown);
         }
-        if position <= end {
-            marked.end = shown.len();
-        }
-    };
-    let lead = source[line_start..start].chars().count();
-    let mut line_at = line_start;
-    for line in source[line_start..line_end].split('\n') {
-        let skipped = if line_at == line_start && lead > WIDEST_LINE - LEAD { lead - LEAD } else { 0 };
-        if skipped > 0 {
-            shown.push('…');
-        }
-        let mut characters = line.trim_end_matches('\r').char_indices().skip(skipped);
-        for (offset, c) in characters.by_ref().take(WIDEST_LINE) {
-            track(line_at + offset, &shown);
-            shown.push(if is_unprintable(c) && c != '\t' { char::REPLACEMENT_CHARACTER } else { c });
-            track(line_at + offset + c.len_utf8(), &shown);
-        }
-        if characters.next().is_some() {
-            shown.push('…');
-        }
-        shown.push('\n');
-        line_at += line.len() + 1;
-        track(line_at, &shown);
+        shown.pop();
+        Self { shown, marked, is_cut }
     }
-    shown.pop();
-    (shown, marked)
 }
 
 /// A text without what a terminal would act on.

@@ -205,12 +205,7 @@ fn refuse_mounting(report: &Report, sensor_file: &Table) {
     for key in MOUNTING {
         if let Some(entry) = sensor_file.get(*key) {
             let message = format!("unknown key `{key}` in a sensor file");
-            report.error(
-                entry.key,
-                message,
-                "unknown key",
-                Some(format!("`{key}` belongs in the job's `[[sensor]]`")),
-            );
+            report.error(entry.key, message, "", Some(format!("`{key}` belongs in the job's `[[sensor]]`")));
         }
     }
 }

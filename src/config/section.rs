@@ -88,7 +88,7 @@ impl<'a> Section<'a> {
                 },
             };
             let message = format!("unknown key {} in {}", quoted(key), shape.title);
-            report.error(entry.key, message, "unknown key", Some(help));
+            report.error(entry.key, message, "", Some(help));
         }
         Self { report, shape, table, place, meant }
     }

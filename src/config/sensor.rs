@@ -225,7 +225,7 @@ fn per_beam(
         if report.later(list.place, elevations) == list.place {
             report.error(list.place, message, format!("expected {beams}: one a beam"), None);
         } else {
-            let help = format!("the sensor file's `{key}` stays in force: give one that fits here too");
+            let help = format!("`{key}` stays as it was given before: give one that fits here too");
             report.error(elevations, message, count(beams, "elevation"), Some(help));
         }
         return None;

@@ -65,9 +65,31 @@ pub(super) fn parse(report: &Report, source: u32) -> Option<Table> {
         lines.push(line);
         let (problem, expected) = error.message().split_once(", expected ").unwrap_or((error.message(), ""));
         let label = if expected.is_empty() { String::new() } else { format!("expected {expected}") };
-        report.error(Place::new(source, span), format!("this is not valid TOML: {problem}"), label, None);
+        let message = format!("this is not valid TOML: {problem}");
+        let help = unquoted_text(text, span.start);
+        report.error(Place::new(source, span), message, label, help);
     }
     None
+}
+
+/// If the line at `at` gives a key a text without quotes: what would be right. The parser takes such a text for whatever
+/// its first character suggests.
+fn unquoted_text(text: &str, at: usize) -> Option<String> {
+    let at = text.floor_char_boundary(at);
+    let start = text[..at].rfind('\n').map_or(0, |at| at + 1);
+    let line = text[start..].lines().next()?;
+    let (key, value) = line.split_once('=')?;
+    let value = value.split('#').next()?.trim();
+    let is_text = value.starts_with(|c: char| c.is_alphabetic() || matches!(c, '.' | '/' | '~' | '\\'));
+    let is_keyword = matches!(value, "true" | "false" | "inf" | "nan");
+    (is_text && !is_keyword).then(|| {
+        let value = quoted(value);
+        format!(
+            "a text needs quotes: {} = \"{}\"",
+            quoted(key.trim()).trim_matches('`'),
+            value.trim_matches('`')
+        )
+    })
 }
 
 fn table_from(table: DeTable<'_>, source: u32) -> Table {
@@ -103,12 +125,7 @@ pub(super) fn parse_override(report: &Report, source: u32) -> Option<Table> {
     let whole = Place::new(source, 0..pair.len());
     let Some((key, value)) = split_pair(pair) else {
         let help = "such as `seed=3` or `sensor.0.range.max_m=50`";
-        report.error(
-            whole,
-            format!("{} sets nothing", quoted(pair)),
-            "expected key=value",
-            Some(help.into()),
-        );
+        report.error(whole, format!("{} has no `=`", quoted(pair)), "expected key=value", Some(help.into()));
         return None;
     };
     if DeValue::parse(value.trim()).is_ok() || value.trim_start().starts_with(['[', '{', '"', '\'']) {
