@@ -140,18 +140,19 @@ fn lay_presets_under(report: &mut Report, job: &mut Table, folder: &Path) -> (Ve
             _ => None, // reported when it's read
         };
         let Some(preset) = preset else {
-            // Half a pattern would only be reported for what the file may well have.
-            sensor.remove("rotating");
-            sensor.remove("pinhole");
             lost.push(index);
             continue;
         };
+        let used = bytes;
         bytes += report.text(preset.source).len();
         if bytes > MAX_PRESET_BYTES {
-            let message =
-                format!("the job's sensors take more than {MAX_PRESET_BYTES} bytes from their files");
-            report.error(*place, message, "too much from here on", None);
-            break;
+            if used <= MAX_PRESET_BYTES {
+                let message =
+                    format!("the job's sensors take more than {MAX_PRESET_BYTES} bytes from their files");
+                report.error(*place, message, "too much from here on", None);
+            }
+            lost.push(index);
+            continue;
         }
         let mut merged = preset.table.clone();
         for key in MOUNTING {
@@ -159,6 +160,13 @@ fn lay_presets_under(report: &mut Report, job: &mut Table, folder: &Path) -> (Ve
         }
         tree::lay_over(report, &mut merged, std::mem::take(sensor));
         *sensor = merged;
+    }
+    for index in &lost {
+        if let Value::Table(sensor) = &mut sensors[*index].value {
+            // Half a pattern would only be reported for what the file may well have.
+            sensor.remove("rotating");
+            sensor.remove("pinhole");
+        }
     }
     (presets, lost)
 }

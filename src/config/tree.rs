@@ -128,43 +128,33 @@ pub(super) fn parse_override(report: &Report, source: u32) -> Option<Table> {
         report.error(whole, format!("{} has no `=`", quoted(pair)), "expected key=value", Some(help.into()));
         return None;
     };
+    let nested = format!("{key}=0");
+    let Some(nested) = DeTable::parse(&nested).ok().filter(|table| table.get_ref().len() == 1) else {
+        report.error(
+            Place::new(source, 0..key.len()),
+            format!("{} is not a key", quoted(key.trim())),
+            "expected names with dots between",
+            Some("put quotes around a name with other characters than letters, digits, `-` and `_`".into()),
+        );
+        return None;
+    };
     if DeValue::parse(value.trim()).is_ok() || value.trim_start().starts_with(['[', '{', '"', '\'']) {
         return parse(report, source);
     }
     // A dotted key nests one table a segment; the string goes into the innermost.
-    match DeTable::parse(&format!("{key}=0")) {
-        Ok(table) => {
-            let mut table = table_from(table.into_inner(), source);
-            let text = Node {
-                place: Place::new(source, pair.len() - value.len()..pair.len()),
-                value: Value::String(value.trim().to_owned()),
-            };
-            let mut innermost = table.values_mut().next();
-            while let Some(entry) = innermost {
-                innermost = match &mut entry.node.value {
-                    Value::Table(deeper) => deeper.values_mut().next(),
-                    value => {
-                        *value = text.value.clone();
-                        entry.node.place = text.place;
-                        None
-                    }
-                };
+    let mut table = table_from(nested.into_inner(), source);
+    let mut innermost = table.values_mut().next();
+    while let Some(entry) = innermost {
+        innermost = match &mut entry.node.value {
+            Value::Table(deeper) => deeper.values_mut().next(),
+            leaf => {
+                *leaf = Value::String(value.trim().to_owned());
+                entry.node.place = Place::new(source, pair.len() - value.len()..pair.len());
+                None
             }
-            Some(table)
-        }
-        Err(_) => {
-            let place = Place::new(source, 0..key.len());
-            report.error(
-                place,
-                format!("{} is not a key", quoted(key.trim())),
-                "expected names with dots between",
-                Some(
-                    "put quotes around a name with other characters than letters, digits, `-` and `_`".into(),
-                ),
-            );
-            None
-        }
+        };
     }
+    Some(table)
 }
 
 /// A pair at its first `=` outside quotes.

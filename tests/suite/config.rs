@@ -55,7 +55,10 @@ fn load(job: &str, sensor: &str, overrides: &[&str]) -> Result<Job, Vec<Diagnost
 fn diagnostics(error: Error) -> Vec<Diagnostic> {
     match error {
         Error::Config(found) => {
-            assert!(found.iter().any(|d| d.severity == Severity::Error), "an error without errors: {found:?}");
+            assert!(
+                found.iter().any(|d| d.severity == Severity::Error),
+                "an error without errors: {found:?}"
+            );
             found
         }
         other => panic!("{other}"),
@@ -94,7 +97,8 @@ fn a_job_is_read_with_its_sensor_file() {
     assert_eq!(sensor.sensor.ring, RingOrder::BottomUp);
     let pattern = rotating(&job, 0);
     assert_eq!((pattern.columns(), pattern.rate_hz(), pattern.is_full_turn()), (1800, 10.0, true));
-    let beams: Vec<_> = pattern.beams().iter().map(|b| (b.elevation.degrees().round(), b.file_index)).collect();
+    let beams: Vec<_> =
+        pattern.beams().iter().map(|b| (b.elevation.degrees().round(), b.file_index)).collect();
     assert_eq!(beams, [(15.0, 2), (1.0, 1), (-15.0, 0)]);
     assert!((pattern.beams()[0].time_s - 4e-6).abs() < 1e-18);
     assert_eq!(job.sensor_files, [("sensor.toml".to_owned(), SENSOR.to_owned())]);
@@ -113,7 +117,8 @@ fn what_is_left_out_has_its_default() {
     assert_eq!(job.sensors[0].body_from_sensor, beamcast::frame::Pose::IDENTITY);
     assert_eq!(job.sensors[0].sensor.range, beamcast::sensor::RangeLimits::default());
     assert_eq!(job.sensors[0].sensor.ring, RingOrder::Row);
-    let elevations: Vec<f64> = rotating(&job, 0).beams().iter().map(|b| b.elevation.degrees().round()).collect();
+    let elevations: Vec<f64> =
+        rotating(&job, 0).beams().iter().map(|b| b.elevation.degrees().round()).collect();
     assert_eq!(elevations, [3.0, 2.0, 1.0, 0.0, -1.0]);
     let (from, to) = rotating(&job, 0).sector();
     assert_eq!((from.degrees(), to.degrees()), (180.0, -180.0));
@@ -153,65 +158,269 @@ fn each_mistake_is_told_at_its_place() {
     let cases = [
         // Keys.
         ("seed = 7", "sead = 7", "job.toml:2:1: unknown key `sead` in a job |  | did you mean `seed`?"),
-        ("max_m = 50", "max_cm = 50", "job.toml:10:1: unknown key `max_cm` in `[range]` |  | did you mean `max_m`, in metres?"),
-        ("max_m = 50", "max = 50", "job.toml:10:1: unknown key `max` in `[range]` |  | did you mean `max_m`, in metres?"),
-        ("columns = 1800", "colums = 1800", "sensor.toml:5:1: unknown key `colums` in `[rotating]` |  | did you mean `columns`?"),
-        ("rate_hz = 10.0", "rate_rpm = 600.0", "sensor.toml:6:1: unknown key `rate_rpm` in `[rotating]` |  | did you mean `rate_hz`, in hertz?"),
-        ("elevations_deg = ", "elevations = ", "sensor.toml:3:1: unknown key `elevations` in `[rotating]` |  | did you mean `elevations_deg`, in degrees?"),
-        ("seed = 7", "columns = 7", "job.toml:2:1: unknown key `columns` in a job |  | `columns` belongs in `[rotating]`"),
-        ("max_m = 50", "wavelength = 9", "job.toml:10:1: unknown key `wavelength` in `[range]` |  | the keys of `[range]` are `min_m` and `max_m`"),
-        ("ring = \"bottom_up\"", "name = \"x\"", "sensor.toml:1:1: unknown key `name` in a sensor file |  | `name` belongs in the job's `[[sensor]]`"),
-        ("dir = \"out\"", "", "job.toml:11:1: `[output]` has no `dir` | needs `dir` | add `dir = \"../out\"`, the folder to write to"),
-        ("scene = \"../scenes/room.glb\"", "", "job.toml:1:1: a job has no `scene` | needs `scene` | add `scene = \"../scenes/room.glb\"`, a glTF file"),
-        ("rate_hz = 10.0", "", "sensor.toml:2:1: `[rotating]` has no `rate_hz` | needs `rate_hz` | add `rate_hz = 10.0`, the turns a second"),
+        (
+            "max_m = 50",
+            "max_cm = 50",
+            "job.toml:10:1: unknown key `max_cm` in `[range]` |  | did you mean `max_m`, in metres?",
+        ),
+        (
+            "max_m = 50",
+            "max = 50",
+            "job.toml:10:1: unknown key `max` in `[range]` |  | did you mean `max_m`, in metres?",
+        ),
+        (
+            "columns = 1800",
+            "colums = 1800",
+            "sensor.toml:5:1: unknown key `colums` in `[rotating]` |  | did you mean `columns`?",
+        ),
+        (
+            "rate_hz = 10.0",
+            "rate_rpm = 600.0",
+            "sensor.toml:6:1: unknown key `rate_rpm` in `[rotating]` |  | did you mean `rate_hz`, in hertz?",
+        ),
+        (
+            "elevations_deg = ",
+            "elevations = ",
+            "sensor.toml:3:1: unknown key `elevations` in `[rotating]` |  | did you mean `elevations_deg`, in degrees?",
+        ),
+        (
+            "seed = 7",
+            "columns = 7",
+            "job.toml:2:1: unknown key `columns` in a job |  | `columns` belongs in `[rotating]`",
+        ),
+        (
+            "max_m = 50",
+            "wavelength = 9",
+            "job.toml:10:1: unknown key `wavelength` in `[range]` |  | the keys of `[range]` are `min_m` and `max_m`",
+        ),
+        (
+            "ring = \"bottom_up\"",
+            "name = \"x\"",
+            "sensor.toml:1:1: unknown key `name` in a sensor file |  | `name` belongs in the job's `[[sensor]]`",
+        ),
+        (
+            "dir = \"out\"",
+            "",
+            "job.toml:11:1: `[output]` has no `dir` | needs `dir` | add `dir = \"../out\"`, the folder to write to",
+        ),
+        (
+            "scene = \"../scenes/room.glb\"",
+            "",
+            "job.toml:1:1: a job has no `scene` | needs `scene` | add `scene = \"../scenes/room.glb\"`, a glTF file",
+        ),
+        (
+            "rate_hz = 10.0",
+            "",
+            "sensor.toml:2:1: `[rotating]` has no `rate_hz` | needs `rate_hz` | add `rate_hz = 10.0`, the turns a second",
+        ),
         // Kinds of values.
-        ("seed = 7", "seed = -7", "job.toml:2:8: `seed` is -7 | expected a whole number from 0 to 18446744073709551615 | "),
-        ("seed = 7", "seed = 7.5", "job.toml:2:8: `seed` is 7.5 | expected a whole number from 0 to 18446744073709551615 | "),
-        ("wall = 3", "wall = 4294967296", "job.toml:4:8: `wall` is 4294967296 | expected a whole number from 0 to 4294967295 | "),
-        ("max_m = 50", "max_m = \"far\"", "job.toml:10:9: `max_m` is the string \"far\" | expected a number of metres | "),
-        ("max_m = 50", "max_m = nan", "job.toml:10:9: `max_m` is NaN | expected a number of metres, greater than 0 | "),
-        ("min_m = 0.5", "min_m = inf", "sensor.toml:8:9: `min_m` is inf | expected a finite number of metres | "),
+        (
+            "seed = 7",
+            "seed = -7",
+            "job.toml:2:8: `seed` is -7 | expected a whole number from 0 to 18446744073709551615 | ",
+        ),
+        (
+            "seed = 7",
+            "seed = 7.5",
+            "job.toml:2:8: `seed` is 7.5 | expected a whole number from 0 to 18446744073709551615 | ",
+        ),
+        (
+            "wall = 3",
+            "wall = 4294967296",
+            "job.toml:4:8: `wall` is 4294967296 | expected a whole number from 0 to 4294967295 | ",
+        ),
+        (
+            "max_m = 50",
+            "max_m = \"far\"",
+            "job.toml:10:9: `max_m` is the string \"far\" | expected a number of metres | ",
+        ),
+        (
+            "max_m = 50",
+            "max_m = nan",
+            "job.toml:10:9: `max_m` is NaN | expected a number of metres, greater than 0 | ",
+        ),
+        (
+            "min_m = 0.5",
+            "min_m = inf",
+            "sensor.toml:8:9: `min_m` is inf | expected a finite number of metres | ",
+        ),
         ("min_m = 0.5", "min_m = -1", "sensor.toml:8:9: `min_m` is -1 | expected metres, 0 or more | "),
-        ("columns = 1800", "columns = 0", "sensor.toml:5:11: `columns` is 0 | expected a whole number from 1 to 1000000 | "),
-        ("columns = 1800", "columns = 1800.0", "sensor.toml:5:11: `columns` is 1800 | expected a whole number from 1 to 1000000 | "),
-        ("rate_hz = 10.0", "rate_hz = 0", "sensor.toml:6:11: `rate_hz` is 0 | expected a number of hertz, greater than 0 | "),
-        ("[-15.0, 1, 15.0]", "[-15.0, [1], 15.0]", "sensor.toml:3:26: `elevations_deg` is a list of 1 value | expected a number of degrees | "),
-        ("[-15.0, 1, 15.0]", "15.0", "sensor.toml:3:18: `elevations_deg` is 15 | expected a list of numbers of degrees | "),
+        (
+            "columns = 1800",
+            "columns = 0",
+            "sensor.toml:5:11: `columns` is 0 | expected a whole number from 1 to 1000000 | ",
+        ),
+        (
+            "columns = 1800",
+            "columns = 1800.0",
+            "sensor.toml:5:11: `columns` is 1800 | expected a whole number from 1 to 1000000 | ",
+        ),
+        (
+            "rate_hz = 10.0",
+            "rate_hz = 0",
+            "sensor.toml:6:11: `rate_hz` is 0 | expected a number of hertz, greater than 0 | ",
+        ),
+        (
+            "[-15.0, 1, 15.0]",
+            "[-15.0, [1], 15.0]",
+            "sensor.toml:3:26: `elevations_deg` is a list of 1 value | expected a number of degrees | ",
+        ),
+        (
+            "[-15.0, 1, 15.0]",
+            "15.0",
+            "sensor.toml:3:18: `elevations_deg` is 15 | expected a list of numbers of degrees | ",
+        ),
         ("[1.0, 2, 3.0]", "[1.0, 2]", "job.toml:8:23: `position_m` has 2 numbers | expected 3: x, y, z | "),
-        ("frame = \"world\"", "frame = \"wrld\"", "job.toml:14:9: `frame` is the string \"wrld\" | expected \"sensor\", \"body\" or \"world\" | did you mean \"world\"?"),
-        ("[\"exr\", \"ply\"]", "[\"exr\", \"exr\"]", "job.toml:13:19: `formats` lists the string \"exr\" twice | listed before | "),
-        ("[\"exr\", \"ply\"]", "[]", "job.toml:13:11: `formats` is an empty list | expected at least one of \"exr\", \"ply\" or \"png\" | "),
-        ("\"bottom_up\"", "\"top_down\"", "sensor.toml:1:8: `ring` is the string \"top_down\" | expected \"row\", \"bottom_up\" or \"file\" | "),
-        ("[[sensor]]", "[sensor]", "job.toml:5:1: `sensor` is a table | expected a list of tables | write `[[sensor]]`, with two brackets, before each sensor's keys"),
+        (
+            "frame = \"world\"",
+            "frame = \"wrld\"",
+            "job.toml:14:9: `frame` is the string \"wrld\" | expected \"sensor\", \"body\" or \"world\" | did you mean \"world\"?",
+        ),
+        (
+            "[\"exr\", \"ply\"]",
+            "[\"exr\", \"exr\"]",
+            "job.toml:13:19: `formats` lists the string \"exr\" twice | listed before | ",
+        ),
+        (
+            "[\"exr\", \"ply\"]",
+            "[]",
+            "job.toml:13:11: `formats` is an empty list | expected at least one of \"exr\", \"ply\" or \"png\" | ",
+        ),
+        (
+            "\"bottom_up\"",
+            "\"top_down\"",
+            "sensor.toml:1:8: `ring` is the string \"top_down\" | expected \"row\", \"bottom_up\" or \"file\" | ",
+        ),
+        (
+            "[[sensor]]",
+            "[sensor]",
+            "job.toml:5:1: `sensor` is a table | expected a list of tables | write `[[sensor]]`, with two brackets, before each sensor's keys",
+        ),
         ("dir = \"out\"", "dir = \"\"", "job.toml:12:7: `dir` is an empty string | expected some text | "),
         // Values that don't go together.
-        ("max_m = 50", "max_m = 0.25", "job.toml:10:9: nothing lies between `min_m` = 0.5 and `max_m` = 0.25 | `max_m` must be greater than `min_m` | "),
-        ("max_m = 50", "min_m = 200", "job.toml:10:9: nothing lies between `min_m` = 200 and `max_m` = 100 | `max_m` must be greater than `min_m` | "),
-        ("[0.0, 2.0, 4.0]", "[0.0, 2.0]", "sensor.toml:4:17: `beam_times_us` has 2 values for 3 elevations | expected 3: one a beam | "),
-        ("[0.0, 2.0, 4.0]", "[0.0, -2.0, 4.0]", "sensor.toml:4:23: `beam_times_us` has -2 | expected microseconds after the column's own time, 0 or more | "),
-        ("[sensor.range]\nmax_m = 50", "rotating.elevations_deg = [1, 2]", "job.toml:9:27: `beam_times_us` has 3 values for 2 elevations | 2 elevations | `beam_times_us` stays as it was given before: give one that fits here too"),
-        ("[-15.0, 1, 15.0]", "[-15.0, 91, 15.0]", "sensor.toml:3:26: no beam has an elevation of 91 degrees | expected -90 (straight down) to 90 (straight up) | "),
-        ("[-15.0, 1, 15.0]", "{ from = 1, to = -1, count = 1 }", "sensor.toml:3:47: one beam can't reach from 1 to -1 degrees | expected 2 or more, or `from` the same as `to` | "),
-        ("[-15.0, 1, 15.0]", "{ from = 1, to = -1, count = 1000001 }", "sensor.toml:3:47: `count` is 1000001 | expected a whole number from 1 to 1000000 | "),
-        ("columns = 1800", "columns = 2\nsector_deg = { from = 0, to = 361 }", "sensor.toml:6:31: the sector from 0 to 361 turns by 361 degrees | expected a turn of more than 0 and at most 360 degrees | "),
-        ("columns = 1800", "columns = 2\nsector_deg = { from = 0 }", "sensor.toml:6:14: `sector_deg` has no `to` | needs `to` | add `to = -180.0`, the azimuth where the sector ends in degrees"),
-        ("[-15.0, 1, 15.0]\nbeam_times_us = [0.0, 2.0, 4.0]\ncolumns = 1800", "{ from = 1, to = -1, count = 1000000 }\ncolumns = 5000", "sensor.toml:4:11: 1000000 rows of 5000 columns are more than 4294967296 rays a frame | expected fewer | "),
-        ("rpy_deg = [0.0, 0.0, 90.0]", "rpy_deg = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1]", "job.toml:8:73: a pose has one rotation, and this has both `rpy_deg` and `quaternion_xyzw` | one too many | "),
-        ("rpy_deg = [0.0, 0.0, 90.0]", "quaternion_xyzw = [0, 0, 0, 0]", "job.toml:8:52: a quaternion of length 0 is no rotation | expected x, y, z, w of length 1 | `[0.0, 0.0, 0.0, 1.0]` turns by nothing"),
-        ("[sensor.range]\nmax_m = 50", "pinhole.width_px = 3", "job.toml:9:1: a sensor has one pattern, and this has both `[rotating]` and `[pinhole]` | one too many | keep one of the two; a second sensor is a `[[sensor]]` of its own"),
-        ("preset = \"sensor.toml\"", "", "job.toml:5:1: the sensor has no pattern | needs one | add `[rotating]`, `[pinhole]` or, in a job, a `preset` that has one of them"),
+        (
+            "max_m = 50",
+            "max_m = 0.25",
+            "job.toml:10:9: nothing lies between `min_m` = 0.5 and `max_m` = 0.25 | `max_m` must be greater than `min_m` | ",
+        ),
+        (
+            "max_m = 50",
+            "min_m = 200",
+            "job.toml:10:9: nothing lies between `min_m` = 200 and `max_m` = 100 | `max_m` must be greater than `min_m` | ",
+        ),
+        (
+            "[0.0, 2.0, 4.0]",
+            "[0.0, 2.0]",
+            "sensor.toml:4:17: `beam_times_us` has 2 values for 3 elevations | expected 3: one a beam | ",
+        ),
+        (
+            "[0.0, 2.0, 4.0]",
+            "[0.0, -2.0, 4.0]",
+            "sensor.toml:4:23: `beam_times_us` has -2 | expected microseconds after the column's own time, 0 or more | ",
+        ),
+        (
+            "[sensor.range]\nmax_m = 50",
+            "rotating.elevations_deg = [1, 2]",
+            "job.toml:9:27: `beam_times_us` has 3 values for 2 elevations | 2 elevations | `beam_times_us` stays as it was given before: give one that fits here too",
+        ),
+        (
+            "[-15.0, 1, 15.0]",
+            "[-15.0, 91, 15.0]",
+            "sensor.toml:3:26: no beam has an elevation of 91 degrees | expected -90 (straight down) to 90 (straight up) | ",
+        ),
+        (
+            "[-15.0, 1, 15.0]",
+            "{ from = 1, to = -1, count = 1 }",
+            "sensor.toml:3:47: one beam can't reach from 1 to -1 degrees | expected 2 or more, or `from` the same as `to` | ",
+        ),
+        (
+            "[-15.0, 1, 15.0]",
+            "{ from = 1, to = -1, count = 1000001 }",
+            "sensor.toml:3:47: `count` is 1000001 | expected a whole number from 1 to 1000000 | ",
+        ),
+        (
+            "columns = 1800",
+            "columns = 2\nsector_deg = { from = 0, to = 361 }",
+            "sensor.toml:6:31: the sector from 0 to 361 turns by 361 degrees | expected a turn of more than 0 and at most 360 degrees | ",
+        ),
+        (
+            "columns = 1800",
+            "columns = 2\nsector_deg = { from = 0 }",
+            "sensor.toml:6:14: `sector_deg` has no `to` | needs `to` | add `to = -180.0`, the azimuth where the sector ends in degrees",
+        ),
+        (
+            "[-15.0, 1, 15.0]\nbeam_times_us = [0.0, 2.0, 4.0]\ncolumns = 1800",
+            "{ from = 9, to = -9, count = 1000000 }\ncolumns = 5000",
+            "sensor.toml:4:11: 1000000 rows of 5000 columns are more than 4294967296 rays a frame | expected fewer | ",
+        ),
+        (
+            "rpy_deg = [0.0, 0.0, 90.0]",
+            "rpy_deg = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1]",
+            "job.toml:8:77: a pose has one rotation, and this has both `rpy_deg` and `quaternion_xyzw` | one too many | ",
+        ),
+        (
+            "rpy_deg = [0.0, 0.0, 90.0]",
+            "quaternion_xyzw = [0, 0, 0, 0]",
+            "job.toml:8:56: a quaternion of length 0 is no rotation | expected x, y, z, w of length 1 | `[0.0, 0.0, 0.0, 1.0]` turns by nothing",
+        ),
+        (
+            "[sensor.range]\nmax_m = 50",
+            "pinhole.width_px = 3",
+            "job.toml:9:1: a sensor has one pattern, and this has both `[rotating]` and `[pinhole]` | one too many | keep one of the two; a second sensor is a `[[sensor]]` of its own",
+        ),
+        (
+            "preset = \"sensor.toml\"",
+            "",
+            "job.toml:5:1: the sensor has no pattern | needs one | add `[rotating]`, `[pinhole]` or, in a job, a `preset` that has one of them",
+        ),
         // Names and files.
-        ("name = \"top\"", "name = \"a/b\"", "job.toml:6:8: `a/b` can't name a sensor's output folder | expected letters, digits, `-`, `_` and inner `.` | "),
-        ("name = \"top\"", "name = \"..\"", "job.toml:6:8: `..` can't name a sensor's output folder | expected letters, digits, `-`, `_` and inner `.` | "),
-        ("name = \"top\"", "name = \"Com1.x\"", "job.toml:6:8: `Com1.x` can't name a sensor's output folder | Windows keeps this name for a device | "),
-        ("[sensor.range]", "[[sensor]]\nname = \"TOP\"\npreset = \"sensor.toml\"\n[sensor.range]", "job.toml:10:8: two sensors are called `top` and `TOP` | expected a name that differs in more than upper and lower case | "),
-        ("[sensor.range]", "[[sensor]]\npreset = \"sensor.toml\"\n[sensor.range]", "job.toml:9:1: `[[sensor]]` has no `name` | needs `name` | add `name = \"top\"`: each of several sensors needs one, for its output folder"),
-        ("\"sensor.toml\"", "\"sensro.toml\"", "job.toml:7:10: the sensor file `sensro.toml` can't be used | there is no such file | did you mean `sensor.toml`?"),
-        ("\"sensor.toml\"", "\".\"", "job.toml:7:10: the sensor file `.` can't be used | this is a folder, not a file | "),
+        (
+            "name = \"top\"",
+            "name = \"a/b\"",
+            "job.toml:6:8: `a/b` can't name a sensor's output folder | expected letters, digits, `-`, `_` and inner `.` | ",
+        ),
+        (
+            "name = \"top\"",
+            "name = \"..\"",
+            "job.toml:6:8: `..` can't name a sensor's output folder | expected letters, digits, `-`, `_` and inner `.` | ",
+        ),
+        (
+            "name = \"top\"",
+            "name = \"Com1.x\"",
+            "job.toml:6:8: `Com1.x` can't name a sensor's output folder | Windows keeps this name for a device | ",
+        ),
+        (
+            "[sensor.range]",
+            "[[sensor]]\nname = \"TOP\"\npreset = \"sensor.toml\"\n[sensor.range]",
+            "job.toml:10:8: two sensors are called `top` and `TOP` | expected a name that differs in more than upper and lower case | ",
+        ),
+        (
+            "[sensor.range]",
+            "[[sensor]]\npreset = \"sensor.toml\"\n[sensor.range]",
+            "job.toml:9:1: `[[sensor]]` has no `name` | needs `name` | add `name = \"top\"`: each of several sensors needs one, for its output folder",
+        ),
+        (
+            "\"sensor.toml\"",
+            "\"sensro.toml\"",
+            "job.toml:7:10: the sensor file `sensro.toml` can't be used | there is no such file | did you mean `sensor.toml`?",
+        ),
+        (
+            "\"sensor.toml\"",
+            "\".\"",
+            "job.toml:7:10: the sensor file `.` can't be used | this is a folder, not a file | ",
+        ),
         // Syntax.
-        ("seed = 7", "seed = seven", "job.toml:2:8: this is not valid TOML: string values must be quoted | expected literal string | a text needs quotes: seed = \"seven\""),
+        (
+            "seed = 7",
+            "seed = seven",
+            "job.toml:2:8: this is not valid TOML: string values must be quoted | expected literal string | a text needs quotes: seed = \"seven\"",
+        ),
         ("seed = 7", "seed = 7\nseed = 8", "job.toml:3:1: this is not valid TOML: duplicate key |  | "),
-        ("columns = 1800", "columns = ", "sensor.toml:5:11: this is not valid TOML: string values must be quoted | expected literal string | "),
+        (
+            "columns = 1800",
+            "columns = ",
+            "sensor.toml:5:11: this is not valid TOML: string values must be quoted | expected literal string | ",
+        ),
     ];
     let mut wrong = String::new();
     for (from, to, expected) in cases {
@@ -233,11 +442,15 @@ fn each_mistake_is_told_at_its_place() {
 
 #[test]
 fn all_that_is_wrong_is_told_file_by_file_from_top_to_bottom() {
-    let job = JOB.replace("seed = 7", "seed = \"x\"").replace("max_m = 50", "max_m = 0").replace("frame", "farme");
+    let job =
+        JOB.replace("seed = 7", "seed = \"x\"").replace("max_m = 50", "max_m = 0").replace("frame", "farme");
     let sensor = SENSOR.replace("1800", "1.5").replace("min_m = 0.5", "min_m = -1");
     let found = load(&job, &sensor, &[]).unwrap_err();
     let places: Vec<_> = found.iter().map(|d| told(d).split(": ").next().unwrap().to_owned()).collect();
-    assert_eq!(places, ["job.toml:2:8", "job.toml:10:9", "job.toml:14:1", "sensor.toml:5:11", "sensor.toml:8:9"]);
+    assert_eq!(
+        places,
+        ["job.toml:2:8", "job.toml:10:9", "job.toml:14:1", "sensor.toml:5:11", "sensor.toml:8:9"]
+    );
     assert_eq!(&*found[3].source, sensor, "each problem comes with the text of its own file");
 }
 
@@ -253,11 +466,31 @@ fn a_sensor_file_that_two_sensors_share_is_told_about_once() {
 #[test]
 fn what_is_odd_is_a_warning() {
     let cases = [
-        ("[-15.0, 1, 15.0]", "[-15.0, 15, 15.0]", "sensor.toml:3:26: beams 1 and 2 (counted from 0) point the same way |  | "),
-        ("columns = 1800", "columns = 1800\nazimuth_offsets_deg = [0, 0, 400]", "sensor.toml:6:30: an azimuth offset of 400 degrees is more than a turn | in degrees? | "),
-        ("4.0]", "56.0]", "sensor.toml:4:28: a beam fires 56 µs after its column, the next column after 55.556 µs | later than the next column | beam times are microseconds from the column's own time, not from the frame's start"),
-        ("[-15.0, 1, 15.0]\nbeam_times_us = [0.0, 2.0, 4.0]", "{ from = 0.3, to = -0.3, count = 16 }", "sensor.toml:3:18: all 16 elevations lie between -0.3 and 0.3 degrees | are these radians? | if they are radians, multiply each by 57.2958"),
-        ("rpy_deg = [0.0, 0.0, 90.0]", "quaternion_xyzw = [0, 0, 1, 1]", "job.toml:8:52: a quaternion of length 1.414214, which is normalised | expected x, y, z, w of length 1 | "),
+        (
+            "[-15.0, 1, 15.0]",
+            "[-15.0, 15, 15.0]",
+            "sensor.toml:3:30: beams 1 and 2 (counted from 0) point the same way |  | ",
+        ),
+        (
+            "columns = 1800",
+            "columns = 1800\nazimuth_offsets_deg = [0, 0, 400]",
+            "sensor.toml:6:30: an azimuth offset of 400 degrees is more than a turn | in degrees? | ",
+        ),
+        (
+            "4.0]",
+            "56.0]",
+            "sensor.toml:4:28: a beam fires 56 µs after its column, the next column after 55.556 µs | later than the next column | beam times are microseconds from the column's own time, not from the frame's start",
+        ),
+        (
+            "[-15.0, 1, 15.0]\nbeam_times_us = [0.0, 2.0, 4.0]",
+            "{ from = 0.3, to = -0.3, count = 16 }",
+            "sensor.toml:3:18: all 16 elevations lie between -0.3 and 0.3 degrees | are these radians? | if they are radians, multiply each by 57.2958",
+        ),
+        (
+            "rpy_deg = [0.0, 0.0, 90.0]",
+            "quaternion_xyzw = [0, 0, 1, 1]",
+            "job.toml:8:56: a quaternion of length 1.414214, which is normalised | expected x, y, z, w of length 1 | ",
+        ),
     ];
     for (from, to, expected) in cases {
         let job = load(&JOB.replacen(from, to, 1), &SENSOR.replacen(from, to, 1), &[]).unwrap();
@@ -285,23 +518,57 @@ fn overrides_win() {
     assert_eq!(rotating(&changed, 0).beams()[0].elevation.degrees().round(), 1.0);
     // A lone sensor without a name goes by the one it gets.
     let job = JOB.replace("name = \"top\"", "");
-    assert_eq!(load(&job, SENSOR, &["sensor.sensor.range.max_m=60"]).unwrap().sensors[0].sensor.range.max_m, 60.0);
+    assert_eq!(
+        load(&job, SENSOR, &["sensor.sensor.range.max_m=60"]).unwrap().sensors[0].sensor.range.max_m,
+        60.0
+    );
 }
 
 #[test]
 fn overrides_that_cannot_be_are_told() {
     let cases = [
-        ("seed", "--set:1:1: `seed` has no `=` | expected key=value | such as `seed=3` or `sensor.0.range.max_m=50`"),
+        (
+            "seed",
+            "--set:1:1: `seed` has no `=` | expected key=value | such as `seed=3` or `sensor.0.range.max_m=50`",
+        ),
         ("seed=-3", "--set:1:6: `seed` is -3 | expected a whole number from 0 to 18446744073709551615 | "),
         ("sed=3", "--set:1:1: unknown key `sed` in a job |  | did you mean `seed`?"),
-        ("seed.x=3", "--set:1:1: `seed` is a table | expected a whole number from 0 to 18446744073709551615 | "),
-        ("sensor.tpo.range.max_m=1", "--set:1:8: there is no sensor `tpo` | the only one is number 0 | did you mean `top`?"),
-        ("sensor.1.range.max_m=1", "--set:1:8: there is no sensor `1` | the only one is number 0 | they are called `top`"),
-        ("sensor.top.range.max_m=far", "--set:1:24: `max_m` is the string \"far\" | expected a number of metres | "),
-        ("sensor.top.range.min_m=60", "--set:1:24: nothing lies between `min_m` = 60 and `max_m` = 50 | `max_m` must be greater than `min_m` | "),
-        ("output.formats=[ply]", "--set:1:17: this is not valid TOML: string values must be quoted | expected literal string | "),
-        ("a b=1", "--set:1:2: this is not valid TOML: unexpected key or value | expected newline, `#` | "),
-        ("a b=c", "--set:1:1: `a b` is not a key | expected names with dots between | put quotes around a name with other characters than letters, digits, `-` and `_`"),
+        (
+            "seed.x=3",
+            "--set:1:1: `seed` is a table | expected a whole number from 0 to 18446744073709551615 | ",
+        ),
+        (
+            "sensor.tpo.range.max_m=1",
+            "--set:1:8: there is no sensor `tpo` | the only one is number 0 | did you mean `top`?",
+        ),
+        (
+            "sensor.1.range.max_m=1",
+            "--set:1:8: there is no sensor `1` | the only one is number 0 | they are called `top`",
+        ),
+        (
+            "sensor.top.range.max_m=far",
+            "--set:1:24: `max_m` is the string \"far\" | expected a number of metres | ",
+        ),
+        (
+            "sensor.top.range.min_m=60",
+            "--set:1:24: nothing lies between `min_m` = 60 and `max_m` = 50 | `max_m` must be greater than `min_m` | ",
+        ),
+        (
+            "output.formats=[ply]",
+            "--set:1:17: this is not valid TOML: string values must be quoted | expected literal string | ",
+        ),
+        (
+            "a b=1",
+            "--set:1:1: `a b` is not a key | expected names with dots between | put quotes around a name with other characters than letters, digits, `-` and `_`",
+        ),
+        (
+            "=c",
+            "--set:1:1: `` is not a key | expected names with dots between | put quotes around a name with other characters than letters, digits, `-` and `_`",
+        ),
+        (
+            "a b=c",
+            "--set:1:1: `a b` is not a key | expected names with dots between | put quotes around a name with other characters than letters, digits, `-` and `_`",
+        ),
     ];
     for (pair, expected) in cases {
         let found = load(JOB, SENSOR, &[pair]).unwrap_err();
@@ -335,7 +602,10 @@ fn the_resolved_job_is_what_was_given_and_nothing_of_this_machine() {
     let preset = folder.path().join("sensor.toml");
     let overrides = [format!("sensor.top.preset={}", preset.display()), "scene=/data/a.glb".to_owned()];
     let job = config::load_job(&path, &overrides).unwrap();
-    assert_eq!((&job.resolved["scene"], &job.resolved["sensor"][0]["preset"]), (&"a.glb".into(), &"sensor.toml".into()));
+    assert_eq!(
+        (&job.resolved["scene"], &job.resolved["sensor"][0]["preset"]),
+        (&"a.glb".into(), &"sensor.toml".into())
+    );
     assert_eq!((job.scene_as_written.as_str(), job.sensor_files[0].0.as_str()), ("a.glb", "sensor.toml"));
     assert_eq!(job.scene_path, Path::new("/data/a.glb"));
 }
@@ -352,10 +622,15 @@ fn files_that_are_no_configuration_are_refused_without_waiting() {
 
     let large = std::fs::File::create(folder.path().join("large.toml")).unwrap();
     large.set_len(1 << 40).unwrap();
-    assert!(refused("large.toml").contains("the file has 1099511627776 bytes, more than"), "{}", refused("large.toml"));
+    assert!(
+        refused("large.toml").contains("the file has 1099511627776 bytes, more than"),
+        "{}",
+        refused("large.toml")
+    );
 
     std::fs::write(folder.path().join("latin.toml"), b"# a\nscene = \"caf\xe9\"\n").unwrap();
-    let expected = "latin.toml:2:13: the file is not UTF-8 text: byte 0xe9 here | not UTF-8 | save the file as UTF-8";
+    let expected =
+        "latin.toml:2:13: the file is not UTF-8 text: byte 0xe9 here | not UTF-8 | save the file as UTF-8";
     assert_eq!(refused("latin.toml"), expected);
 
     let made = std::process::Command::new("mkfifo").arg(folder.path().join("pipe.toml")).status();
@@ -386,7 +661,8 @@ fn hostile_jobs_are_bounded() {
 
     // Each of many sensors takes a copy of its file's tables.
     let padded = format!("{SENSOR}# {}", "x".repeat(1 << 20));
-    let many: String = (0..20).map(|i| format!("[[sensor]]\nname = \"s{i}\"\npreset = \"sensor.toml\"\n")).collect();
+    let many: String =
+        (0..20).map(|i| format!("[[sensor]]\nname = \"s{i}\"\npreset = \"sensor.toml\"\n")).collect();
     let found = load(&format!("scene = \"a\"\noutput.dir = \"o\"\n{many}"), &padded, &[]).unwrap_err();
     assert!(found[0].message.starts_with("the job's sensors take more than"), "{found:?}");
 }
@@ -466,6 +742,7 @@ proptest! {
             Err(found) => found,
         };
         let shown = beamcast::cli::diagnostics::render(&found, false);
-        prop_assert!(!shown.contains(['\u{1b}', '\u{0}']));
+        let is_raw = shown.contains(['\u{1b}', '\u{0}']);
+        prop_assert!(!is_raw, "{shown:?}");
     }
 }
