@@ -48,7 +48,8 @@ pub fn run(args: &Args, color: bool) -> Result<(), Error> {
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {
         return Err(Error::Config(diagnostics));
     }
-    eprint!("{}", diagnostics::render(&diagnostics, color));
+    // A closed stderr means that nobody wants to know.
+    let _ = std::io::stderr().lock().write_all(diagnostics::render(&diagnostics, color).as_bytes());
     Ok(())
 }
 

@@ -13,9 +13,13 @@ use super::{Job, MountedSensor, OutputSettings, sensor};
 use crate::angle::Angle;
 use crate::frame::{Pose, UpAxis};
 use crate::output::{CloudFrame, Format};
+use crate::sensor::Pattern;
 
 /// Most sensors of a rig.
 const MAX_SENSORS: usize = 64;
+
+/// Most beams of all sensors: a short file can ask for very many.
+const MAX_BEAMS: usize = 2_000_000;
 
 /// Most text that a job's sensors take from their files, each counted as often as it is used.
 const MAX_PRESET_BYTES: usize = 8 << 20;
@@ -310,6 +314,7 @@ fn sensors(report: &Report, top: &Section<'_>, lost: &[usize]) -> Vec<MountedSen
     }
     let mut taken = BTreeMap::new();
     let mut mounted = Vec::new();
+    let mut beams = 0;
     for (index, node) in nodes.iter().enumerate() {
         let Value::Table(table) = &node.value else {
             let message = format!("a sensor is {}", section::describe(&node.value));
@@ -320,7 +325,16 @@ fn sensors(report: &Report, top: &Section<'_>, lost: &[usize]) -> Vec<MountedSen
         s.text("preset");
         let name = sensor_name(report, &s, nodes.len() == 1, &mut taken);
         let body_from_sensor = pose(report, &s);
-        if let (Some(sensor), Some(name)) = (sensor::sensor(report, &s, lost.contains(&index)), name) {
+        let sensor = sensor::sensor(report, &s, lost.contains(&index));
+        if let Some(Pattern::Rotating(pattern)) = sensor.as_ref().map(|sensor| &sensor.pattern) {
+            beams += pattern.beams().len();
+            if beams > MAX_BEAMS {
+                let message = format!("the job's sensors have more than {MAX_BEAMS} beams");
+                report.error(node.place, message, "too many from here on", None);
+                break;
+            }
+        }
+        if let (Some(sensor), Some(name)) = (sensor, name) {
             mounted.push(MountedSensor { name, sensor, body_from_sensor });
         }
     }

@@ -63,11 +63,14 @@ pub(super) fn parse(report: &Report, source: u32) -> Option<Table> {
             continue;
         }
         lines.push(line);
-        let (problem, expected) = error.message().split_once(", expected ").unwrap_or((error.message(), ""));
-        let label = if expected.is_empty() { String::new() } else { format!("expected {expected}") };
-        let message = format!("this is not valid TOML: {problem}");
+        let place = Place::new(source, span.clone());
         let help = unquoted_text(text, span.start);
-        report.error(Place::new(source, span), message, label, help);
+        let (problem, expected) = match &help {
+            Some(_) => ("a text without quotes", ""),
+            None => error.message().split_once(", expected ").unwrap_or((error.message(), "")),
+        };
+        let label = if expected.is_empty() { String::new() } else { format!("expected {expected}") };
+        report.error(place, format!("this is not valid TOML: {problem}"), label, help);
     }
     None
 }
@@ -80,15 +83,13 @@ fn unquoted_text(text: &str, at: usize) -> Option<String> {
     let line = text[start..].lines().next()?;
     let (key, value) = line.split_once('=')?;
     let value = value.split('#').next()?.trim();
-    let is_text = value.starts_with(|c: char| c.is_alphabetic() || matches!(c, '.' | '/' | '~' | '\\'));
+    let is_text = value.starts_with(|c: char| c.is_alphabetic() || matches!(c, '/' | '~' | '\\'))
+        || value.starts_with("./")
+        || value.starts_with("../");
     let is_keyword = matches!(value, "true" | "false" | "inf" | "nan");
     (is_text && !is_keyword).then(|| {
         let value = quoted(value);
-        format!(
-            "a text needs quotes: {} = \"{}\"",
-            quoted(key.trim()).trim_matches('`'),
-            value.trim_matches('`')
-        )
+        format!("write {} = \"{}\"", quoted(key.trim()).trim_matches('`'), value.trim_matches('`'))
     })
 }
 
