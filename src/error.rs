@@ -3,6 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Everything that stops beamcast.
 #[derive(Debug, thiserror::Error)]
@@ -59,8 +60,8 @@ pub struct Diagnostic {
     pub message: String,
     /// The file as the user named it, or what stands for one (`--set`).
     pub path: PathBuf,
-    /// That file's whole text. Empty when it could not be read.
-    pub source: String,
+    /// That file's whole text, shared by all that is said about it. Empty when it could not be read.
+    pub source: Arc<str>,
     /// The bytes of `source` that are meant; empty for the file as a whole.
     pub span: Range<usize>,
     /// What stands under the marked text: short, such as `expected a number of metres`.
@@ -81,7 +82,7 @@ pub enum Severity {
 impl Diagnostic {
     /// Line and column (in characters) of the span's start, both from 1.
     pub fn line_column(&self) -> (usize, usize) {
-        let before = &self.source[..self.span.start.min(self.source.len())];
+        let before = &self.source[..self.source.floor_char_boundary(self.span.start)];
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
         (line, column)
@@ -90,8 +91,12 @@ impl Diagnostic {
 
 impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (line, column) = self.line_column();
-        write!(f, "{}:{line}:{column}: {}", self.path.display(), self.message)?;
+        write!(f, "{}:", self.path.display())?;
+        if !self.source.is_empty() {
+            let (line, column) = self.line_column();
+            write!(f, "{line}:{column}:")?;
+        }
+        write!(f, " {}", self.message)?;
         if let Some(help) = &self.help {
             write!(f, " ({help})")?;
         }

@@ -1,5 +1,12 @@
 //! Jobs and sensor files: TOML → domain types. How the TOML is read stays private; every error points into the file.
 
+mod job;
+mod near;
+mod section;
+mod sensor;
+mod text;
+mod tree;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -7,6 +14,10 @@ use crate::error::{Diagnostic, Error};
 use crate::frame::{Pose, UpAxis};
 use crate::output::{CloudFrame, Format};
 use crate::sensor::Sensor;
+
+pub(crate) use near::{is_unprintable, missing_file_help, quoted};
+use text::{Layer, Place, Report, Unreadable};
+use tree::Table;
 
 /// A job: a rig of sensors, a scene, and what to write.
 #[derive(Clone, Debug)]
@@ -31,9 +42,11 @@ pub struct Job {
     pub world_from_body: Pose,
     /// What to write.
     pub output: OutputSettings,
-    /// Sensor files that were read, as the job writes them, with their whole text.
+    /// Sensor files that were read, each once: its name as the job writes it (an absolute path's last part), and its
+    /// whole text.
     pub sensor_files: Vec<(String, String)>,
-    /// The job with its sensors' files merged in, as the manifest tells it.
+    /// The job with its sensors' files merged in, as the manifest tells it: what was given, without defaults, without
+    /// the output's folder and without absolute paths.
     pub resolved: serde_json::Value,
     /// Problems that don't stop the job.
     pub warnings: Vec<Diagnostic>,
@@ -61,10 +74,90 @@ pub struct OutputSettings {
     pub cloud_frame: CloudFrame,
 }
 
-/// Reads a job with its sensor files. `overrides` are `key=value` pairs of `--set`, which win over the file.
+/// A sensor file on its own.
+#[derive(Clone, Debug)]
+pub struct SensorFile {
+    /// The file, as the user named it.
+    pub path: PathBuf,
+    /// The sensor.
+    pub sensor: Sensor,
+    /// Problems that don't stop a job with it.
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// What a file turned out to be.
+#[derive(Clone, Debug)]
+pub enum Config {
+    /// A job, with its sensor files.
+    Job(Box<Job>),
+    /// A sensor file.
+    Sensor(Box<SensorFile>),
+}
+
+/// Reads a job with its sensor files. `overrides` are `key=value` pairs of `--set`, which win over the files: dotted keys
+/// as in TOML, with an index or a sensor's name where the job has a list (`sensor.top.range.max_m=50`), and a TOML value
+/// or a string without quotes.
 ///
 /// # Errors
-/// [`Error::Config`] with every problem of all the files.
-pub fn load_job(_path: &Path, _overrides: &[String]) -> Result<Job, Error> {
-    todo!("helper: config")
+/// [`Error::Config`] with every problem of all the files, warnings too, file by file from top to bottom.
+pub fn load_job(path: &Path, overrides: &[String]) -> Result<Job, Error> {
+    let (report, table) = read(path)?;
+    into_job(report, path, table, overrides)
+}
+
+/// Reads a sensor file on its own.
+///
+/// # Errors
+/// [`Error::Config`] with every problem of the file, warnings too, from top to bottom.
+pub fn load_sensor(path: &Path) -> Result<SensorFile, Error> {
+    let (report, table) = read(path)?;
+    into_sensor(report, path, &table)
+}
+
+/// Reads a job or a sensor file, whichever it is: a sensor file has a pattern, and no key of a job.
+///
+/// # Errors
+/// [`Error::Config`] as for [`load_job`] and [`load_sensor`].
+pub fn load(path: &Path) -> Result<Config, Error> {
+    let (report, table) = read(path)?;
+    let has_one_of = |keys: &[&str]| keys.iter().any(|key| table.contains_key(*key));
+    if has_one_of(&["rotating", "pinhole"]) && !has_one_of(section::JOB.keys) {
+        into_sensor(report, path, &table).map(|sensor| Config::Sensor(Box::new(sensor)))
+    } else {
+        into_job(report, path, table, &[]).map(|job| Config::Job(Box::new(job)))
+    }
+}
+
+fn read(path: &Path) -> Result<(Report, Table), Error> {
+    let mut report = Report::default();
+    match report.open(path, Layer::Main) {
+        Ok(source) => match tree::parse(&report, source) {
+            Some(table) => Ok((report, table)),
+            None => Err(Error::Config(report.into_diagnostics())),
+        },
+        Err(Unreadable::Reported) => Err(Error::Config(report.into_diagnostics())),
+        Err(problem) => {
+            let help = match problem {
+                Unreadable::Missing => missing_file_help(&path.to_string_lossy(), path),
+                _ => None,
+            };
+            Err(Error::Config(vec![text::unreadable(path, problem.to_string(), help)]))
+        }
+    }
+}
+
+fn into_job(mut report: Report, path: &Path, table: Table, overrides: &[String]) -> Result<Job, Error> {
+    let job = job::job(&mut report, path, table, overrides);
+    let found = report.into_diagnostics();
+    job.map(|job| Job { warnings: found.clone(), ..job }).ok_or(Error::Config(found))
+}
+
+fn into_sensor(report: Report, path: &Path, table: &Table) -> Result<SensorFile, Error> {
+    let section = section::Section::new(&report, &section::SENSOR_FILE, table, Place::new(0, 0..0));
+    let sensor = sensor::sensor(&report, &section, false).filter(|_| !report.has_errors());
+    let warnings = report.into_diagnostics();
+    match sensor {
+        Some(sensor) => Ok(SensorFile { path: path.to_path_buf(), sensor, warnings }),
+        None => Err(Error::Config(warnings)),
+    }
 }

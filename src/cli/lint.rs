@@ -1,0 +1,638 @@
+//! `beamcast lint`: reads jobs, sensor files and scenes without running them, tells all that is wrong with them, and what
+//! follows from them.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::diagnostics;
+use crate::config::{self, Config, Job, missing_file_help};
+use crate::error::{Diagnostic, Error, SceneError, Severity};
+use crate::output::Format;
+use crate::scan::Return;
+use crate::scene::Scene;
+use crate::sensor::{Pattern, Pinhole, Rotating, Sensor};
+
+/// What to read.
+#[derive(clap::Args, Clone, Debug)]
+pub struct Args {
+    /// Jobs, sensor files, scenes (.gltf, .glb), or folders of jobs and sensor files
+    #[arg(required = true, value_name = "PATH")]
+    pub paths: Vec<PathBuf>,
+    /// Print the facts and the problems as JSON on stdout
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Reads everything that `args` name. Facts go to stdout, warnings to stderr; errors, with the warnings, are returned.
+///
+/// # Errors
+/// [`Error::Config`] with all that is wrong in any of the paths; [`Error::Output`] if stdout can't be written to.
+pub fn run(args: &Args, color: bool) -> Result<(), Error> {
+    let (facts, diagnostics) = examine(&args.paths);
+    let text = if args.json {
+        let told: Vec<_> = diagnostics.iter().map(Problem::from).collect();
+        let whole = serde_json::json!({ "files": facts, "diagnostics": told });
+        format!("{whole:#}\n")
+    } else {
+        facts.iter().map(FileFacts::to_text).collect::<Vec<_>>().join("\n")
+    };
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            return Err(Error::output("stdout", error));
+        }
+        _ => {}
+    }
+    if diagnostics.iter().any(|d| d.severity == Severity::Error) {
+        return Err(Error::Config(diagnostics));
+    }
+    // A closed stderr means that nobody wants to know.
+    let _ = std::io::stderr().lock().write_all(diagnostics::render(&diagnostics, color).as_bytes());
+    Ok(())
+}
+
+/// Reads every path; what there is to know about the good ones, and what is wrong.
+fn examine(paths: &[PathBuf]) -> (Vec<FileFacts>, Vec<Diagnostic>) {
+    let mut facts = Vec::new();
+    let mut diagnostics = Vec::new();
+    for path in paths {
+        let files = if path.is_dir() { configs_in(path) } else { vec![path.clone()] };
+        if files.is_empty() {
+            let help = "name a folder that has some, or a file";
+            diagnostics.push(about_file(path, "the folder has no *.toml files".into(), Some(help.into())));
+        }
+        for file in &files {
+            examine_file(file, &mut facts, &mut diagnostics);
+        }
+    }
+    (facts, diagnostics)
+}
+
+fn examine_file(path: &Path, facts: &mut Vec<FileFacts>, diagnostics: &mut Vec<Diagnostic>) {
+    let name = path.to_string_lossy();
+    let extension = path.extension().map(|e| e.to_ascii_lowercase());
+    if extension.is_some_and(|e| e == "gltf" || e == "glb") {
+        match open_scene(path, &name, None) {
+            Ok(scene) => {
+                let scene = Some(SceneFacts::new(&name, scene.as_ref()));
+                facts.push(FileFacts { path: name.into_owned(), kind: "scene", sensors: vec![], scene });
+            }
+            Err(error) => diagnostics.push(about_scene(error)),
+        }
+        return;
+    }
+    match config::load(path) {
+        Ok(Config::Sensor(file)) => {
+            diagnostics.extend(file.warnings);
+            let sensors = vec![SensorFacts::new(None, &file.sensor, &ALL_FORMATS)];
+            facts.push(FileFacts { path: name.into_owned(), kind: "sensor", sensors, scene: None });
+        }
+        Ok(Config::Job(job)) => {
+            match open_scene(&job.scene_path, &job.scene_as_written, Some(&job)) {
+                Ok(scene) => {
+                    let of = |m: &config::MountedSensor| {
+                        SensorFacts::new(Some(&m.name), &m.sensor, &job.output.formats)
+                    };
+                    let sensors = job.sensors.iter().map(of).collect();
+                    let scene = Some(SceneFacts::new(&job.scene_as_written, scene.as_ref()));
+                    facts.push(FileFacts { path: name.into_owned(), kind: "job", sensors, scene });
+                }
+                Err(error) => {
+                    let mut problem = about_scene(error);
+                    problem.message = format!("the scene of {name}: {}", problem.message);
+                    diagnostics.push(problem);
+                }
+            }
+            diagnostics.extend(job.warnings);
+        }
+        Err(Error::Config(found)) => diagnostics.extend(found),
+        Err(other) => diagnostics.push(about_file(path, other.to_string(), None)),
+    }
+}
+
+/// Opens a scene as `scan` would. The scene is `None` where there is no loader for it.
+fn open_scene(path: &Path, as_written: &str, _job: Option<&Job>) -> Result<Option<Scene>, SceneError> {
+    let refuse = |problem: String, help| {
+        Err(SceneError { path: path.to_path_buf(), element: String::new(), problem, help })
+    };
+    match std::fs::metadata(path) {
+        Ok(file) if file.is_file() => Ok(None),
+        Ok(_) => refuse("this is not a file".into(), None),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            refuse("there is no such file".into(), missing_file_help(as_written, path))
+        }
+        Err(e) => refuse(format!("the file can't be read: {e}"), None),
+    }
+}
+
+fn about_file(path: &Path, message: String, help: Option<String>) -> Diagnostic {
+    Diagnostic {
+        severity: Severity::Error,
+        message,
+        path: path.to_path_buf(),
+        source: "".into(),
+        span: 0..0,
+        label: String::new(),
+        help,
+    }
+}
+
+fn about_scene(error: SceneError) -> Diagnostic {
+    let message = if error.element.is_empty() {
+        error.problem
+    } else {
+        format!("{}: {}", error.element, error.problem)
+    };
+    about_file(&error.path, message, error.help)
+}
+
+/// The TOML files in a folder and the folders in it, in alphabetical order. Hidden folders are left out, and links to
+/// folders, which may lead round in a circle.
+fn configs_in(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
+            let path = entry.path();
+            if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+                if !is_hidden {
+                    folders.push(path);
+                }
+            } else if path.extension().is_some_and(|e| e == "toml") {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+const ALL_FORMATS: [Format; 3] = [Format::Exr, Format::Ply, Format::Png];
+
+/// A problem as JSON tells it.
+#[derive(Serialize)]
+struct Problem<'a> {
+    severity: &'static str,
+    path: String,
+    line: usize,
+    column: usize,
+    message: &'a str,
+    label: &'a str,
+    help: Option<&'a str>,
+}
+
+impl<'a> From<&'a Diagnostic> for Problem<'a> {
+    fn from(d: &'a Diagnostic) -> Self {
+        let (line, column) = d.line_column();
+        let severity = match d.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        };
+        let path = d.path.to_string_lossy().into_owned();
+        Self { severity, path, line, column, message: &d.message, label: &d.label, help: d.help.as_deref() }
+    }
+}
+
+/// What is known about a file.
+#[derive(Serialize)]
+struct FileFacts {
+    path: String,
+    kind: &'static str,
+    sensors: Vec<SensorFacts>,
+    scene: Option<SceneFacts>,
+}
+
+#[derive(Serialize)]
+struct SensorFacts {
+    name: Option<String>,
+    kind: &'static str,
+    rows: usize,
+    columns: usize,
+    rays_per_frame: usize,
+    horizontal_fov_deg: f64,
+    /// Lowest and highest, along the image's middle column.
+    elevation_deg: [f64; 2],
+    /// From one column to the next; a camera's is that of the pixel at its principal point.
+    azimuth_step_deg: f64,
+    /// Smallest and largest from one row to the next; a camera's, both that of the pixel at its principal point.
+    elevation_step_deg: Option<[f64; 2]>,
+    rate_hz: Option<f64>,
+    points_per_second: Option<f64>,
+    min_range_m: f64,
+    /// `None` if there's no limit.
+    max_range_m: Option<f64>,
+    /// From the first pulse of a frame to the last.
+    frame_s: f64,
+    /// What a frame takes in memory while it's made.
+    frame_bytes: u64,
+    /// What a frame takes on the disk at most, by format.
+    output_bytes: serde_json::Map<String, serde_json::Value>,
+}
+
+impl SensorFacts {
+    fn new(name: Option<&str>, sensor: &Sensor, formats: &[Format]) -> Self {
+        let pattern = &sensor.pattern;
+        let (rows, columns, rays) = (pattern.rows(), pattern.columns(), pattern.rays());
+        let angles = match pattern {
+            Pattern::Rotating(p) => Angles::of_rotating(p),
+            Pattern::Pinhole(p) => Angles::of_pinhole(p),
+        };
+        // A row's pulses come in the order of the columns.
+        let frame_s = match pattern {
+            Pattern::Rotating(p) => (0..rows).map(|row| p.pulse(row, columns - 1).time_s).fold(0.0, f64::max),
+            Pattern::Pinhole(_) => 0.0,
+        };
+        let limit = sensor.range.max_m;
+        let output_bytes = formats
+            .iter()
+            .map(|format| {
+                let (name, bytes) = bytes_per_ray(*format, pattern.is_camera());
+                (name.to_owned(), (bytes * rays as u64).into())
+            })
+            .collect();
+        Self {
+            name: name.map(str::to_owned),
+            kind: if pattern.is_camera() { "camera" } else { "LiDAR" },
+            rows,
+            columns,
+            rays_per_frame: rays,
+            horizontal_fov_deg: angles.horizontal_fov,
+            elevation_deg: angles.elevation,
+            azimuth_step_deg: angles.azimuth_step,
+            elevation_step_deg: angles.elevation_step,
+            rate_hz: pattern.rate_hz(),
+            points_per_second: pattern.rate_hz().map(|rate| rate * rays as f64),
+            min_range_m: sensor.range.min_m,
+            max_range_m: limit.is_finite().then_some(limit),
+            frame_s,
+            frame_bytes: rays as u64 * size_of::<Option<Return>>() as u64,
+            output_bytes,
+        }
+    }
+}
+
+/// The angles of a pattern, in degrees.
+struct Angles {
+    horizontal_fov: f64,
+    elevation: [f64; 2],
+    azimuth_step: f64,
+    elevation_step: Option<[f64; 2]>,
+}
+
+impl Angles {
+    fn of_rotating(p: &Rotating) -> Self {
+        let (from, to) = p.sector();
+        let elevation = |row: usize| p.beams()[row].elevation.degrees();
+        let steps = (1..p.beams().len()).map(|row| elevation(row - 1) - elevation(row));
+        let step = steps.fold(None, |range: Option<[f64; 2]>, step| {
+            let [least, most] = range.unwrap_or([step; 2]);
+            Some([least.min(step), most.max(step)])
+        });
+        Self {
+            horizontal_fov: (to - from).degrees().abs(),
+            elevation: [elevation(p.beams().len() - 1), elevation(0)],
+            azimuth_step: p.azimuth_step().degrees().abs(),
+            elevation_step: step,
+        }
+    }
+
+    /// Edge to edge of the image through the principal point: atan((width − cx)/fx) + atan(cx/fx), and so upwards. A
+    /// pixel there subtends 2·atan(½/f).
+    fn of_pinhole(p: &Pinhole) -> Self {
+        let ((fx, fy), (cx, cy)) = (p.focal_px(), p.principal_px());
+        let atan = |x: f64| libm::atan(x).to_degrees();
+        let vertical_step = 2.0 * atan(0.5 / fy);
+        Self {
+            horizontal_fov: atan((p.width() as f64 - cx) / fx) + atan(cx / fx),
+            elevation: [-atan((p.height() as f64 - cy) / fy), atan(cy / fy)],
+            azimuth_step: 2.0 * atan(0.5 / fx),
+            elevation_step: Some([vertical_step; 2]),
+        }
+    }
+}
+
+/// A format's name and what a ray takes in it at most: before compression, if it hits.
+fn bytes_per_ray(format: Format, is_camera: bool) -> (&'static str, u64) {
+    match format {
+        // Four bytes for each of range, Y, intensity, three of the normal, time, three ids, and a camera's Z.
+        Format::Exr => ("exr", if is_camera { 44 } else { 40 }),
+        // Four bytes for each of x, y, z, intensity, ring, column, t, instance, label and range.
+        Format::Ply => ("ply", 40),
+        Format::Png => ("png", 3),
+    }
+}
+
+#[derive(Serialize)]
+struct SceneFacts {
+    path: String,
+    /// `None` if the scene wasn't loaded.
+    #[serde(flatten)]
+    content: Option<SceneContent>,
+}
+
+#[derive(Serialize)]
+struct SceneContent {
+    triangles: u64,
+    stored_triangles: u64,
+    skipped_triangles: u64,
+    instances: usize,
+    materials: usize,
+    /// Every semantic label that a surface has, in ascending order.
+    labels: Vec<u32>,
+    /// With what tracing it takes.
+    memory_bytes: u64,
+}
+
+impl SceneFacts {
+    fn new(path: &str, scene: Option<&Scene>) -> Self {
+        Self { path: path.to_owned(), content: scene.map(SceneContent::new) }
+    }
+}
+
+/// A stored triangle with its vertices and its part of the acceleration structure, roughly.
+const BYTES_PER_TRIANGLE: u64 = 100;
+
+impl SceneContent {
+    fn new(scene: &Scene) -> Self {
+        let mut labels: Vec<u32> = (0..scene.placements.len())
+            .flat_map(|placement| {
+                let parts = &scene.meshes[scene.placements[placement].mesh as usize].parts;
+                parts.iter().map(move |part| scene.surface(placement as u32, part.first_triangle))
+            })
+            .map(|surface| scene.label(surface))
+            .collect();
+        labels.sort_unstable();
+        labels.dedup();
+        Self {
+            triangles: scene.triangle_count(),
+            stored_triangles: scene.stored_triangle_count(),
+            skipped_triangles: scene.skipped_triangles,
+            instances: scene.instances.len(),
+            materials: scene.materials.len(),
+            labels,
+            memory_bytes: scene.stored_triangle_count() * BYTES_PER_TRIANGLE,
+        }
+    }
+}
+
+impl FileFacts {
+    fn to_text(&self) -> String {
+        let mut text = format!("{}: {}\n", config::quoted(&self.path).trim_matches('`'), self.kind);
+        if let Some(scene) = &self.scene {
+            scene.write(&mut text);
+        }
+        for sensor in &self.sensors {
+            sensor.write(&mut text);
+        }
+        text
+    }
+}
+
+/// A line of facts. Writing to a string can't fail.
+macro_rules! fact {
+    ($text:expr, $name:literal, $($what:tt)*) => {
+        let _ = writeln!($text, "    {:<14}{}", $name, format_args!($($what)*));
+    };
+}
+
+impl SceneFacts {
+    fn write(&self, text: &mut String) {
+        let _ = writeln!(text, "  scene {}", config::quoted(&self.path).trim_matches('`'));
+        let Some(scene) = &self.content else { return };
+        let skipped = match scene.skipped_triangles {
+            0 => String::new(),
+            n => format!(", {} of zero area left out", grouped(n)),
+        };
+        fact!(text, "triangles", "{}{skipped}", grouped(scene.triangles));
+        fact!(text, "instances", "{}", grouped(scene.instances as u64));
+        fact!(text, "materials", "{}", grouped(scene.materials as u64));
+        let labels: Vec<String> = scene.labels.iter().take(32).map(u32::to_string).collect();
+        let more = if scene.labels.len() > 32 { ", …" } else { "" };
+        fact!(text, "labels", "{}{more}", labels.join(", "));
+        fact!(text, "memory", "about {}", bytes(scene.memory_bytes));
+    }
+}
+
+impl SensorFacts {
+    fn write(&self, text: &mut String) {
+        let name = self.name.as_deref().map_or(String::new(), |name| format!(" {name}"));
+        let _ = writeln!(text, "  {}{name}", self.kind);
+        let (rows, columns) = (grouped(self.rows as u64), grouped(self.columns as u64));
+        fact!(
+            text,
+            "image",
+            "{rows} rows × {columns} columns, {} rays a frame",
+            grouped(self.rays_per_frame as u64)
+        );
+        let [low, high] = self.elevation_deg.map(tidy);
+        fact!(
+            text,
+            "field of view",
+            "{}° × {}°, elevations from {low}° to {high}°",
+            tidy(self.horizontal_fov_deg),
+            tidy(self.elevation_deg[1] - self.elevation_deg[0])
+        );
+        let vertical = match self.elevation_step_deg.map(|step| step.map(tidy)) {
+            None => String::new(),
+            Some([least, most]) if least == most => format!(" × {least}°"),
+            Some([least, most]) => format!(" × {least}° to {most}°"),
+        };
+        let place = if self.kind == "camera" { " in the middle" } else { "" };
+        fact!(text, "steps", "{}°{vertical}{place}", tidy(self.azimuth_step_deg));
+        match self.max_range_m {
+            Some(max) => {
+                fact!(text, "range", "{} m to {} m", tidy(self.min_range_m), tidy(max));
+            }
+            None => {
+                fact!(text, "range", "{} m, without an upper limit", tidy(self.min_range_m));
+            }
+        }
+        if let (Some(rate), Some(points)) = (self.rate_hz, self.points_per_second) {
+            fact!(
+                text,
+                "rate",
+                "{} Hz, at most {} points a second",
+                tidy(rate),
+                grouped(points.round() as u64)
+            );
+        }
+        if self.frame_s > 0.0 {
+            fact!(text, "frame takes", "{} ms", tidy(self.frame_s * 1e3));
+        }
+        fact!(text, "memory", "{} a frame", bytes(self.frame_bytes));
+        let files: Vec<String> = self
+            .output_bytes
+            .iter()
+            .map(|(format, size)| format!("{format} {}", bytes(size.as_u64().unwrap_or(0))))
+            .collect();
+        fact!(text, "output", "{} a frame, uncompressed", files.join(", "));
+    }
+}
+
+/// A number to four decimals, without the zeros at the end.
+fn tidy(x: f64) -> f64 {
+    let rounded = (x * 1e4).round() / 1e4;
+    if rounded == 0.0 { 0.0 } else { rounded }
+}
+
+/// `1234567` as `1,234,567`.
+fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A number of bytes in decimal units, to three digits.
+fn bytes(n: u64) -> String {
+    let mut size = n as f64;
+    let mut units = ["B", "kB", "MB", "GB", "TB"].into_iter();
+    let mut unit = units.next().unwrap_or("B");
+    while size >= 999.5 {
+        let Some(next) = units.next() else { break };
+        (size, unit) = (size / 1e3, next);
+    }
+    let decimals = if unit == "B" || size >= 99.95 { 0 } else { 1 };
+    format!("{size:.decimals$} {unit}")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use glam::{DAffine3, DVec3};
+
+    use super::*;
+    use crate::angle::Angle;
+    use crate::scene::{Instance, Material, Placed, SceneBuilder, SourceMesh, SourcePart};
+    use crate::sensor::{Beam, RangeLimits, RingOrder};
+
+    fn lidar(elevations: &[f64], columns: usize, sector: (f64, f64)) -> Sensor {
+        let beam = |(index, e): (usize, &f64)| Beam {
+            elevation: Angle::deg(*e),
+            azimuth_offset: Angle::default(),
+            time_s: index as f64 * 1e-6,
+            file_index: index,
+        };
+        let beams = elevations.iter().enumerate().map(beam).collect();
+        let sector = (Angle::deg(sector.0), Angle::deg(sector.1));
+        let pattern = Pattern::Rotating(Rotating::new(beams, columns, sector, 10.0).unwrap());
+        Sensor { pattern, range: RangeLimits { min_m: 0.5, max_m: 50.0 }, ring: RingOrder::Row }
+    }
+
+    #[test]
+    fn facts_of_a_lidar() {
+        let facts =
+            SensorFacts::new(Some("top"), &lidar(&[10.0, -20.0, 8.0], 360, (180.0, -180.0)), &ALL_FORMATS);
+        assert_eq!((facts.rows, facts.columns, facts.rays_per_frame), (3, 360, 1080));
+        assert_eq!((tidy(facts.horizontal_fov_deg), facts.elevation_deg.map(tidy)), (360.0, [-20.0, 10.0]));
+        assert_eq!(tidy(facts.azimuth_step_deg), 1.0);
+        assert_eq!(facts.elevation_step_deg.map(|s| s.map(tidy)), Some([2.0, 28.0]));
+        assert_eq!(facts.points_per_second, Some(10_800.0));
+        assert_eq!(facts.max_range_m, Some(50.0));
+        // The last column fires after 359/360 of a tenth of a second, the last beam 2 µs later.
+        assert!((facts.frame_s - (0.1 * 359.0 / 360.0 + 2e-6)).abs() < 1e-12);
+        assert_eq!(facts.output_bytes["exr"], 1080 * 40);
+        assert_eq!(facts.frame_bytes, 1080 * size_of::<Option<Return>>() as u64);
+        let mut text = String::new();
+        facts.write(&mut text);
+        assert!(text.contains("3 rows × 360 columns, 1,080 rays a frame\n"), "{text}");
+        assert!(text.contains("1° × 2° to 28°\n"), "{text}");
+    }
+
+    #[test]
+    fn facts_of_a_sector_and_of_one_beam() {
+        let facts = SensorFacts::new(None, &lidar(&[1.0], 91, (45.0, -45.0)), &[Format::Ply]);
+        assert_eq!(tidy(facts.horizontal_fov_deg), 90.0);
+        assert_eq!(tidy(facts.azimuth_step_deg), 1.0);
+        assert_eq!(facts.elevation_step_deg, None);
+        assert_eq!(facts.output_bytes.len(), 1);
+    }
+
+    #[test]
+    fn facts_of_a_camera() {
+        let pattern =
+            Pattern::Pinhole(Pinhole::new((640, 480), (320.0, 240.0), (320.0, 240.0), None).unwrap());
+        let sensor = Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row };
+        let facts = SensorFacts::new(None, &sensor, &ALL_FORMATS);
+        assert_eq!(tidy(facts.horizontal_fov_deg), 90.0);
+        assert_eq!(facts.elevation_deg.map(tidy), [-45.0, 45.0]);
+        assert_eq!(facts.azimuth_step_deg, 2.0 * libm::atan(0.5 / 320.0).to_degrees());
+        assert_eq!((facts.max_range_m, facts.points_per_second, facts.frame_s), (None, None, 0.0));
+        assert_eq!(facts.output_bytes["exr"], 640 * 480 * 44);
+    }
+
+    #[test]
+    fn facts_of_a_scene() {
+        let part = SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3]], material: 0 };
+        let square = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let placed = |label, x| Placed {
+            mesh: 0,
+            world_from_mesh: DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)),
+            instance: Instance { job_label: Some(label), ..Instance::default() },
+        };
+        let builder = SceneBuilder {
+            meshes: vec![SourceMesh { positions: square, parts: vec![part] }],
+            placed: vec![placed(7, 0.0), placed(3, 2.0), placed(7, 4.0)],
+            materials: vec![Material::default()],
+            files: vec![],
+        };
+        let facts = SceneFacts::new("a.glb", Some(&builder.build().unwrap()));
+        let content = facts.content.as_ref().unwrap();
+        assert_eq!((content.triangles, content.stored_triangles, content.instances), (6, 2, 3));
+        assert_eq!(content.labels, [3, 7]);
+        let mut text = String::new();
+        facts.write(&mut text);
+        assert!(text.contains("labels        3, 7\n"), "{text}");
+        let json = serde_json::to_value(&facts).unwrap();
+        assert_eq!((&json["path"], &json["triangles"]), (&"a.glb".into(), &6.into()));
+    }
+
+    #[test]
+    fn numbers_are_readable() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
+        assert_eq!(
+            [0, 999, 1500, 99_949, 123_456, 2_000_000_000].map(bytes),
+            ["0 B", "999 B", "1.5 kB", "99.9 kB", "123 kB", "2.0 GB"]
+        );
+        assert_eq!(tidy(-0.00001).to_string(), "0");
+    }
+
+    #[test]
+    fn a_folder_is_walked_in_order_and_everything_wrong_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        };
+        let camera = "[pinhole]\nwidth_px = 4\nheight_px = 3\nhfov_deg = 90\n";
+        write("sensors/good.toml", camera);
+        write("b.toml", &camera.replace("hfov_deg", "hfov_rad"));
+        write(".hidden/c.toml", "nonsense");
+        write("a.toml", "scene = 'romo.glb'\noutput.dir = 'out'\n[[sensor]]\npreset = 'sensors/good.toml'\n");
+        write("room.glb", "");
+        let (facts, diagnostics) = examine(&[folder.path().to_path_buf()]);
+        assert_eq!(facts.len(), 1);
+        assert_eq!((facts[0].kind, facts[0].sensors[0].rays_per_frame), ("sensor", 12));
+        let told: BTreeMap<_, _> = diagnostics
+            .iter()
+            .map(|d| (d.path.file_name().unwrap().to_str().unwrap(), d.help.as_deref().unwrap()))
+            .collect();
+        let expected =
+            [("b.toml", "did you mean `hfov_deg`, in degrees?"), ("romo.glb", "did you mean `room.glb`?")];
+        assert_eq!(told, BTreeMap::from(expected));
+
+        let empty = tempfile::tempdir().unwrap();
+        let (_, diagnostics) = examine(&[empty.path().to_path_buf()]);
+        assert_eq!(diagnostics[0].message, "the folder has no *.toml files");
+    }
+}

@@ -1,0 +1,129 @@
+//! "Did you mean": the nearest of the words, or of the files of a folder.
+
+use std::path::Path;
+
+/// The candidate that `word` is probably a misspelling of: the nearest within a third of its length in edits (swapped
+/// neighbours count once), letter case aside. The first of equals.
+pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let length = word.chars().count();
+    if length > LONGEST_WORD {
+        return None; // nothing that anyone mistyped
+    }
+    let word = word.to_lowercase();
+    candidates
+        .into_iter()
+        .filter(|c| c.chars().count() <= LONGEST_WORD)
+        .map(|c| (strsim::osa_distance(&word, &c.to_lowercase()), c))
+        .filter(|(edits, c)| *edits <= length.max(c.chars().count()).div_ceil(3))
+        .min_by_key(|(edits, _)| *edits)
+        .map(|(_, c)| c)
+}
+
+/// The comparison's cost grows with the square of the length.
+const LONGEST_WORD: usize = 100;
+
+/// What to say about a file that isn't there: the nearest name of its folder, or what that folder holds of its kind, or
+/// how far its path exists. `as_written` is the path that the user gave, `path` the same as it is opened.
+pub(crate) fn missing_file_help(as_written: &str, path: &Path) -> Option<String> {
+    let folder = path.parent()?;
+    let shown = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    if !shown.is_dir() {
+        return Some(format!("there is no folder {}", quoted(&shown.to_string_lossy())));
+    }
+    let wanted = path.file_name()?.to_string_lossy();
+    let mut names: Vec<String> = std::fs::read_dir(shown)
+        .ok()?
+        .take(MOST_NAMES)
+        .flatten()
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .collect();
+    names.sort_unstable();
+    if let Some(name) = nearest(&wanted, names.iter().map(String::as_str)) {
+        let there = as_written.rfind('/').map_or("", |slash| &as_written[..=slash]);
+        return Some(format!("did you mean {}?", quoted(&format!("{there}{name}"))));
+    }
+    let extension = path.extension();
+    names.retain(|name| Path::new(name).extension() == extension);
+    let shown = quoted(&shown.to_string_lossy());
+    if names.is_empty() || names.len() > 12 {
+        return Some(format!("looked in the folder {shown}"));
+    }
+    Some(format!("the folder {shown} has {}", list(names.iter().map(String::as_str), "and")))
+}
+
+/// How many names of a folder are looked at.
+const MOST_NAMES: usize = 10_000;
+
+/// The user's own text in a message: between backticks, cut to a readable length, and nothing that a terminal acts on.
+pub(crate) fn quoted(text: &str) -> String {
+    const LONGEST: usize = 80;
+    let mut shown = String::from("`");
+    for (count, c) in text.chars().enumerate() {
+        if count == LONGEST {
+            shown.push('…');
+            break;
+        }
+        if is_unprintable(c) { shown.extend(c.escape_default()) } else { shown.push(c) }
+    }
+    shown.push('`');
+    shown
+}
+
+/// Whether a terminal acts on a character rather than showing it: control characters, and Unicode's invisible ones that
+/// reorder text.
+pub(crate) fn is_unprintable(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+}
+
+/// `a`, `b` and `c`, each quoted.
+pub(crate) fn list<'a>(words: impl IntoIterator<Item = &'a str>, conjunction: &str) -> String {
+    let words: Vec<String> = words.into_iter().map(quoted).collect();
+    match words.split_last() {
+        None => "nothing".to_owned(),
+        Some((only, [])) => only.clone(),
+        Some((last, before)) => format!("{} {conjunction} {last}", before.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_word_within_reason() {
+        let keys = ["columns", "rate_hz", "sector_deg"];
+        assert_eq!(nearest("colums", keys), Some("columns"));
+        assert_eq!(nearest("Columns", keys), Some("columns"));
+        assert_eq!(nearest("sectro_deg", keys), Some("sector_deg"));
+        assert_eq!(nearest("wavelength", keys), None);
+        assert_eq!(nearest(&"c".repeat(1_000_000), keys), None);
+        assert_eq!(nearest("", keys), None);
+    }
+
+    #[test]
+    fn user_text_is_harmless_in_a_message() {
+        assert_eq!(quoted("wall é"), "`wall é`");
+        assert_eq!(quoted("\u{1b}[31m\u{202e}"), "`\\u{1b}[31m\\u{202e}`");
+        assert_eq!(quoted(&"x".repeat(1000)).chars().count(), 83);
+    }
+
+    #[test]
+    fn lists_read_as_english() {
+        assert_eq!(list([], "and"), "nothing");
+        assert_eq!(list(["a"], "and"), "`a`");
+        assert_eq!(list(["a", "b", "c"], "or"), "`a`, `b` or `c`");
+    }
+
+    #[test]
+    fn a_missing_file_is_looked_for_nearby() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("velodyne_vlp16.toml"), "").unwrap();
+        std::fs::write(folder.path().join("notes.txt"), "").unwrap();
+        let help =
+            |name: &str| missing_file_help(&format!("sensors/{name}"), &folder.path().join(name)).unwrap();
+        assert_eq!(help("velodyn_vlp16.toml"), "did you mean `sensors/velodyne_vlp16.toml`?");
+        assert!(help("os1.toml").ends_with("has `velodyne_vlp16.toml`"), "{}", help("os1.toml"));
+        assert!(help("deeper/os1.toml").starts_with("there is no folder"), "{}", help("deeper/os1.toml"));
+    }
+}

@@ -1,0 +1,214 @@
+//! The texts that a configuration comes from, and what is wrong with them.
+
+use std::cell::RefCell;
+use std::fmt;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::error::{Diagnostic, Severity};
+
+/// A place in one of the texts of a [`Report`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Place {
+    pub source: u32,
+    /// Bytes; texts are shorter than 4 GB.
+    pub start: u32,
+    pub end: u32,
+}
+
+impl Place {
+    /// The bytes `span` of a text.
+    pub fn new(source: u32, span: std::ops::Range<usize>) -> Self {
+        Self { source, start: span.start as u32, end: span.end as u32 }
+    }
+}
+
+/// Where a text stands in the order of precedence: what is said later wins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Layer {
+    /// A sensor file that a job names.
+    Preset,
+    /// The file that the user named.
+    Main,
+    /// A `--set`.
+    Override,
+}
+
+#[derive(Debug)]
+struct Source {
+    path: PathBuf,
+    text: Arc<str>,
+    layer: Layer,
+}
+
+/// Every text that was read and every problem found in them.
+#[derive(Debug, Default)]
+pub(super) struct Report {
+    sources: Vec<Source>,
+    found: RefCell<Vec<(Place, Diagnostic)>>,
+}
+
+/// Why a file gives no text.
+#[derive(Debug)]
+pub(super) enum Unreadable {
+    Missing,
+    NotAFile(&'static str),
+    TooLarge(u64),
+    /// It was read, and what is wrong with it is in the report.
+    Reported,
+    Io(std::io::Error),
+}
+
+impl fmt::Display for Unreadable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Missing => f.write_str("there is no such file"),
+            Self::NotAFile(kind) => write!(f, "this is {kind}, not a file"),
+            Self::TooLarge(bytes) => {
+                write!(f, "the file has {bytes} bytes, more than the {MAX_FILE_BYTES} of any configuration")
+            }
+            Self::Reported => f.write_str("the file has errors"),
+            Self::Io(error) => write!(f, "the file can't be read: {error}"),
+        }
+    }
+}
+
+/// The largest file that is read. A parsed file takes about a hundred times its size.
+const MAX_FILE_BYTES: u64 = 4 << 20;
+
+/// How many problems are kept: no one reads more, and a hostile file must not make more work than that.
+const MAX_PROBLEMS: usize = 200;
+
+impl Report {
+    /// Reads a file. Never waits for a pipe or a device.
+    pub fn open(&mut self, path: &Path, layer: Layer) -> Result<u32, Unreadable> {
+        let kind = match std::fs::metadata(path) {
+            Err(e)
+                if matches!(e.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory) =>
+            {
+                return Err(Unreadable::Missing);
+            }
+            Err(e) => return Err(Unreadable::Io(e)),
+            Ok(kind) => kind,
+        };
+        if kind.is_dir() {
+            return Err(Unreadable::NotAFile("a folder"));
+        } else if !kind.is_file() {
+            return Err(Unreadable::NotAFile("a pipe or a device"));
+        } else if kind.len() > MAX_FILE_BYTES {
+            return Err(Unreadable::TooLarge(kind.len()));
+        }
+        let mut bytes = Vec::new();
+        let read = std::fs::File::open(path).and_then(|f| f.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes));
+        match read {
+            Err(e) => return Err(Unreadable::Io(e)),
+            Ok(length) if length as u64 > MAX_FILE_BYTES => return Err(Unreadable::TooLarge(length as u64)),
+            Ok(_) => {}
+        }
+        match String::from_utf8(bytes) {
+            Ok(text) => Ok(self.add(path, text, layer)),
+            Err(error) => {
+                let at = error.utf8_error().valid_up_to();
+                let byte = error.as_bytes()[at];
+                let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
+                let source = self.add(path, text, layer);
+                let place = Place::new(source, at..at + char::REPLACEMENT_CHARACTER.len_utf8());
+                let message = format!("the file is not UTF-8 text: byte 0x{byte:02x} here");
+                self.error(place, message, "not UTF-8", Some("save the file as UTF-8".to_owned()));
+                Err(Unreadable::Reported)
+            }
+        }
+    }
+
+    /// Takes in a text that isn't a file's.
+    pub fn add(&mut self, path: &Path, text: String, layer: Layer) -> u32 {
+        self.sources.push(Source { path: path.to_path_buf(), text: text.into(), layer });
+        (self.sources.len() - 1) as u32
+    }
+
+    /// A whole text.
+    pub fn text(&self, source: u32) -> &str {
+        &self.sources[source as usize].text
+    }
+
+    /// Of two places that contradict each other, the one to point at: what the user said last.
+    pub fn later(&self, a: Place, b: Place) -> Place {
+        let layer = |p: Place| self.sources[p.source as usize].layer;
+        if layer(b) > layer(a) { b } else { a }
+    }
+
+    /// Records an error.
+    pub fn error(
+        &self,
+        place: Place,
+        message: impl Into<String>,
+        label: impl Into<String>,
+        help: Option<String>,
+    ) {
+        self.record(Severity::Error, place, message.into(), label.into(), help);
+    }
+
+    /// Records a warning.
+    pub fn warning(
+        &self,
+        place: Place,
+        message: impl Into<String>,
+        label: impl Into<String>,
+        help: Option<String>,
+    ) {
+        self.record(Severity::Warning, place, message.into(), label.into(), help);
+    }
+
+    fn record(&self, severity: Severity, place: Place, message: String, label: String, help: Option<String>) {
+        let mut found = self.found.borrow_mut();
+        if let Some((_, rest)) = found.get_mut(MAX_PROBLEMS) {
+            rest.severity = rest.severity.max(severity);
+            return;
+        }
+        let source = &self.sources[place.source as usize];
+        let mut diagnostic = Diagnostic {
+            severity,
+            message,
+            path: source.path.clone(),
+            source: Arc::clone(&source.text),
+            span: place.start as usize..place.end as usize,
+            label,
+            help,
+        };
+        if found.len() == MAX_PROBLEMS {
+            diagnostic.message = format!("more than {MAX_PROBLEMS} problems: the rest is not shown");
+            diagnostic.label = "first of the rest".to_owned();
+            diagnostic.help = None;
+        }
+        // Two sensors that share a file have the same to say about it.
+        if !found.iter().any(|(p, d)| *p == place && d.message == diagnostic.message) {
+            found.push((place, diagnostic));
+        }
+    }
+
+    /// Whether anything stops the run.
+    pub fn has_errors(&self) -> bool {
+        self.found.borrow().iter().any(|(_, d)| d.severity == Severity::Error)
+    }
+
+    /// Everything found, text by text in the order they were read, from top to bottom.
+    pub fn into_diagnostics(self) -> Vec<Diagnostic> {
+        let mut found = self.found.into_inner();
+        found.sort_by_key(|(place, _)| (place.source, place.start));
+        found.into_iter().map(|(_, diagnostic)| diagnostic).collect()
+    }
+}
+
+/// What to say about a file that the user named and that gives no text.
+pub(super) fn unreadable(path: &Path, message: String, help: Option<String>) -> Diagnostic {
+    Diagnostic {
+        severity: Severity::Error,
+        message,
+        path: path.to_path_buf(),
+        source: "".into(),
+        span: 0..0,
+        label: String::new(),
+        help,
+    }
+}
