@@ -37,7 +37,8 @@ impl Cast for BruteForce<'_> {
             }
             *hit = best.map(|(found, local)| {
                 let placement = &scene.placements[found.placement as usize];
-                found.finish(&local, &scene.meshes[placement.mesh as usize], placement)
+                let mesh = &scene.meshes[placement.mesh as usize];
+                found.finish(&Corners::of(mesh, found.triangle, local.origin), local.direction, placement)
             });
         }
     }

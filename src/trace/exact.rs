@@ -48,10 +48,14 @@ impl Corners {
     /// The corners of triangle `triangle` of `mesh`, seen from `origin`.
     #[inline]
     pub fn of(mesh: &Mesh, triangle: u32, origin: DVec3) -> Self {
-        let [a, b, c] = mesh.triangles[triangle as usize].map(|v| {
-            let [x, y, z] = mesh.positions[v as usize];
-            DVec3::new(f64::from(x), f64::from(y), f64::from(z)) - origin
-        });
+        Self::from_positions(mesh.triangles[triangle as usize].map(|v| mesh.positions[v as usize]), origin)
+    }
+
+    /// The same from the corners' positions.
+    #[inline]
+    pub fn from_positions(positions: [[f32; 3]; 3], origin: DVec3) -> Self {
+        let [a, b, c] =
+            positions.map(|[x, y, z]| DVec3::new(f64::from(x), f64::from(y), f64::from(z)) - origin);
         Self { a, b, c }
     }
 
@@ -166,10 +170,10 @@ impl Candidate {
             || (self.t == other.t && (self.placement, self.triangle) < (other.placement, other.triangle))
     }
 
-    /// The hit, given the ray and the mesh in the placement's space.
-    pub fn finish(&self, ray: &LocalRay, mesh: &Mesh, placement: &Placement) -> Hit {
-        let corners = Corners::of(mesh, self.triangle, ray.origin);
-        let (u, v) = corners.weights(ray.direction);
+    /// The whole hit, given the triangle's corners and the ray's direction in the placement's space.
+    #[inline]
+    pub fn finish(&self, corners: &Corners, direction: DVec3, placement: &Placement) -> Hit {
+        let (u, v) = corners.weights(direction);
         let map = &placement.mesh_from_scene;
         let mut normal = corners.normal();
         if *map != DAffine3::IDENTITY {

@@ -7,15 +7,19 @@
 //!
 //! Rays come in batches that share an origin: a tile of an image, the beams of a firing.
 
+mod bounds;
 mod brute;
-mod bvh;
 pub mod exact;
-mod two_level;
+mod lanes;
+mod packet;
+mod tracer;
+mod wide;
 
+use bounds::Bounds;
 use glam::DVec3;
 
 pub use brute::BruteForce;
-pub use two_level::Tracer;
+pub use tracer::{Instructions, Tracer};
 
 /// Rays that leave from one point.
 #[derive(Clone, Copy, Debug)]

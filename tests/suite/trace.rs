@@ -1,14 +1,21 @@
 //! Every tracer finds the hit that brute force finds, bit for bit, and closed meshes have no leaks.
 
 use beamcast::scene::{Scene, SourceMesh};
-use beamcast::trace::{BruteForce, Cast, Hit, Rays, Tracer};
+use beamcast::trace::{BruteForce, Cast, Hit, Instructions, Rays, Tracer};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use crate::shapes::{Random, alone, cuboid, mesh, placed, quad, soup, sphere};
 
 /// The tracers under test.
 fn tracers(scene: &Scene) -> Vec<(&'static str, Box<dyn Cast + '_>)> {
-    vec![("two-level", Box::new(Tracer::build(scene)))]
+    let kinds = [
+        ("packets", Instructions::Best),
+        ("portable packets", Instructions::Portable),
+        ("single rays", Instructions::SingleRays),
+    ];
+    kinds
+        .map(|(name, kind)| (name, Box::new(Tracer::build(scene).with_instructions(kind)) as Box<dyn Cast>))
+        .into()
 }
 
 fn cast(tracer: &dyn Cast, origin: DVec3, directions: &[DVec3], t_min: f64, t_max: f64) -> Vec<Option<Hit>> {

@@ -1,0 +1,112 @@
+//! Eight f32 at a time: one trait, a portable form and one for AVX2 with FMA.
+//!
+//! The two may differ in the last bit (a fused multiplication and addition rounds once): nothing that is computed with them
+//! reaches a result, only decisions that are taken again, exactly, whenever they are close (see `packet`).
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod portable;
+
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx2::{has_avx2, with_avx2};
+pub(super) use portable::Portable;
+
+/// Eight f32. Comparisons give lanes of all ones (true) or all zeros.
+pub(super) trait Lanes: Copy {
+    fn splat(x: f32) -> Self;
+    fn load(x: &[f32; 8]) -> Self;
+    /// Lanes of these bits.
+    fn load_bits(x: &[u32; 8]) -> Self;
+    fn store(self, to: &mut [f32; 8]);
+    fn store_bits(self, to: &mut [u32; 8]);
+    fn add(self, other: Self) -> Self;
+    fn sub(self, other: Self) -> Self;
+    fn mul(self, other: Self) -> Self;
+    fn div(self, other: Self) -> Self;
+    /// self · factor + term, rounded once or twice.
+    fn mul_add(self, factor: Self, term: Self) -> Self;
+    /// The lesser; either if one is NaN.
+    fn min(self, other: Self) -> Self;
+    /// The larger; either if one is NaN.
+    fn max(self, other: Self) -> Self;
+    fn and(self, other: Self) -> Self;
+    fn or(self, other: Self) -> Self;
+    fn xor(self, other: Self) -> Self;
+    /// self ≥ other; false for NaN.
+    fn ge(self, other: Self) -> Self;
+    /// Lanes of `yes` where the mask is true, else of `no`.
+    fn select(mask: Self, yes: Self, no: Self) -> Self;
+    /// One bit a lane: its sign, which of a mask is whether it is true.
+    fn bits(self) -> u32;
+    /// Lane k is number `indices`' byte k of the sixteen in `low` and `high`.
+    fn gather(low: Self, high: Self, indices: u64) -> Self;
+    /// Asks for the cache lines of `place`, if the machine has a way to ask.
+    fn prefetch<T>(place: &T);
+
+    /// Only the sign bits.
+    #[inline(always)]
+    fn signs(self) -> Self {
+        self.and(Self::splat(-0.0))
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.xor(self.signs())
+    }
+
+    /// The largest lane.
+    #[inline(always)]
+    fn largest(self) -> f32 {
+        let mut lanes = [0.0; 8];
+        self.store(&mut lanes);
+        let pair = |a: f32, b: f32| if a > b { a } else { b };
+        pair(
+            pair(pair(lanes[0], lanes[1]), pair(lanes[2], lanes[3])),
+            pair(pair(lanes[4], lanes[5]), pair(lanes[6], lanes[7])),
+        )
+    }
+}
+
+/// Something to be done with any kind of lanes. `run` must be `#[inline(always)]`, and so must all that it calls in a loop:
+/// code is compiled for a processor's features only where it is inlined into a function that has them.
+pub(super) trait Work {
+    type Output;
+    fn run<S: Lanes>(self) -> Self::Output;
+}
+
+/// Three coordinates, eight of each.
+#[derive(Clone, Copy)]
+pub(super) struct Triple<S>(pub S, pub S, pub S);
+
+impl<S: Lanes> Triple<S> {
+    #[inline(always)]
+    pub fn map2(self, other: Self, f: impl Fn(S, S) -> S) -> Self {
+        Self(f(self.0, other.0), f(self.1, other.1), f(self.2, other.2))
+    }
+
+    #[inline(always)]
+    pub fn add(self, other: Self) -> Self {
+        self.map2(other, S::add)
+    }
+
+    #[inline(always)]
+    pub fn sub(self, other: Self) -> Self {
+        self.map2(other, S::sub)
+    }
+
+    #[inline(always)]
+    pub fn cross(self, q: Self) -> Self {
+        let minor = |a: S, b: S, c: S, d: S| a.mul_add(b, c.mul(d).xor(S::splat(-0.0)));
+        Self(
+            minor(self.1, q.2, self.2, q.1),
+            minor(self.2, q.0, self.0, q.2),
+            minor(self.0, q.1, self.1, q.0),
+        )
+    }
+
+    /// Turns over the coordinates of lanes where `signs` has the sign bit.
+    #[inline(always)]
+    pub fn flip(self, signs: S) -> Self {
+        Self(self.0.xor(signs), self.1.xor(signs), self.2.xor(signs))
+    }
+}

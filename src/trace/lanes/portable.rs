@@ -1,0 +1,129 @@
+//! Eight f32 in an array: for every machine, and what others are compared with.
+
+use std::array::from_fn;
+
+use super::Lanes;
+
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct Portable([f32; 8]);
+
+#[inline(always)]
+fn mask(yes: bool) -> f32 {
+    f32::from_bits(if yes { u32::MAX } else { 0 })
+}
+
+impl Portable {
+    #[inline(always)]
+    fn with(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Self(from_fn(|k| f(self.0[k], other.0[k])))
+    }
+
+    #[inline(always)]
+    fn with_bits(self, other: Self, f: impl Fn(u32, u32) -> u32) -> Self {
+        self.with(other, |a, b| f32::from_bits(f(a.to_bits(), b.to_bits())))
+    }
+}
+
+impl Lanes for Portable {
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self([x; 8])
+    }
+
+    #[inline(always)]
+    fn load(x: &[f32; 8]) -> Self {
+        Self(*x)
+    }
+
+    #[inline(always)]
+    fn load_bits(x: &[u32; 8]) -> Self {
+        Self(x.map(f32::from_bits))
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f32; 8]) {
+        *to = self.0;
+    }
+
+    #[inline(always)]
+    fn store_bits(self, to: &mut [u32; 8]) {
+        *to = self.0.map(f32::to_bits);
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.with(other, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.with(other, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.with(other, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.with(other, |a, b| a / b)
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        Self(from_fn(|k| self.0[k] * factor.0[k] + term.0[k]))
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.with(other, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.with(other, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        self.with_bits(other, |a, b| a & b)
+    }
+
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        self.with_bits(other, |a, b| a | b)
+    }
+
+    #[inline(always)]
+    fn xor(self, other: Self) -> Self {
+        self.with_bits(other, |a, b| a ^ b)
+    }
+
+    #[inline(always)]
+    fn ge(self, other: Self) -> Self {
+        self.with(other, |a, b| mask(a >= b))
+    }
+
+    #[inline(always)]
+    fn select(mask: Self, yes: Self, no: Self) -> Self {
+        Self(from_fn(|k| if mask.0[k].to_bits() >> 31 != 0 { yes.0[k] } else { no.0[k] }))
+    }
+
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        (0..8).fold(0, |bits, k| bits | (self.0[k].to_bits() >> 31) << k)
+    }
+
+    #[inline(always)]
+    fn gather(low: Self, high: Self, indices: u64) -> Self {
+        let bytes = indices.to_le_bytes();
+        Self(from_fn(|k| {
+            let index = bytes[k] as usize & 15;
+            if index < 8 { low.0[index] } else { high.0[index - 8] }
+        }))
+    }
+
+    #[inline(always)]
+    fn prefetch<T>(_: &T) {}
+}

@@ -1,0 +1,287 @@
+//! The tracer: a hierarchy of placements over a hierarchy a mesh, walked by packets.
+
+use glam::{DAffine3, DVec3};
+
+use super::bounds::Bounds;
+use super::exact::{Candidate, Corners, LocalRay};
+use super::lanes::{self, Lanes, Portable, Work};
+use super::packet::{Nearest, RAYS, Tile, Visit};
+use super::wide::{self, Block, Child, Slot, Wide};
+use super::{Cast, Hit, Rays};
+use crate::scene::{Mesh, Placement, Scene};
+
+/// Finds the hits that [`BruteForce`](super::BruteForce) finds, bit for bit, and fast.
+///
+/// Rays are taken 64 at a time as they come: a batch's neighbours should be neighbours in space.
+#[derive(Debug)]
+pub struct Tracer<'s> {
+    scene: &'s Scene,
+    /// One a mesh.
+    meshes: Vec<Wide>,
+    /// Over the placements; without nodes if all there is is mesh 0.
+    top: Wide,
+    instructions: Instructions,
+}
+
+/// How a [`Tracer`] computes. The hits are the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Instructions {
+    /// The best that the processor has.
+    Best,
+    /// Packets in portable code.
+    Portable,
+    /// One ray at a time, in f64.
+    SingleRays,
+}
+
+impl<'s> Tracer<'s> {
+    /// Builds the hierarchies over a scene.
+    pub fn build(scene: &'s Scene) -> Self {
+        let meshes = scene.meshes.iter().map(wide::build).collect();
+        let bounds: Vec<_> = scene.meshes.iter().map(bounds_of).collect();
+        let size = scene.placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
+        let size = size.filter(|b| b.low.x <= b.high.x).fold(Bounds::EMPTY, Bounds::union).largest();
+        let boxes: Vec<_> = scene
+            .placements
+            .iter()
+            .map(|p| match scene.meshes[p.mesh as usize].triangles.is_empty() {
+                // An empty mesh 0 is placed all the same; its box is a point, where a ray finds nothing.
+                true => Bounds { low: DVec3::ZERO, high: DVec3::ZERO },
+                false => carried_bounds(&bounds[p.mesh as usize], p, size),
+            })
+            .collect();
+        let top = if boxes.len() > 1 { wide::build_over(&boxes) } else { Wide::default() };
+        Self { scene, meshes, top, instructions: Instructions::Best }
+    }
+
+    /// The same with other instructions.
+    pub fn with_instructions(self, instructions: Instructions) -> Self {
+        Self { instructions, ..self }
+    }
+
+    /// Bytes held beside the scene.
+    pub fn bytes(&self) -> usize {
+        self.top.bytes() + self.meshes.iter().map(Wide::bytes).sum::<usize>()
+    }
+
+    /// The hits of a batch, by packets of any kind of lanes.
+    #[inline(always)]
+    fn cast_packets<S: Lanes>(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
+        let mut room = Room::default();
+        let mut pending: Vec<(usize, usize)> = Vec::new();
+        for start in (0..rays.directions.len()).step_by(RAYS) {
+            pending.push((start, (start + RAYS).min(rays.directions.len())));
+            while let Some((from, to)) = pending.pop() {
+                let tile = Rays { directions: &rays.directions[from..to], ..*rays };
+                let hits = &mut hits[from..to];
+                if self.cast_tile::<S>(&tile, hits, &mut room) {
+                } else if to - from == 1 {
+                    self.cast_singly(&tile, hits, &mut room);
+                } else {
+                    // No narrow pyramid; its halves may be.
+                    let middle = from + (to - from) / 2;
+                    pending.extend([(middle, to), (from, middle)]);
+                }
+            }
+        }
+    }
+
+    /// The hits of up to [`RAYS`] rays; false if they are no narrow pyramid.
+    #[inline(always)]
+    fn cast_tile<S: Lanes>(&self, tile: &Rays, hits: &mut [Option<Hit>], room: &mut Room) -> bool {
+        let mut nearest = Nearest::new(tile.t_max);
+        let limits = (tile.t_min, tile.t_max);
+        if self.top.nodes.is_empty() {
+            let Some(mut packet) =
+                Tile::new(&self.meshes[0], 0, tile.origin, tile.directions, limits, &nearest)
+            else {
+                return false;
+            };
+            packet.walk_mesh::<S>(&mut room.mesh);
+            packet.leave(&mut nearest);
+        } else {
+            let Some(mut top) = Tile::new(&self.top, 0, tile.origin, tile.directions, limits, &nearest)
+            else {
+                return false;
+            };
+            let Room { top: stack, mesh: mesh_stack, carried, single } = room;
+            top.walk_placements::<S>(stack, &mut nearest, |index, nearest| {
+                let placement = &self.scene.placements[index as usize];
+                let carry = |direction| LocalRay { origin: tile.origin, direction }.carried(placement);
+                let origin = carry(DVec3::ZERO).origin;
+                carried.clear();
+                carried.extend(tile.directions.iter().map(|&d| carry(d).direction));
+                let wide = &self.meshes[placement.mesh as usize];
+                if let Some(mut packet) = Tile::new(wide, index, origin, carried, limits, nearest) {
+                    packet.walk_mesh::<S>(mesh_stack);
+                    packet.leave(nearest);
+                } else {
+                    for (ray, &direction) in carried.iter().enumerate() {
+                        let mut best = nearest.get(ray);
+                        self.nearest_in(
+                            index,
+                            LocalRay { origin, direction },
+                            limits,
+                            &mut best,
+                            &mut single.mesh,
+                        );
+                        nearest.set(ray, best);
+                    }
+                }
+            });
+        }
+        for (ray, (hit, &direction)) in hits.iter_mut().zip(tile.directions).enumerate() {
+            *hit =
+                nearest.get(ray).map(|best| self.finish(LocalRay { origin: tile.origin, direction }, &best));
+        }
+        true
+    }
+
+    /// The hits of rays taken one by one.
+    #[inline(never)]
+    fn cast_singly(&self, rays: &Rays, hits: &mut [Option<Hit>], room: &mut Room) {
+        let limits = (rays.t_min, rays.t_max);
+        let SingleRoom { top, mesh } = &mut room.single;
+        for (&direction, hit) in rays.directions.iter().zip(hits) {
+            let ray = LocalRay { origin: rays.origin, direction };
+            let mut best: Option<Best> = None;
+            if self.top.nodes.is_empty() {
+                self.nearest_in(0, ray, limits, &mut best, mesh);
+            } else {
+                self.top.visit(&ray, limits, top, |index| {
+                    let local = ray.carried(&self.scene.placements[index as usize]);
+                    self.nearest_in(index, local, limits, &mut best, mesh);
+                    best.map_or(limits.1, |b| b.t)
+                });
+            }
+            *hit = best.map(|best| self.finish(ray, &best));
+        }
+    }
+
+    /// Betters `best` by what one ray, in the placement's space, hits there.
+    fn nearest_in(
+        &self,
+        placement: u32,
+        ray: LocalRay,
+        (t_min, t_max): (f64, f64),
+        best: &mut Option<Best>,
+        stack: &mut Vec<(Child, f64)>,
+    ) {
+        let wide = self.wide(placement);
+        let far = best.map_or(t_max, |b| b.t);
+        wide.visit(&ray, (t_min, far), stack, |granule| {
+            let block = Block::at(&wide.blocks, granule);
+            for lane in 0..block.triangles {
+                let corners = Corners::from_positions(block.positions(lane), ray.origin);
+                if !corners.passes(ray.direction) {
+                    continue;
+                }
+                let t = corners.depth(ray.direction);
+                let found = Candidate { t, placement, triangle: block.id(lane) };
+                if (t_min..=t_max).contains(&t) && best.is_none_or(|b| found.beats(&self.candidate(&b))) {
+                    *best = Some(Best { t, placement, slot: Slot::new(granule, lane) });
+                }
+            }
+            best.map_or(t_max, |b| b.t)
+        });
+    }
+
+    fn wide(&self, placement: u32) -> &Wide {
+        &self.meshes[self.scene.placements[placement as usize].mesh as usize]
+    }
+
+    fn candidate(&self, best: &Best) -> Candidate {
+        let block = Block::at(&self.wide(best.placement).blocks, best.slot.granule());
+        Candidate { t: best.t, placement: best.placement, triangle: block.id(best.slot.lane()) }
+    }
+
+    /// The whole hit of a ray in the scene's space.
+    fn finish(&self, ray: LocalRay, best: &Best) -> Hit {
+        let placement = &self.scene.placements[best.placement as usize];
+        let local = ray.carried(placement);
+        let block = Block::at(&self.wide(best.placement).blocks, best.slot.granule());
+        let corners = Corners::from_positions(block.positions(best.slot.lane()), local.origin);
+        self.candidate(best).finish(&corners, local.direction, placement)
+    }
+}
+
+impl Cast for Tracer<'_> {
+    fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
+        assert_eq!(rays.directions.len(), hits.len());
+        let rays = Rays { origin: rays.origin - self.scene.centre, ..*rays };
+        let packets = Packets { tracer: self, rays, hits };
+        match self.instructions {
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Best if lanes::has_avx2() => lanes::with_avx2(packets),
+            Instructions::Best | Instructions::Portable => packets.run::<Portable>(),
+            Instructions::SingleRays => self.cast_singly(&packets.rays, packets.hits, &mut Room::default()),
+        }
+    }
+}
+
+struct Packets<'a, 's, 'r> {
+    tracer: &'a Tracer<'s>,
+    rays: Rays<'r>,
+    hits: &'a mut [Option<Hit>],
+}
+
+impl Work for Packets<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self) {
+        self.tracer.cast_packets::<S>(&self.rays, self.hits);
+    }
+}
+
+/// Where a ray's nearest hit lies.
+#[derive(Clone, Copy)]
+pub(super) struct Best {
+    pub t: f64,
+    pub placement: u32,
+    pub slot: Slot,
+}
+
+/// Room to work in, kept from tile to tile.
+#[derive(Default)]
+struct Room {
+    top: Vec<Visit>,
+    mesh: Vec<Visit>,
+    carried: Vec<DVec3>,
+    single: SingleRoom,
+}
+
+#[derive(Default)]
+struct SingleRoom {
+    top: Vec<(Child, f64)>,
+    mesh: Vec<(Child, f64)>,
+}
+
+fn bounds_of(mesh: &Mesh) -> Bounds {
+    let corners = mesh.triangles.iter().flatten().map(|&v| {
+        let [x, y, z] = mesh.positions[v as usize];
+        DVec3::new(f64::from(x), f64::from(y), f64::from(z))
+    });
+    corners.fold(Bounds::EMPTY, Bounds::with)
+}
+
+/// The bounds in the scene's space of everything that a ray, carried into the placement's space, may hit there.
+///
+/// Carrying costs a few 2⁻⁵³ of |M⁻¹|·|o| + |t| in the mesh's space, where M⁻¹ is the linear part and the origin lies
+/// within some multiple of the scene's `size`; so the mesh's box grows by 2⁻²¹ of that before it is carried out, which is
+/// enough for origins a million scene sizes away and for maps as skewed as [`SceneBuilder`](crate::scene::SceneBuilder)
+/// lets through (their condition is at most 2¹²).
+fn carried_bounds(mesh: &Bounds, placement: &Placement, size: f64) -> Bounds {
+    let map = &placement.mesh_from_scene;
+    if *map == DAffine3::IDENTITY || mesh.low.x > mesh.high.x {
+        return *mesh;
+    }
+    let m = &map.matrix3;
+    let stretch = (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
+    let pad = (mesh.largest() + map.translation.abs().max_element() + stretch * size) / f64::from(1 << 21);
+    let (low, high) = (mesh.low - pad, mesh.high + pad);
+    (0..8).fold(Bounds::EMPTY, |all, index| {
+        let side = |axis: usize| if index >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        all.with(placement.scene_from_mesh.transform_point3(DVec3::new(side(0), side(1), side(2))))
+    })
+}

@@ -1,0 +1,383 @@
+//! Building: split the mesh into parts from the top, let obvhs build each part's binary tree, make it eight wide.
+//!
+//! obvhs's working memory is several times what the finished structure takes. Built part by part, only a part's worth of it
+//! exists at a time (one a thread), and the parts are what the threads share out.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use rayon::prelude::*;
+
+use super::{Child, GRANULE, HEADER, MAX_GRANULES, MAX_VERTICES, Node, TAIL, WIDTH, Wide};
+use crate::scene::Mesh;
+use crate::trace::Bounds;
+
+/// Triangles of a part: large enough that the seams don't matter, small enough that the working memory doesn't.
+const PART: usize = 1 << 17;
+
+/// How much boxes grow on each side, for 1 as the largest |coordinate| (robustness measured; see `packet` for what the
+/// traversal needs of it).
+const PAD: f32 = 1.0 / (1 << 21) as f32;
+
+/// Builds the structure over a mesh.
+///
+/// # Panics
+/// If the blocks would take more than 8 GiB (some 200 million triangles).
+pub(in crate::trace) fn build(mesh: &Mesh) -> Wide {
+    if mesh.triangles.is_empty() {
+        return Wide::default();
+    }
+    let corners = mesh.triangles.par_iter().flatten_iter().flat_map_iter(|&v| mesh.positions[v as usize]);
+    let largest = corners.map(f32::abs).reduce(|| 0.0, f32::max);
+    let space = Space { mesh, scale: reciprocal_power_of_two(largest) };
+
+    let mut items: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+    let mut parts = Vec::new();
+    split(&space, &mut items, &mut parts);
+    let trees: Vec<Tree> = parts.into_par_iter().map(|part| Tree::of_triangles(&space, part)).collect();
+    drop(items);
+    space.join(trees, largest)
+}
+
+/// Builds a hierarchy over `boxes`, whose leaves are their numbers.
+pub(in crate::trace) fn build_over(boxes: &[Bounds]) -> Wide {
+    if boxes.is_empty() {
+        return Wide::default();
+    }
+    let largest = boxes.iter().map(Bounds::largest).fold(0.0, f64::max) as f32;
+    let scale = reciprocal_power_of_two(largest);
+    let to_f32 = |p: DVec3| Vec3A::new(p.x as f32, p.y as f32, p.z as f32) * scale;
+    let boxes: Vec<Aabb> = boxes.iter().map(|b| Aabb { min: to_f32(b.low), max: to_f32(b.high) }).collect();
+    let bvh = build_binary(&boxes, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
+    let mut tree = Tree::default();
+    tree.widen(&bvh, |_, leaf| Child::block(bvh.primitive_indices[bvh.nodes[leaf].first_index as usize]));
+    for node in &mut tree.nodes {
+        node.finish(scale, largest);
+    }
+    Wide { nodes: tree.nodes, blocks: Vec::new(), largest }
+}
+
+/// A mesh and the power of two that brings its coordinates to 1 at most. obvhs measures areas in f32, which meshes of
+/// nanometres or gigametres would leave.
+struct Space<'m> {
+    mesh: &'m Mesh,
+    scale: f32,
+}
+
+impl Space<'_> {
+    fn triangle(&self, index: u32) -> Aabb {
+        let corners =
+            self.mesh.triangles[index as usize].map(|v| Vec3A::from(self.mesh.positions[v as usize]));
+        Aabb {
+            min: corners[0].min(corners[1]).min(corners[2]),
+            max: corners[0].max(corners[1]).max(corners[2]),
+        }
+    }
+
+    fn scaled(&self, index: u32) -> Aabb {
+        let Aabb { min, max } = self.triangle(index);
+        Aabb { min: min * self.scale, max: max * self.scale }
+    }
+
+    /// Puts the parts' trees under one root.
+    fn join(&self, trees: Vec<Tree>, largest: f32) -> Wide {
+        let (nodes, words) = trees.iter().fold((0, 0), |(n, w), t| (n + t.nodes.len(), w + t.blocks.len()));
+        assert!(words / GRANULE < MAX_GRANULES, "a mesh of more than 8 GiB of leaves");
+        let mut wide = Wide { nodes: Vec::new(), blocks: Vec::with_capacity(words + TAIL), largest };
+        let roots: Vec<Aabb> = trees.iter().map(|t| t.bounds).collect();
+        if let [_] = roots[..] {
+            wide.nodes.reserve_exact(nodes);
+        } else {
+            // Nodes above the parts; their leaves are the parts' roots.
+            let bvh = build_binary(&roots, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
+            let mut top = Tree::default();
+            // For now a part goes by its number, as if it were a block.
+            top.widen(&bvh, |_, leaf| {
+                Child::block(bvh.primitive_indices[bvh.nodes[leaf].first_index as usize])
+            });
+            wide.nodes.reserve_exact(nodes + top.nodes.len());
+            wide.nodes = top.nodes;
+        }
+        let first = wide.nodes.len() as u32;
+        let mut starts = Vec::with_capacity(trees.len());
+        for tree in trees {
+            let (node, granule) = (wide.nodes.len() as u32, (wide.blocks.len() / GRANULE) as u32);
+            starts.push(node);
+            wide.nodes.extend(tree.nodes.into_iter().map(|mut n| {
+                for child in &mut n.child {
+                    if *child != Child::NONE {
+                        *child = match child.get() {
+                            Ok(block) => Child::block(block + granule),
+                            Err(inner) => Child::node(inner + node),
+                        };
+                    }
+                }
+                n
+            }));
+            wide.blocks.extend(tree.blocks);
+        }
+        for node in &mut wide.nodes[..first as usize] {
+            for child in &mut node.child {
+                if *child != Child::NONE
+                    && let Ok(part) = child.get()
+                {
+                    *child = Child::node(starts[part as usize]);
+                }
+            }
+        }
+        wide.blocks.resize(wide.blocks.len() + TAIL, 0);
+        for node in &mut wide.nodes {
+            node.finish(self.scale, largest);
+        }
+        wide
+    }
+}
+
+impl Node {
+    /// From the building's scale to the mesh's own, padded.
+    fn finish(&mut self, scale: f32, largest: f32) {
+        // A power of two, so exact; but its reciprocal may leave f32, where a division does not.
+        let pad = largest * PAD + f32::MIN_POSITIVE;
+        for lane in 0..WIDTH {
+            if self.child[lane] != Child::NONE {
+                for axis in 0..3 {
+                    self.low[axis][lane] = (self.low[axis][lane] / scale) - pad;
+                    self.high[axis][lane] = (self.high[axis][lane] / scale) + pad;
+                }
+            }
+        }
+    }
+}
+
+/// Cuts `items` in place into parts of at most [`PART`], by the surface area heuristic over 32 bins of the widest axis.
+fn split<'i>(space: &Space, items: &'i mut [u32], parts: &mut Vec<&'i mut [u32]>) {
+    if items.len() <= PART {
+        parts.push(items);
+        return;
+    }
+    const BINS: usize = 32;
+    let empty = (Vec3A::splat(f32::INFINITY), Vec3A::splat(f32::NEG_INFINITY));
+    let twice_middle = |i: u32| {
+        let b = space.scaled(i);
+        b.min + b.max
+    };
+    let (low, high) = items
+        .par_iter()
+        .fold(|| empty, |(l, h), &i| (l.min(twice_middle(i)), h.max(twice_middle(i))))
+        .reduce(|| empty, |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    let extent = high - low;
+    let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap();
+    let per_unit = BINS as f32 / extent[axis];
+    let bin = |i: u32| (((twice_middle(i)[axis] - low[axis]) * per_unit) as usize).min(BINS - 1);
+    let no_bins = || vec![(0_u64, Aabb::INVALID); BINS];
+    let merge = |a: &mut (u64, Aabb), b: &(u64, Aabb)| {
+        a.0 += b.0;
+        a.1 = a.1.union(&b.1);
+    };
+    let bins = items
+        .par_chunks(1 << 16)
+        .map(|chunk| {
+            let mut bins = no_bins();
+            for &i in chunk {
+                merge(&mut bins[bin(i)], &(1, space.scaled(i)));
+            }
+            bins
+        })
+        .reduce(no_bins, |mut a, b| {
+            a.iter_mut().zip(&b).for_each(|(a, b)| merge(a, b));
+            a
+        });
+    let mut from_right = vec![(0, Aabb::INVALID); BINS];
+    for cut in (1..BINS).rev() {
+        from_right[cut - 1] = from_right[cut];
+        let add = bins[cut];
+        merge(&mut from_right[cut - 1], &add);
+    }
+    let mut left = (0, Aabb::INVALID);
+    let mut best = (f32::INFINITY, 0);
+    for cut in 0..BINS - 1 {
+        merge(&mut left, &bins[cut]);
+        let right = &from_right[cut];
+        let cost = left.0 as f32 * left.1.half_area() + right.0 as f32 * right.1.half_area();
+        // Parts much smaller than PART make seams for nothing.
+        if left.0.min(right.0) as usize >= PART / 4 && cost < best.0 {
+            best = (cost, cut);
+        }
+    }
+    let middle = if best.0.is_finite() && per_unit.is_finite() {
+        partition(items, |&i| bin(i) <= best.1)
+    } else {
+        // All in one place, or nearly: any half will do.
+        items.len() / 2
+    };
+    let (a, b) = items.split_at_mut(middle);
+    split(space, a, parts);
+    split(space, b, parts);
+}
+
+/// Brings the items that `is_left` to the front; their number.
+fn partition<T>(items: &mut [T], is_left: impl Fn(&T) -> bool) -> usize {
+    let mut left = 0;
+    for index in 0..items.len() {
+        if is_left(&items[index]) {
+            items.swap(left, index);
+            left += 1;
+        }
+    }
+    left
+}
+
+const PARAMS: BvhBuildParams =
+    BvhBuildParams { max_prims_per_leaf: WIDTH as u32, ..BvhBuildParams::fast_build() };
+
+fn build_binary(boxes: &[Aabb], params: BvhBuildParams) -> Bvh2 {
+    let mut time = std::time::Duration::ZERO;
+    obvhs::bvh2::builder::build_bvh2(boxes, params, &mut time)
+}
+
+/// A part's nodes and blocks, numbered from 0. Boxes are still in the building's scale and not padded.
+#[derive(Default)]
+struct Tree {
+    nodes: Vec<Node>,
+    blocks: Vec<u32>,
+    bounds: Aabb,
+}
+
+impl Tree {
+    fn of_triangles(space: &Space, items: &mut [u32]) -> Self {
+        let boxes: Vec<Aabb> = items.iter().map(|&i| space.scaled(i)).collect();
+        let bvh = build_binary(&boxes, PARAMS);
+        let mut tree = Self { blocks: Vec::with_capacity(items.len() * 9), ..Self::default() };
+        tree.widen(&bvh, |tree, leaf| {
+            let node = &bvh.nodes[leaf];
+            let range = node.first_index as usize..(node.first_index + node.prim_count) as usize;
+            let ids: Vec<u32> = bvh.primitive_indices[range].iter().map(|&i| items[i as usize]).collect();
+            tree.leaf(space, &ids)
+        });
+        tree.nodes.shrink_to_fit();
+        tree.blocks.shrink_to_fit();
+        tree
+    }
+
+    /// Makes a tree of nodes eight wide out of a binary one: from each node down, the widest box is opened until there are
+    /// eight. Nodes come depth first, so that what is visited together lies together.
+    /// `leaf` makes what stands for a leaf.
+    fn widen(&mut self, bvh: &Bvh2, mut leaf: impl FnMut(&mut Self, usize) -> Child) {
+        self.bounds = *bvh.nodes[0].aabb();
+        // (binary node, where its wide node's index goes)
+        let mut stack = vec![(0_usize, None::<(usize, usize)>)];
+        while let Some((binary, parent)) = stack.pop() {
+            let index = self.nodes.len();
+            self.nodes.push(Node::EMPTY);
+            if let Some((node, lane)) = parent {
+                self.nodes[node].child[lane] = Child::node(index as u32);
+            }
+            let mut open = [0_usize; WIDTH];
+            let mut count = 1;
+            open[0] = binary;
+            while count < WIDTH {
+                let widest = (0..count).filter(|&k| !bvh.nodes[open[k]].is_leaf()).max_by(|&a, &b| {
+                    let area = |k: usize| bvh.nodes[open[k]].aabb().half_area();
+                    area(a).total_cmp(&area(b))
+                });
+                let Some(widest) = widest else { break };
+                let first = bvh.nodes[open[widest]].first_index as usize;
+                open[widest] = first;
+                open[count] = first + 1;
+                count += 1;
+            }
+            for (lane, &child) in open[..count].iter().enumerate() {
+                let node = &bvh.nodes[child];
+                let Aabb { min, max } = *node.aabb();
+                for axis in 0..3 {
+                    self.nodes[index].low[axis][lane] = min[axis];
+                    self.nodes[index].high[axis][lane] = max[axis];
+                }
+                if node.is_leaf() {
+                    self.nodes[index].child[lane] = leaf(self, child);
+                }
+            }
+            for (lane, &child) in open[..count].iter().enumerate().rev() {
+                if !bvh.nodes[child].is_leaf() {
+                    stack.push((child, Some((index, lane))));
+                }
+            }
+        }
+    }
+
+    /// Writes the blocks of a leaf: one if its vertices fit, else a node over several.
+    fn leaf(&mut self, space: &Space, ids: &[u32]) -> Child {
+        let mut blocks: Vec<(Child, Aabb)> = Vec::new();
+        let mut rest = ids;
+        while !rest.is_empty() {
+            let taken = self.block(space, rest);
+            let granule = taken.0;
+            let bounds = rest[..taken.1].iter().map(|&i| space.scaled(i)).reduce(|a, b| a.union(&b)).unwrap();
+            blocks.push((Child::block(granule), bounds));
+            rest = &rest[taken.1..];
+        }
+        if let [(block, _)] = blocks[..] {
+            return block;
+        }
+        let index = self.nodes.len() as u32;
+        let mut node = Node::EMPTY;
+        for (lane, (child, bounds)) in blocks.into_iter().enumerate() {
+            node.child[lane] = child;
+            for axis in 0..3 {
+                node.low[axis][lane] = bounds.min[axis];
+                node.high[axis][lane] = bounds.max[axis];
+            }
+        }
+        self.nodes.push(node);
+        Child::node(index)
+    }
+
+    /// Writes one block of as many of the triangles as fit: its granule and how many it took.
+    fn block(&mut self, space: &Space, ids: &[u32]) -> (u32, usize) {
+        let mut lane_of = HashMap::with_capacity(MAX_VERTICES);
+        let mut vertices: Vec<[f32; 3]> = Vec::with_capacity(MAX_VERTICES);
+        let mut corners = [[0_u8; WIDTH]; 3];
+        let mut extent = 0.0_f32;
+        let mut taken = 0;
+        for (lane, &id) in ids.iter().take(WIDTH).enumerate() {
+            let triangle = space.mesh.triangles[id as usize];
+            let new = triangle.iter().filter(|v| !lane_of.contains_key(*v)).count();
+            if vertices.len() + new > MAX_VERTICES {
+                break;
+            }
+            for (corner, v) in triangle.into_iter().enumerate() {
+                let vertex = *lane_of.entry(v).or_insert_with(|| {
+                    vertices.push(space.mesh.positions[v as usize]);
+                    vertices.len() as u8 - 1
+                });
+                corners[corner][lane] = vertex;
+            }
+            let Aabb { min, max } = space.triangle(id);
+            extent = extent.max((max - min).max_element());
+            taken += 1;
+        }
+        let start = self.blocks.len();
+        self.blocks.push(taken as u32 | (vertices.len() as u32) << 8);
+        self.blocks.push(extent.to_bits());
+        for axis in 0..3 {
+            self.blocks.extend(vertices.iter().map(|p| p[axis].to_bits()));
+        }
+        for corner in corners {
+            let [a, b, c, d, e, f, g, h] = corner;
+            self.blocks.extend([u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])]);
+        }
+        debug_assert_eq!(self.blocks.len(), start + HEADER + 3 * vertices.len() + 6);
+        self.blocks.extend(&ids[..taken]);
+        self.blocks.resize(self.blocks.len().next_multiple_of(GRANULE), 0);
+        ((start / GRANULE) as u32, taken)
+    }
+}
+
+/// The power of two that brings `x` to between ½ and 1, as far as f32 goes; 1 for 0.
+fn reciprocal_power_of_two(x: f32) -> f32 {
+    let (_, exponent) = libm::frexpf(x);
+    if x == 0.0 { 1.0 } else { libm::ldexpf(1.0, (-exponent).clamp(-126, 127)) }
+}

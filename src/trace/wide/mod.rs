@@ -1,0 +1,239 @@
+//! The structure that packets walk: a hierarchy eight boxes wide, its leaves blocks of triangles.
+//!
+//! Nodes hold their children's boxes as f32, one array a bound, so that eight boxes are tested at once. A leaf is a block
+//! of up to eight triangles with the vertices that they share, in the order of the tree: what a packet needs of a leaf
+//! lies in two or three cache lines.
+
+mod build;
+mod walk;
+
+pub(super) use build::{build, build_over};
+
+/// Children of a node and triangles of a block.
+pub(super) const WIDTH: usize = 8;
+
+/// A hierarchy over the triangles of one mesh, in the mesh's space.
+#[derive(Debug, Default)]
+pub(super) struct Wide {
+    /// The root is node 0, if there is any.
+    pub nodes: Vec<Node>,
+    /// Blocks, one after the other, each a whole number of [`GRANULE`]s; see [`Block`]. Empty for a hierarchy of placements,
+    /// whose leaves are named by number.
+    pub blocks: Vec<u32>,
+    /// The largest |coordinate| of a vertex.
+    pub largest: f32,
+}
+
+/// Up to eight children, boxes as structure of arrays: `low[axis][child]`.
+#[derive(Clone, Debug)]
+#[repr(C, align(32))]
+pub(super) struct Node {
+    pub low: [[f32; WIDTH]; 3],
+    pub high: [[f32; WIDTH]; 3],
+    pub child: [Child; WIDTH],
+}
+
+/// A child of a node: another node, or a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Child(u32);
+
+impl Child {
+    const LEAF: u32 = 1 << 31;
+    /// No child; its box is empty.
+    pub const NONE: Self = Self(u32::MAX);
+
+    pub fn node(index: u32) -> Self {
+        debug_assert!(index < Self::LEAF);
+        Self(index)
+    }
+
+    pub fn block(granule: u32) -> Self {
+        debug_assert!(granule < Self::LEAF - 1);
+        Self(granule | Self::LEAF)
+    }
+
+    /// The block's granule, or the node's index.
+    pub fn get(self) -> Result<u32, u32> {
+        if self.0 & Self::LEAF != 0 { Ok(self.0 & !Self::LEAF) } else { Err(self.0) }
+    }
+}
+
+impl Node {
+    /// A node without children. Its boxes are inside out, and finite, so that no arithmetic on them makes a NaN.
+    pub const EMPTY: Self =
+        Self { low: [[f32::MAX; WIDTH]; 3], high: [[f32::MIN; WIDTH]; 3], child: [Child::NONE; WIDTH] };
+}
+
+/// Words (of 32 bits) that a block's place is counted in.
+pub(super) const GRANULE: usize = 4;
+
+/// The largest number of granules that a slot can tell apart.
+pub(super) const MAX_GRANULES: usize = 1 << 29;
+
+/// Words after the last block, so that whole vectors may be read from anywhere in it.
+const TAIL: usize = 16;
+
+/// A view of one block. Its words are:
+///
+/// | words | what |
+/// |---|---|
+/// | 1 | triangles (low byte) and vertices (next byte) |
+/// | 1 | the largest side of a triangle's box, f32 |
+/// | 3 × vertices | x of all vertices, then y, then z, f32 |
+/// | 3 × 2 | for the first, second and third corner: a byte a triangle, which vertex it is |
+/// | triangles | ids in the mesh |
+#[derive(Clone, Copy)]
+pub(super) struct Block<'a> {
+    words: &'a [u32],
+    pub triangles: usize,
+    vertices: usize,
+}
+
+/// Vertices of a block: eight triangles need no more than 24, but two vectors hold no more than 16, and so a block ends.
+pub(super) const MAX_VERTICES: usize = 16;
+
+const HEADER: usize = 2;
+
+impl<'a> Block<'a> {
+    #[inline(always)]
+    pub fn at(blocks: &'a [u32], granule: u32) -> Self {
+        let words = &blocks[granule as usize * GRANULE..];
+        let head = words[0];
+        Self { words, triangles: (head & 0xff) as usize, vertices: (head >> 8 & 0xff) as usize }
+    }
+
+    /// The largest side of any triangle's bounding box.
+    #[inline(always)]
+    pub fn extent(&self) -> f32 {
+        f32::from_bits(self.words[1])
+    }
+
+    /// The first 16 words from where a coordinate of the vertices starts; those past the last vertex mean nothing.
+    #[inline(always)]
+    pub fn coordinates(&self, axis: usize) -> &'a [u32; 16] {
+        let start = HEADER + axis * self.vertices;
+        self.words[start..start + 16].try_into().unwrap()
+    }
+
+    /// For each triangle, which vertex its corner `corner` is: a byte a triangle.
+    #[inline(always)]
+    pub fn corner(&self, corner: usize) -> u64 {
+        let start = HEADER + 3 * self.vertices + 2 * corner;
+        u64::from(self.words[start]) | u64::from(self.words[start + 1]) << 32
+    }
+
+    /// The id of a triangle in its mesh.
+    #[inline(always)]
+    pub fn id(&self, lane: usize) -> u32 {
+        self.words[HEADER + 3 * self.vertices + 6 + lane]
+    }
+
+    /// The corners of a triangle.
+    #[inline(always)]
+    pub fn positions(&self, lane: usize) -> [[f32; 3]; 3] {
+        [0, 1, 2].map(|corner| {
+            let vertex = (self.corner(corner) >> (8 * lane) & 0xff) as usize;
+            [0, 1, 2].map(|axis| f32::from_bits(self.words[HEADER + axis * self.vertices + vertex]))
+        })
+    }
+}
+
+/// Where a triangle lies: its block's granule and its lane in the block, in 32 bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Slot(pub u32);
+
+impl Slot {
+    #[inline(always)]
+    pub fn new(granule: u32, lane: usize) -> Self {
+        Self(granule << 3 | lane as u32)
+    }
+
+    #[inline(always)]
+    pub fn granule(self) -> u32 {
+        self.0 >> 3
+    }
+
+    #[inline(always)]
+    pub fn lane(self) -> usize {
+        (self.0 & 7) as usize
+    }
+}
+
+impl Wide {
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        self.nodes.capacity() * size_of::<Node>() + self.blocks.capacity() * size_of::<u32>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Mesh;
+
+    #[test]
+    fn children_and_slots_keep_what_they_are_given() {
+        assert_eq!(Child::node(7).get(), Err(7));
+        assert_eq!(Child::block(9).get(), Ok(9));
+        let last = MAX_GRANULES as u32 - 1;
+        assert_eq!((Slot::new(last, 7).granule(), Slot::new(last, 7).lane()), (last, 7));
+    }
+
+    /// Every triangle of a mesh is in exactly one block, below boxes that hold it.
+    #[test]
+    fn the_tree_holds_every_triangle_once() {
+        for (width, height) in [(1, 1), (2, 3), (40, 57), (300, 300)] {
+            let mesh = grid(width, height);
+            let wide = build(&mesh);
+            let mut seen = vec![0_u32; mesh.triangles.len()];
+            let mut stack = vec![(0, [f32::MIN; 3], [f32::MAX; 3])];
+            while let Some((node, low, high)) = stack.pop() {
+                let node = &wide.nodes[node as usize];
+                for lane in 0..WIDTH {
+                    if node.child[lane] == Child::NONE {
+                        continue;
+                    }
+                    let (l, h) = (node.low.map(|b| b[lane]), node.high.map(|b| b[lane]));
+                    assert!(
+                        (0..3).all(|a| l[a] >= low[a] && h[a] <= high[a]),
+                        "a child sticks out of its parent"
+                    );
+                    match node.child[lane].get() {
+                        Err(child) => stack.push((child, l, h)),
+                        Ok(granule) => {
+                            let block = Block::at(&wide.blocks, granule);
+                            for lane in 0..block.triangles {
+                                let id = block.id(lane);
+                                seen[id as usize] += 1;
+                                let corners = block.positions(lane);
+                                assert_eq!(
+                                    corners,
+                                    mesh.triangles[id as usize].map(|v| mesh.positions[v as usize])
+                                );
+                                let inside = |p: [f32; 3]| (0..3).all(|a| l[a] < p[a] && p[a] < h[a]);
+                                assert!(corners.into_iter().all(inside), "a box must be padded");
+                            }
+                        }
+                    }
+                }
+            }
+            assert!(seen.iter().all(|&n| n == 1));
+        }
+    }
+
+    fn grid(width: u32, height: u32) -> Mesh {
+        let mut mesh = Mesh::default();
+        for y in 0..=height {
+            for x in 0..=width {
+                mesh.positions.push([x as f32, y as f32, ((x * 7 + y * 13) % 5) as f32 * 0.3]);
+            }
+        }
+        for y in 0..height {
+            for x in 0..width {
+                let at = |dx: u32, dy: u32| (y + dy) * (width + 1) + x + dx;
+                mesh.triangles.extend([[at(0, 0), at(1, 0), at(1, 1)], [at(0, 0), at(1, 1), at(0, 1)]]);
+            }
+        }
+        mesh
+    }
+}
