@@ -90,14 +90,17 @@ impl SceneBuilder {
             uses[placed.mesh] = uses[placed.mesh].saturating_add(1);
         }
         // A placement that can't be undone (a scale of zero along an axis) has no space of its own to trace in.
-        let is_shared = |p: &Placed| uses[p.mesh] > 1 && invertible(&p.world_from_mesh);
+        let is_shared = |p: &Placed| uses[p.mesh] > 1 && is_invertible(&p.world_from_mesh);
 
         let centre = self.centre(&is_shared)?;
         let mut scene = Scene { centre, ..Scene::default() };
         let mut flat = Mesh::default();
         let mut shared = Vec::new();
         for (index, placed) in self.placed.iter().enumerate() {
-            if is_shared(placed) {
+            if crushes_to_a_line(&placed.world_from_mesh) {
+                // A way to hide what is placed: nothing is left of it, however often it is done.
+                scene.skipped_triangles += self.meshes[placed.mesh].triangle_count();
+            } else if is_shared(placed) {
                 shared.push(index);
             } else {
                 let source = &mut self.meshes[placed.mesh];
@@ -169,6 +172,9 @@ impl SceneBuilder {
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (mut farthest, mut farthest_placed) = (DVec3::ZERO, 0);
         for (index, placed) in self.placed.iter().enumerate() {
+            if crushes_to_a_line(&placed.world_from_mesh) {
+                continue;
+            }
             let mesh = &self.meshes[placed.mesh];
             let mut include = |p: DVec3| {
                 let p = placed.world_from_mesh.transform_point3(p);
@@ -210,6 +216,10 @@ impl SceneBuilder {
 }
 
 impl SourceMesh {
+    fn triangle_count(&self) -> u64 {
+        self.parts.iter().map(|part| part.triangles.len() as u64).sum()
+    }
+
     /// The triangles' corners, one after the other.
     fn corners(&self) -> impl Iterator<Item = DVec3> + '_ {
         let triangles = self.parts.iter().flat_map(|part| part.triangles.iter());
@@ -231,9 +241,16 @@ fn f64_from(p: [f32; 3]) -> DVec3 {
     DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))
 }
 
-fn invertible(map: &DAffine3) -> bool {
+/// Whether a mesh so placed can be traced in its own space.
+pub(super) fn is_invertible(map: &DAffine3) -> bool {
     let determinant = map.matrix3.determinant();
     determinant != 0.0 && determinant.is_finite() && map.inverse().is_finite()
+}
+
+/// Whether the map leaves no triangle an area: it scales by zero along two axes or all three.
+pub(super) fn crushes_to_a_line(map: &DAffine3) -> bool {
+    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis];
+    [x.cross(y), y.cross(z), z.cross(x)] == [DVec3::ZERO; 3]
 }
 
 /// Whether the triangle has no area. Differences of f32 are exact in f64 unless their exponents are 29 apart, and then so
