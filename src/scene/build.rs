@@ -67,7 +67,8 @@ pub enum SceneBuildError {
     },
     /// A vertex lies at infinity, or further out than [`SceneBuilder::MAX_COORDINATE_M`].
     #[error(
-        "a vertex lies at {position} m, further than {:e} m from the middle",
+        "a vertex lies at ({:e}, {:e}, {:e}) m, further than {:e} m from the middle",
+        position.x, position.y, position.z,
         SceneBuilder::MAX_COORDINATE_M
     )]
     TooFar {
@@ -323,8 +324,7 @@ fn keep(source: SourceMesh, placed: usize, mesh: &mut Mesh) -> Result<u64, Scene
 fn check(positions: &[[f32; 3]], triangle: [u32; 3], placed: usize) -> Result<(), SceneBuildError> {
     for v in triangle {
         let position = f64_from(positions[v as usize]);
-        // Not `>`: a NaN must not pass.
-        if !(position.abs().max_element() <= SceneBuilder::MAX_COORDINATE_M) || position.is_nan() {
+        if position.abs().max_element() > SceneBuilder::MAX_COORDINATE_M || position.is_nan() {
             return Err(SceneBuildError::TooFar { placed, position });
         }
     }
@@ -411,6 +411,21 @@ mod tests {
         let nothing = DAffine3::from_scale(DVec3::ZERO);
         let error = builder(vec![square()], vec![at(0, nothing), at(0, nothing)]).build().unwrap_err();
         assert_eq!(error, SceneBuildError::Empty { skipped: 6 });
+    }
+
+    #[test]
+    fn what_is_scaled_to_nothing_takes_no_part() {
+        // Hidden far away, often: neither the centre nor the memory knows of it.
+        let mut hidden = moved(1e6, 0.0, 0.0) * DAffine3::from_scale(DVec3::new(0.0, 1.0, 0.0));
+        hidden.matrix3.z_axis = hidden.matrix3.y_axis;
+        let mut placed = vec![at(0, hidden); 1000];
+        placed.push(at(0, moved(-0.5, -0.5, 0.0)));
+        let scene = builder(vec![square()], placed).build().unwrap();
+        assert_eq!(scene.centre, DVec3::ZERO);
+        assert_eq!((scene.triangle_count(), scene.skipped_triangles), (2, 3001));
+        assert_eq!((scene.instances.len(), scene.placements.len()), (1001, 2));
+        assert!(scene.meshes[0].positions.is_empty());
+        assert_eq!(scene.surface(1, 0).instance, 1000);
     }
 
     #[test]

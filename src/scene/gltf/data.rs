@@ -51,8 +51,8 @@ struct Budget {
 }
 
 impl Budget {
-    /// What any file may unfold to.
-    const BASE: u64 = 192 << 20;
+    /// What any file may unfold to. The scene is a second copy while it is built.
+    const BASE: u64 = 96 << 20;
     /// What each byte read may unfold to besides. An index of one byte, the densest data there is, becomes a triangle of
     /// twelve; the rest is for parts that are used several times.
     const FACTOR: u64 = 64;

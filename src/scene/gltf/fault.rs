@@ -32,6 +32,7 @@ impl Fault {
     }
 }
 
+#[cfg(test)]
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.element.is_empty() {

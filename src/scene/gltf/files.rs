@@ -62,11 +62,11 @@ pub(super) fn source_file(name: &str, bytes: &[u8]) -> SourceFile {
     }
 }
 
-/// A GLB's JSON and its binary chunk; `None` if `file` is no GLB. `warnings` gets what is odd but readable.
-pub(super) fn split_glb<'a>(
-    file: &'a [u8],
-    warnings: &mut Vec<String>,
-) -> Result<Option<(&'a [u8], Option<&'a [u8]>)>, Fault> {
+/// A GLB's JSON and its binary chunk.
+type Chunks<'a> = (&'a [u8], Option<&'a [u8]>);
+
+/// What a GLB holds; `None` if `file` is no GLB. `warnings` gets what is odd but readable.
+pub(super) fn split_glb<'a>(file: &'a [u8], warnings: &mut Vec<String>) -> Result<Option<Chunks<'a>>, Fault> {
     const JSON: u32 = 0x4e4f_534a;
     const BIN: u32 = 0x004e_4942;
     if !file.starts_with(b"glTF") {

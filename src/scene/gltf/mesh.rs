@@ -311,7 +311,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
     ) -> Result<Vec<[u32; 3]>, Fault> {
         let corners = indices.map_or(vertex_count, Elements::len);
         let count = if mode == Mode::Triangles {
-            if corners % 3 != 0 {
+            if !corners.is_multiple_of(3) {
                 self.left_out.incomplete += 1;
             }
             corners / 3

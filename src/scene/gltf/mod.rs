@@ -18,6 +18,8 @@ mod files;
 mod mesh;
 mod meshopt;
 mod nodes;
+#[cfg(test)]
+mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -144,25 +146,17 @@ fn read(
     Ok(Read { builder, placed_elements, left_out })
 }
 
-fn material(material: &gltf::json::Material, options: &Options) -> Material {
+fn material(material: &document::Material, options: &Options) -> Material {
     let name = material.name.clone().unwrap_or_default();
-    // The older model's colour, for files that have nothing else.
-    let diffuse = material
-        .extensions
-        .as_ref()
-        .and_then(|extensions| extensions.others.get("KHR_materials_pbrSpecularGlossiness"))
-        .map(|model| model.get("diffuseFactor").map_or([1.0; 4], color));
-    let color = diffuse.unwrap_or(material.pbr_metallic_roughness.base_color_factor.0);
+    let color = match &material.extensions.specular_glossiness {
+        Some(older) => older.diffuse_factor,
+        None => material.pbr_metallic_roughness.base_color_factor,
+    };
     Material {
         job_label: options.labels.get(&name).copied(),
         name,
-        base_color: color.map(|c| c.clamp(0.0, 1.0)),
+        base_color: color.unwrap_or([1.0; 4]).map(|c| c.clamp(0.0, 1.0)),
     }
-}
-
-/// Four numbers; what is missing is 1.
-fn color(value: &serde_json::Value) -> [f32; 4] {
-    std::array::from_fn(|at| value.get(at).and_then(serde_json::Value::as_f64).unwrap_or(1.0) as f32)
 }
 
 fn nothing_to_hit(document: &Document, scene: Option<u32>, placements: &Placements) -> Fault {
@@ -173,8 +167,10 @@ fn nothing_to_hit(document: &Document, scene: Option<u32>, placements: &Placemen
         "has only points and lines".to_owned()
     } else if left_out.without_positions > 0 {
         "has only primitives without positions".to_owned()
-    } else if *visited == 0 {
+    } else if *visited == 0 && document.meshes.is_empty() {
         "has no nodes".to_owned()
+    } else if *visited == 0 {
+        "has no nodes that would place the file's meshes".to_owned()
     } else {
         format!("has {}, but no mesh with triangles", counted(*visited, "node"))
     };

@@ -100,7 +100,7 @@ impl Hierarchy {
 }
 
 fn local_transform(node: &Node, odd_rotations: &mut u64) -> Result<DAffine3, Fault> {
-    if let Some(m) = node.matrix {
+    if let Some(m) = &node.matrix {
         // glTF has matrices beside translation, rotation and scale in no valid file; the matrix then is the whole.
         if [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0] {
             let problem = format!("the last row of its matrix is {:?}", [m[3], m[7], m[11], m[15]]);
@@ -204,6 +204,8 @@ struct Walk<'d, 'a, 'o> {
     placed: Vec<Placed>,
     nodes: Vec<u32>,
     visited: u64,
+    /// Values of `extras.label` that were warned of.
+    strange_labels: BTreeSet<String>,
     /// Meshes that were read, by index and morph weights (their bits).
     known: BTreeMap<(u32, Vec<u64>), usize>,
 }
@@ -228,6 +230,7 @@ pub(super) fn place(
         placed: Vec::new(),
         nodes: Vec::new(),
         visited: 0,
+        strange_labels: BTreeSet::new(),
         known: BTreeMap::new(),
     };
     walk.run(scene)?;
@@ -305,7 +308,7 @@ impl Walk<'_, '_, '_> {
             serde_json::Value::String(name) => self.options.labels.get(name).copied(),
             _ => label.as_u64().and_then(|label| u32::try_from(label).ok()),
         };
-        if found.is_none() {
+        if found.is_none() && self.strange_labels.insert(label.to_string()) {
             let node = self.document.node_label(index);
             self.warnings.push(match label.as_str() {
                 Some(name) => format!("{node}: extras.label {} is not among the job's labels", quoted(name)),
