@@ -239,6 +239,19 @@ fn small_files_do_not_ask_for_much() {
         let error = of(&json).unwrap_err();
         assert!(error.problem.contains("bytes of geometry, more than the"), "{error}");
     }
+    // Long lists, walked through for each of many nodes, for nothing.
+    let mut nothing = triangle(None);
+    let points = json!({ "attributes": { "POSITION": 0 }, "mode": 0 });
+    nothing["meshes"][0] = json!({ "primitives": vec![points; 3000], "weights": vec![0; 100_000] });
+    nothing["skins"] = json!([{ "joints": vec![0; 3000] }]);
+    nothing["nodes"] = json!(vec![json!({ "mesh": 0, "skin": 0 }); 30_000]);
+    let error = of(&nothing).unwrap_err();
+    assert!(error.problem.contains("bytes of geometry, more than the"), "{error}");
+    let mut names = triangle(None);
+    names["meshes"][0]["name"] = json!("x".repeat(1_000_000));
+    names["nodes"] = json!(vec![json!({ "mesh": 0 }); 100_000]);
+    let error = of(&names).unwrap_err();
+    assert!(error.problem.contains("bytes of geometry, more than the"), "{error}");
     // As many primitives with the same data as fit into a small file.
     let mut copies = triangle(None);
     let large = vec![0; 3_000_000];

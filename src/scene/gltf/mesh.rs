@@ -60,8 +60,8 @@ pub(super) struct LeftOut {
 
 /// How the vertices of a mesh are brought into place.
 pub(super) struct Pose<'p> {
-    /// Weights of the morph targets; those that are left out are 0.
-    pub weights: &'p [f64],
+    /// The node's weights of the morph targets; without them, the mesh has its own. Those that are left out are 0.
+    pub weights: Option<&'p [f64]>,
     /// For a skinned mesh.
     pub skin: Option<&'p SkinPose>,
 }
@@ -162,13 +162,23 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         let Some(mesh) = self.document.meshes.get(index as usize) else {
             return Err(missing("mesh", index, self.document.meshes.len()));
         };
+        let default_weights: Vec<f64>;
+        let weights = match pose.weights {
+            Some(weights) => weights,
+            None => {
+                default_weights = mesh.weights.iter().flatten().map(|&weight| weight.into()).collect();
+                &default_weights
+            }
+        };
+        // Reading takes time in proportion, however little comes of it.
+        self.data.spend(mesh.primitives.len() + weights.len(), size_of::<json::mesh::Primitive>())?;
         let mut source = SourceMesh::default();
         // Where the positions of an accessor start, so that primitives that share it share them.
         let mut shared = BTreeMap::new();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
-            self.read_primitive(primitive, pose, &mut source, &mut shared).map_err(|fault| {
-                fault.within(format!("{}, primitive {number}", self.document.mesh_label(index)))
-            })?;
+            self.read_primitive(primitive, weights, pose.skin, &mut source, &mut shared).map_err(
+                |fault| fault.within(format!("{}, primitive {number}", self.document.mesh_label(index))),
+            )?;
         }
         Ok(source)
     }
@@ -176,7 +186,8 @@ impl<'d, 'a> MeshReader<'d, 'a> {
     fn read_primitive(
         &mut self,
         primitive: &json::mesh::Primitive,
-        pose: &Pose,
+        weights: &[f64],
+        skin: Option<&SkinPose>,
         source: &mut SourceMesh,
         shared: &mut BTreeMap<u32, Run>,
     ) -> Result<(), Fault> {
@@ -197,7 +208,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
             self.left_out.without_positions += 1;
             return Ok(());
         };
-        let vertices = self.vertices(primitive, position_accessor, pose)?;
+        let vertices = self.vertices(primitive, position_accessor, weights, skin.is_some())?;
         let vertex_count = vertices.positions.len();
         let indices = match primitive.indices {
             Some(accessor) => Some(
@@ -239,7 +250,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
                 if base + count > u32::MAX as usize {
                     return Err(Fault::new("", "the mesh has more than 2³² vertices"));
                 }
-                let all_finite = vertices.read(&used, pose.skin, &mut source.positions)?;
+                let all_finite = vertices.read(&used, skin, &mut source.positions)?;
                 let run = Run { base: base as u32, all_finite };
                 if sharable && !is_sparsely_used {
                     shared.insert(position_accessor, run);
@@ -265,7 +276,8 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         &self,
         primitive: &json::mesh::Primitive,
         positions: u32,
-        pose: &Pose,
+        weights: &[f64],
+        is_skinned: bool,
     ) -> Result<Vertices<'d>, Fault> {
         let quantized = self.document.uses("KHR_mesh_quantization");
         let (position, displacement) =
@@ -273,7 +285,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         let positions = self.data.elements(positions, &position, None)?;
         let count = Some(positions.len());
         let mut vertices = Vertices { positions, targets: Vec::new(), joints_and_weights: Vec::new() };
-        for (number, (target, &weight)) in primitive.targets.iter().flatten().zip(pose.weights).enumerate() {
+        for (number, (target, &weight)) in primitive.targets.iter().flatten().zip(weights).enumerate() {
             if let Some(accessor) = target.positions
                 && weight != 0.0
             {
@@ -284,7 +296,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
                 vertices.targets.push((weight, elements));
             }
         }
-        if pose.skin.is_none() {
+        if !is_skinned {
             return Ok(vertices);
         }
         for set in 0.. {

@@ -206,8 +206,8 @@ struct Walk<'d, 'a, 'o> {
     visited: u64,
     /// Values of `extras.label` that were warned of.
     strange_labels: BTreeSet<String>,
-    /// Meshes that were read, by index and morph weights (their bits).
-    known: BTreeMap<(u32, Vec<u64>), usize>,
+    /// Meshes that were read, by index and the node's own morph weights (their bits).
+    known: BTreeMap<(u32, Option<Vec<u64>>), usize>,
 }
 
 /// Places what the nodes below the roots of `scene` have, in document order.
@@ -326,11 +326,6 @@ impl Walk<'_, '_, '_> {
     fn place(&mut self, index: u32, node: &Node, mesh: u32, labels: Labels) -> Result<(), Fault> {
         let world_from_node = self.hierarchy.world_from_node[index as usize];
         let meshes = &self.document.meshes;
-        let default_weights = meshes.get(mesh as usize).and_then(|mesh| mesh.weights.as_deref());
-        let weights: Vec<f64> = match (&node.weights, default_weights) {
-            (Some(weights), _) => weights.clone(),
-            (None, weights) => weights.unwrap_or_default().iter().map(|&w| w.into()).collect(),
-        };
         let name = [node.name.as_deref(), meshes.get(mesh as usize).and_then(|mesh| mesh.name.as_deref())];
         let name = name.into_iter().flatten().find(|name| !name.is_empty()).unwrap_or_default();
         let instance = Instance { name: name.to_owned(), job_label: labels.job, file_label: labels.file };
@@ -341,17 +336,18 @@ impl Walk<'_, '_, '_> {
                     .help("glTF does not say what that would mean: use one of them"));
             }
             let pose = SkinPose::new(self.document, self.data, skin, &self.hierarchy.world_from_node)?;
-            let source = self.reader.read(mesh, &Pose { weights: &weights, skin: Some(&pose) })?;
-            self.meshes.push(source);
-            return self.add(index, self.meshes.len() - 1, DAffine3::from_translation(pose.origin), instance);
+            let weights = node.weights.as_deref();
+            self.meshes.push(self.reader.read(mesh, &Pose { weights, skin: Some(&pose) })?);
+            let gltf_from_mesh = DAffine3::from_translation(pose.origin);
+            return self.add(index, self.meshes.len() - 1, gltf_from_mesh, instance);
         }
 
-        let key = (mesh, weights.iter().map(|weight| weight.to_bits()).collect());
+        let weights = node.weights.as_deref();
+        let key = (mesh, weights.map(|weights| weights.iter().map(|weight| weight.to_bits()).collect()));
         let source = match self.known.get(&key) {
             Some(&source) => source,
             None => {
-                let source = self.reader.read(mesh, &Pose { weights: &weights, skin: None })?;
-                self.meshes.push(source);
+                self.meshes.push(self.reader.read(mesh, &Pose { weights, skin: None })?);
                 *self.known.entry(key).or_insert(self.meshes.len() - 1)
             }
         };
@@ -377,12 +373,12 @@ impl Walk<'_, '_, '_> {
             return Err(Fault::new("", "its place in the world is not finite")
                 .help("the transforms of it and its ancestors multiply to more than f64 can hold"));
         }
+        // A placement, and what of it stays in the scene.
+        self.data.spend(1, 2 * size_of::<Placed>() + instance.name.len())?;
         let source = &self.meshes[mesh];
         if source.parts.is_empty() {
             return Ok(());
         }
-        // A placement, and what of it stays in the scene.
-        self.data.spend(1, 2 * size_of::<Placed>() + instance.name.len())?;
         if !is_invertible(&gltf_from_mesh) && !crushes_to_a_line(&gltf_from_mesh) {
             // The builder can't share it; it stores it each time.
             let triangles = source.parts.iter().map(|part| part.triangles.len()).sum();
