@@ -67,7 +67,8 @@ pub enum SceneBuildError {
     },
     /// A vertex lies at infinity, or further out than [`SceneBuilder::MAX_COORDINATE_M`].
     #[error(
-        "a vertex lies at {position} m, further than {:e} m from the middle",
+        "a vertex lies at ({:e}, {:e}, {:e}) m, further than {:e} m from the middle",
+        position.x, position.y, position.z,
         SceneBuilder::MAX_COORDINATE_M
     )]
     TooFar {
@@ -97,7 +98,10 @@ impl SceneBuilder {
         let mut flat = Mesh::default();
         let mut shared = Vec::new();
         for (index, placed) in self.placed.iter().enumerate() {
-            if is_shared(placed) {
+            if crushes_to_a_line(&placed.world_from_mesh) {
+                // A way to hide what is placed: nothing is left of it, however often it is done.
+                scene.skipped_triangles += self.meshes[placed.mesh].triangle_count();
+            } else if is_shared(placed) {
                 shared.push(index);
             } else {
                 let source = &mut self.meshes[placed.mesh];
@@ -169,6 +173,9 @@ impl SceneBuilder {
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (mut farthest, mut farthest_placed) = (DVec3::ZERO, 0);
         for (index, placed) in self.placed.iter().enumerate() {
+            if crushes_to_a_line(&placed.world_from_mesh) {
+                continue;
+            }
             let mesh = &self.meshes[placed.mesh];
             let mut include = |p: DVec3| {
                 let p = placed.world_from_mesh.transform_point3(p);
@@ -210,6 +217,10 @@ impl SceneBuilder {
 }
 
 impl SourceMesh {
+    fn triangle_count(&self) -> u64 {
+        self.parts.iter().map(|part| part.triangles.len() as u64).sum()
+    }
+
     /// The triangles' corners, one after the other.
     fn corners(&self) -> impl Iterator<Item = DVec3> + '_ {
         let triangles = self.parts.iter().flat_map(|part| part.triangles.iter());
@@ -233,9 +244,15 @@ fn f64_from(p: [f32; 3]) -> DVec3 {
 
 /// Whether rays can be carried into the mesh's space and keep their precision: the condition number of the linear part
 /// (in the largest-row-sum norm) is at most 2¹², as it is for anything but a mesh that is all but crushed flat.
-fn can_be_undone(map: &DAffine3) -> bool {
+pub(super) fn can_be_undone(map: &DAffine3) -> bool {
     let norm = |m: DMat3| (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
     norm(map.matrix3) * norm(map.matrix3.inverse()) <= 4096.0 && map.inverse().is_finite()
+}
+
+/// Whether the map leaves no triangle an area: it scales by zero along two axes or all three.
+pub(super) fn crushes_to_a_line(map: &DAffine3) -> bool {
+    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis];
+    [x.cross(y), y.cross(z), z.cross(x)] == [DVec3::ZERO; 3]
 }
 
 /// Whether the triangle has no area. Differences of f32 are exact in f64 unless their exponents are 29 apart, and then so
@@ -396,6 +413,21 @@ mod tests {
         let nothing = DAffine3::from_scale(DVec3::ZERO);
         let error = builder(vec![square()], vec![at(0, nothing), at(0, nothing)]).build().unwrap_err();
         assert_eq!(error, SceneBuildError::Empty { skipped: 6 });
+    }
+
+    #[test]
+    fn what_is_scaled_to_nothing_takes_no_part() {
+        // Hidden far away, often: neither the centre nor the memory knows of it.
+        let mut hidden = moved(1e6, 0.0, 0.0) * DAffine3::from_scale(DVec3::new(0.0, 1.0, 0.0));
+        hidden.matrix3.z_axis = hidden.matrix3.y_axis;
+        let mut placed = vec![at(0, hidden); 1000];
+        placed.push(at(0, moved(-0.5, -0.5, 0.0)));
+        let scene = builder(vec![square()], placed).build().unwrap();
+        assert_eq!(scene.centre, DVec3::ZERO);
+        assert_eq!((scene.triangle_count(), scene.skipped_triangles), (2, 3001));
+        assert_eq!((scene.instances.len(), scene.placements.len()), (1001, 2));
+        assert!(scene.meshes[0].positions.is_empty());
+        assert_eq!(scene.surface(1, 0).instance, 1000);
     }
 
     #[test]

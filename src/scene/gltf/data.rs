@@ -1,0 +1,501 @@
+//! The binary data of a glTF file: buffers, the views into them, and the accessors that give the bytes a meaning. Every
+//! size that the file declares is compared with the bytes that are there, before anything is allocated or read.
+
+use std::cell::{Cell, OnceCell, RefCell};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use gltf::json;
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::validation::Checked;
+use serde::Deserialize;
+
+use super::document::Document;
+use super::fault::{Fault, missing};
+use super::{files, meshopt};
+use crate::scene::SourceFile;
+
+/// Buffers, loaded when they are first needed: a missing file that only textures use is never missed.
+pub(super) struct Data<'a> {
+    document: &'a Document,
+    /// The GLB's binary chunk.
+    chunk: Option<&'a [u8]>,
+    /// The folder that URIs are relative to, canonical.
+    folder: &'a Path,
+    buffers: Vec<OnceCell<Content<'a>>>,
+    /// Views that are stored compressed, decoded.
+    decoded: Vec<OnceCell<Vec<u8>>>,
+    files: RefCell<BTreeMap<usize, SourceFile>>,
+    budget: Budget,
+}
+
+enum Content<'a> {
+    Chunk(&'a [u8]),
+    Own(Vec<u8>),
+}
+
+impl Content<'_> {
+    fn bytes(&self) -> &[u8] {
+        match self {
+            Self::Chunk(bytes) => bytes,
+            Self::Own(bytes) => bytes,
+        }
+    }
+}
+
+/// How much memory a file may unfold to. A few bytes of JSON can ask for any number of copies of the same data, or for
+/// zeros that no data stand behind; what is unfolded is therefore counted, and compared with what was read.
+struct Budget {
+    spent: Cell<u64>,
+    read: Cell<u64>,
+}
+
+impl Budget {
+    /// What any file may unfold to. The scene is a second copy while it is built.
+    const BASE: u64 = 96 << 20;
+    /// What each byte read may unfold to besides. An index of one byte, the densest data there is, becomes a triangle of
+    /// twelve; the rest is for parts that are used several times.
+    const FACTOR: u64 = 64;
+}
+
+/// A view into a buffer.
+#[derive(Clone, Copy)]
+struct View<'b> {
+    bytes: &'b [u8],
+    stride: Option<usize>,
+}
+
+/// The elements of an accessor, checked to lie within their data.
+#[derive(Clone, Copy)]
+pub(super) struct Elements<'b> {
+    count: usize,
+    component: ComponentType,
+    normalized: bool,
+    /// `None`: zeros.
+    base: Option<Strided<'b>>,
+    sparse: Option<Sparse<'b>>,
+}
+
+#[derive(Clone, Copy)]
+struct Strided<'b> {
+    bytes: &'b [u8],
+    stride: usize,
+}
+
+/// Elements that differ from the base, by strictly increasing index.
+#[derive(Clone, Copy)]
+struct Sparse<'b> {
+    count: usize,
+    index_type: ComponentType,
+    indices: &'b [u8],
+    values: Strided<'b>,
+}
+
+/// What an accessor must be to serve a purpose.
+pub(super) struct Layout {
+    /// What for, such as `POSITION`.
+    pub purpose: &'static str,
+    /// Scalar, vector or matrix.
+    pub kind: Type,
+    /// Components, each with whether it is normalised.
+    pub components: &'static [(ComponentType, bool)],
+}
+
+/// EXT_meshopt_compression or KHR_meshopt_compression on a view.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Compressed {
+    buffer: u32,
+    #[serde(default)]
+    byte_offset: u64,
+    byte_length: u64,
+    byte_stride: usize,
+    count: usize,
+    mode: meshopt::Mode,
+    #[serde(default)]
+    filter: meshopt::Filter,
+}
+
+impl<'a> Data<'a> {
+    /// The data of a file of `read` bytes.
+    pub fn new(document: &'a Document, chunk: Option<&'a [u8]>, folder: &'a Path, read: u64) -> Self {
+        Self {
+            document,
+            chunk,
+            folder,
+            buffers: document.buffers.iter().map(|_| OnceCell::new()).collect(),
+            decoded: document.buffer_views.iter().map(|_| OnceCell::new()).collect(),
+            files: RefCell::default(),
+            budget: Budget { spent: Cell::new(0), read: Cell::new(read) },
+        }
+    }
+
+    /// The files that were read, in the order of their buffers.
+    pub fn into_files(self) -> impl Iterator<Item = SourceFile> {
+        self.files.into_inner().into_values()
+    }
+
+    /// Counts `count` things of `each` bytes that the file makes the loader unfold. To be called before allocating.
+    pub fn spend(&self, count: usize, each: usize) -> Result<(), Fault> {
+        let budget = &self.budget;
+        let spent = budget.spent.get().saturating_add((count as u64).saturating_mul(each as u64));
+        budget.spent.set(spent);
+        let most = budget.read.get().saturating_mul(Budget::FACTOR).saturating_add(Budget::BASE);
+        if spent <= most {
+            return Ok(());
+        }
+        let problem = format!(
+            "the {} bytes that were read ask for {spent} bytes of geometry, more than the {most} that they may",
+            budget.read.get()
+        );
+        Err(Fault::new("", problem).help(
+            "data that is not there, or the same data over and over: place a mesh several times instead",
+        ))
+    }
+
+    fn buffer(&self, index: u32) -> Result<&[u8], Fault> {
+        let at = index as usize;
+        let Some((cell, buffer)) = self.buffers.get(at).zip(self.document.buffers.get(at)) else {
+            return Err(missing("buffer", index, self.buffers.len()));
+        };
+        if let Some(content) = cell.get() {
+            return Ok(content.bytes());
+        }
+        let content = self.load(at, buffer).map_err(|fault| fault.within(format!("buffer {index}")))?;
+        Ok(cell.get_or_init(|| content).bytes())
+    }
+
+    fn load(&self, index: usize, buffer: &json::Buffer) -> Result<Content<'a>, Fault> {
+        let byte_length = buffer.byte_length.0;
+        let too_short = |place: &str, found: usize| {
+            let problem = format!("{place} has {found} bytes, but the buffer's byteLength is {byte_length}");
+            Fault::new("", problem)
+        };
+        let length = usize::try_from(byte_length).unwrap_or(usize::MAX);
+        let Some(uri) = &buffer.uri else {
+            let chunk = self.chunk.filter(|_| index == 0).ok_or_else(|| {
+                Fault::new("", "the buffer has no uri")
+                    .help("only the first buffer of a .glb may have none: it is the file's binary chunk")
+            })?;
+            let bytes =
+                chunk.get(..length).ok_or_else(|| too_short("the GLB's binary chunk", chunk.len()))?;
+            return Ok(Content::Chunk(bytes));
+        };
+        let (mut bytes, file) = files::resolve(uri, self.folder, byte_length)?;
+        if bytes.len() < length {
+            return Err(too_short("the data: URI", bytes.len()));
+        }
+        if let Some(file) = file {
+            self.budget.read.set(self.budget.read.get().saturating_add(file.bytes));
+            self.files.borrow_mut().insert(index, file);
+        }
+        bytes.truncate(length);
+        Ok(Content::Own(bytes))
+    }
+
+    fn slice(&self, buffer: u32, offset: u64, length: u64) -> Result<&[u8], Fault> {
+        let bytes = self.buffer(buffer)?;
+        let end = offset.checked_add(length);
+        let range = usize::try_from(offset).ok().zip(end.and_then(|end| usize::try_from(end).ok()));
+        range.and_then(|(start, end)| bytes.get(start..end)).ok_or_else(|| {
+            let problem = format!(
+                "{length} bytes from byte {offset} on lie outside buffer {buffer} of {} bytes",
+                bytes.len()
+            );
+            Fault::new("", problem)
+        })
+    }
+
+    fn view(&self, index: u32) -> Result<View<'_>, Fault> {
+        let at = index as usize;
+        let Some((cell, view)) = self.decoded.get(at).zip(self.document.buffer_views.get(at)) else {
+            return Err(missing("bufferView", index, self.decoded.len()));
+        };
+        let read = || {
+            let stride = view.byte_stride.map(|stride| stride.0);
+            if let Some(bytes) = cell.get() {
+                return Ok(View { bytes, stride });
+            }
+            if let Some(compressed) = compressed(view)? {
+                let bytes = self.decode(&compressed)?;
+                if bytes.len() as u64 != view.byte_length.0 {
+                    let problem = format!(
+                        "the view's byteLength is {}, but its compressed content has {} bytes",
+                        view.byte_length.0,
+                        bytes.len()
+                    );
+                    return Err(Fault::new("", problem));
+                }
+                return Ok(View { bytes: cell.get_or_init(|| bytes), stride });
+            }
+            let offset = view.byte_offset.map_or(0, |offset| offset.0);
+            let buffer = view.buffer.value() as u32;
+            Ok(View { bytes: self.slice(buffer, offset, view.byte_length.0)?, stride })
+        };
+        read().map_err(|fault: Fault| fault.within(format!("bufferView {index}")))
+    }
+
+    fn decode(&self, compressed: &Compressed) -> Result<Vec<u8>, Fault> {
+        let bytes = self.slice(compressed.buffer, compressed.byte_offset, compressed.byte_length)?;
+        self.spend(compressed.count, compressed.byte_stride)?;
+        let &Compressed { count, byte_stride, mode, filter, .. } = compressed;
+        meshopt::decode(bytes, count, byte_stride, mode, filter)
+            .map_err(|problem| Fault::new("", format!("the meshopt compression is broken: {problem}")))
+    }
+
+    /// The accessor `index`, which must be one of `layouts` and have `count` elements if that is given.
+    pub fn elements(&self, index: u32, layout: &Layout, count: Option<usize>) -> Result<Elements<'_>, Fault> {
+        let Some(accessor) = self.document.accessors.get(index as usize) else {
+            return Err(missing("accessor", index, self.document.accessors.len()));
+        };
+        let read = || {
+            let elements = self.checked_elements(accessor, layout)?;
+            match count {
+                Some(count) if count != elements.count => Err(Fault::new(
+                    "",
+                    format!("{} has {} elements where {count} are needed", layout.purpose, elements.count),
+                )),
+                _ => Ok(elements),
+            }
+        };
+        read().map_err(|fault: Fault| fault.within(format!("accessor {index}")))
+    }
+
+    fn checked_elements(&self, accessor: &json::Accessor, layout: &Layout) -> Result<Elements<'_>, Fault> {
+        let (component, normalized) = layout.check(accessor)?;
+        let size = component.size() * layout.kind.multiplicity();
+        let count = usize::try_from(accessor.count.0)
+            .map_err(|_| Fault::new("", format!("a count of {} is not possible", accessor.count.0)))?;
+        let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
+        let base = match accessor.buffer_view {
+            Some(view) => Some(self.strided(view.value() as u32, offset, count, size)?),
+            None => None,
+        };
+        let sparse = match &accessor.sparse {
+            Some(sparse) => {
+                Some(self.sparse(sparse, count, size).map_err(|fault: Fault| fault.within("sparse values"))?)
+            }
+            None => None,
+        };
+        Ok(Elements { count, component, normalized, base, sparse })
+    }
+
+    /// `count` elements of `size` bytes in a view.
+    fn strided(&self, view: u32, offset: u64, count: usize, size: usize) -> Result<Strided<'_>, Fault> {
+        let View { bytes, stride } = self.view(view)?;
+        let stride = stride.unwrap_or(size);
+        if stride < size {
+            let problem = format!(
+                "bufferView {view} has a byteStride of {stride}, less than the {size} bytes of an element"
+            );
+            return Err(Fault::new("", problem));
+        }
+        let needed = match count.checked_sub(1) {
+            None => Some(0),
+            Some(strides) => strides.checked_mul(stride).and_then(|length| length.checked_add(size)),
+        };
+        let available = usize::try_from(offset).ok().and_then(|offset| bytes.get(offset..));
+        match (available, needed) {
+            (Some(bytes), Some(needed)) if needed <= bytes.len() => Ok(Strided { bytes, stride }),
+            _ => {
+                let problem = format!(
+                    "{count} elements of {size} bytes, {stride} apart, from byte {offset} on lie outside \
+                     bufferView {view} of {} bytes",
+                    bytes.len()
+                );
+                Err(Fault::new("", problem))
+            }
+        }
+    }
+
+    fn sparse(
+        &self,
+        sparse: &json::accessor::sparse::Sparse,
+        base_count: usize,
+        size: usize,
+    ) -> Result<Sparse<'_>, Fault> {
+        use json::accessor::IndexComponentType;
+        let count = usize::try_from(sparse.count.0).unwrap_or(usize::MAX);
+        if count > base_count {
+            let problem = format!("there are {count} of them for {base_count} elements");
+            return Err(Fault::new("", problem));
+        }
+        let Checked::Valid(IndexComponentType(index_type)) = sparse.indices.component_type else {
+            let problem = "the indices' componentType is none that indices may have";
+            return Err(Fault::new("", problem).help("5121, 5123 or 5125: unsigned integers"));
+        };
+        let view = sparse.indices.buffer_view.value() as u32;
+        let indices = self.strided(view, sparse.indices.byte_offset.0, count, index_type.size())?;
+        if indices.stride != index_type.size() {
+            return Err(Fault::new("", format!("bufferView {view} of indices may have no byteStride")));
+        }
+        let view = sparse.values.buffer_view.value() as u32;
+        let values = self.strided(view, sparse.values.byte_offset.0, count, size)?;
+        let sparse = Sparse { count, index_type, indices: indices.bytes, values };
+        // Checking takes time in proportion, however often the accessor is used.
+        self.spend(count, index_type.size())?;
+        let mut least = 0;
+        for at in 0..count {
+            let index = sparse.index(at);
+            if index < least {
+                let problem = format!("their indices do not strictly increase: number {at} is {index}");
+                return Err(Fault::new("", problem));
+            }
+            if index >= base_count as u64 {
+                return Err(Fault::new("", format!("index {index} is past the {base_count} elements")));
+            }
+            least = index + 1;
+        }
+        Ok(sparse)
+    }
+}
+
+fn compressed(view: &json::buffer::View) -> Result<Option<Compressed>, Fault> {
+    let Some(extensions) = &view.extensions else { return Ok(None) };
+    for name in ["EXT_meshopt_compression", "KHR_meshopt_compression"] {
+        if let Some(value) = extensions.others.get(name) {
+            let parsed = Compressed::deserialize(value);
+            return parsed.map(Some).map_err(|error| Fault::new(name, error.to_string()));
+        }
+    }
+    Ok(None)
+}
+
+impl Layout {
+    /// The accessor's component type and whether it is normalised, if they serve.
+    fn check(&self, accessor: &json::Accessor) -> Result<(ComponentType, bool), Fault> {
+        let Checked::Valid(kind) = accessor.type_ else {
+            let problem = "its type is none that glTF knows";
+            return Err(Fault::new("", problem).help("SCALAR, VEC2, VEC3, VEC4, MAT2, MAT3 or MAT4"));
+        };
+        let Checked::Valid(json::accessor::GenericComponentType(component)) = accessor.component_type else {
+            let problem = "its componentType is none that glTF knows";
+            return Err(Fault::new("", problem).help("5120, 5121, 5122, 5123, 5125 or 5126"));
+        };
+        // The flag says nothing about floats and 32-bit integers.
+        let normalized = accessor.normalized && !matches!(component, ComponentType::F32 | ComponentType::U32);
+        if kind == self.kind && self.components.contains(&(component, normalized)) {
+            return Ok((component, normalized));
+        }
+        let wanted: Vec<_> = self.components.iter().map(|&(c, n)| describe(self.kind, c, n)).collect();
+        let problem =
+            format!("it is {}, which {} can't be", describe(kind, component, normalized), self.purpose);
+        let mut help = format!("it takes {}", wanted.join(", "));
+        if self.purpose == "POSITION" && kind == self.kind {
+            help.push_str("; integers need KHR_mesh_quantization among the extensionsRequired");
+        }
+        Err(Fault::new("", problem).help(help))
+    }
+}
+
+fn describe(kind: Type, component: ComponentType, normalized: bool) -> String {
+    let kind = match kind {
+        Type::Scalar => "SCALAR",
+        Type::Vec2 => "VEC2",
+        Type::Vec3 => "VEC3",
+        Type::Vec4 => "VEC4",
+        Type::Mat2 => "MAT2",
+        Type::Mat3 => "MAT3",
+        Type::Mat4 => "MAT4",
+    };
+    let component = match component {
+        ComponentType::I8 => "BYTE",
+        ComponentType::U8 => "UNSIGNED_BYTE",
+        ComponentType::I16 => "SHORT",
+        ComponentType::U16 => "UNSIGNED_SHORT",
+        ComponentType::U32 => "UNSIGNED_INT",
+        ComponentType::F32 => "FLOAT",
+    };
+    format!("{kind} of {}{component}", if normalized { "normalized " } else { "" })
+}
+
+impl Strided<'_> {
+    fn element(&self, index: usize) -> &[u8] {
+        &self.bytes[index * self.stride..]
+    }
+}
+
+impl Sparse<'_> {
+    fn index(&self, at: usize) -> u64 {
+        component(&self.indices[at * self.index_type.size()..], self.index_type) as u64
+    }
+
+    /// Where among the values the element `index` is.
+    fn find(&self, index: usize) -> Option<usize> {
+        let (mut low, mut high) = (0, self.count);
+        while low < high {
+            let middle = low.midpoint(high);
+            match self.index(middle).cmp(&(index as u64)) {
+                std::cmp::Ordering::Equal => return Some(middle),
+                std::cmp::Ordering::Less => low = middle + 1,
+                std::cmp::Ordering::Greater => high = middle,
+            }
+        }
+        None
+    }
+}
+
+impl Elements<'_> {
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// The largest integer that a component can hold.
+    pub fn largest_integer(&self) -> u32 {
+        match self.component {
+            ComponentType::I8 => i8::MAX as u32,
+            ComponentType::U8 => u8::MAX.into(),
+            ComponentType::I16 => i16::MAX as u32,
+            ComponentType::U16 => u16::MAX.into(),
+            ComponentType::U32 | ComponentType::F32 => u32::MAX,
+        }
+    }
+
+    /// The first `N` components of an element, which must have as many; normalised ones as glTF defines it:
+    /// max(c / 127, −1) and so on. `index` must be less than [`Self::len`].
+    pub fn get<const N: usize>(&self, index: usize) -> [f64; N] {
+        let Some(bytes) = self.bytes(index) else { return [0.0; N] };
+        let size = self.component.size();
+        let mut values = [0.0; N];
+        for (at, value) in values.iter_mut().enumerate() {
+            *value = component(&bytes[at * size..], self.component);
+        }
+        if self.normalized {
+            let largest = f64::from(self.largest_integer());
+            values = values.map(|value| (value / largest).max(-1.0));
+        }
+        values
+    }
+
+    /// An element that is an unsigned integer. `index` must be less than [`Self::len`].
+    pub fn integer(&self, index: usize) -> u32 {
+        let Some(bytes) = self.bytes(index) else { return 0 };
+        match self.component {
+            ComponentType::U8 => bytes[0].into(),
+            ComponentType::U16 => u16::from_le_bytes([bytes[0], bytes[1]]).into(),
+            _ => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
+        }
+    }
+
+    fn bytes(&self, index: usize) -> Option<&[u8]> {
+        if let Some(sparse) = &self.sparse
+            && let Some(at) = sparse.find(index)
+        {
+            return Some(sparse.values.element(at));
+        }
+        self.base.as_ref().map(|base| base.element(index))
+    }
+}
+
+/// The component that `bytes` starts with.
+fn component(bytes: &[u8], kind: ComponentType) -> f64 {
+    match kind {
+        ComponentType::I8 => f64::from(bytes[0] as i8),
+        ComponentType::U8 => bytes[0].into(),
+        ComponentType::I16 => i16::from_le_bytes([bytes[0], bytes[1]]).into(),
+        ComponentType::U16 => u16::from_le_bytes([bytes[0], bytes[1]]).into(),
+        ComponentType::U32 => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]).into(),
+        ComponentType::F32 => f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]).into(),
+    }
+}
