@@ -10,6 +10,145 @@ use glam::{DAffine3, DVec3};
 use super::Hit;
 use crate::scene::{Mesh, Placement};
 
+/// A number or several side by side, with the operations of IEEE 754 f64, whose results are fixed to the bit. The
+/// definition is written once over it, for one ray and for four.
+pub trait Real: Copy {
+    /// The same number in every lane.
+    fn splat(x: f64) -> Self;
+    /// self + other.
+    fn add(self, other: Self) -> Self;
+    /// self − other.
+    fn sub(self, other: Self) -> Self;
+    /// self · other.
+    fn mul(self, other: Self) -> Self;
+    /// self / other.
+    fn div(self, other: Self) -> Self;
+    /// √self.
+    fn sqrt(self) -> Self;
+    /// |self|.
+    fn abs(self) -> Self;
+    /// The lesser, if neither is NaN.
+    fn min(self, other: Self) -> Self;
+    /// The larger, if neither is NaN.
+    fn max(self, other: Self) -> Self;
+    /// One bit a lane: self ≤ other; not for NaN.
+    fn le(self, other: Self) -> u32;
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self + other
+    }
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self - other
+    }
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self * other
+    }
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self / other
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        f64::abs(self)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        if self < other { self } else { other }
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        u32::from(self <= other)
+    }
+}
+
+/// Three coordinates of one ray or of several.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Xyz<R>(pub R, pub R, pub R);
+
+impl<R: Real> Xyz<R> {
+    #[inline(always)]
+    pub(super) fn sub(self, q: Self) -> Self {
+        Self(self.0.sub(q.0), self.1.sub(q.1), self.2.sub(q.2))
+    }
+
+    /// x·x′ + y·y′ + z·z′, left to right.
+    #[inline(always)]
+    fn dot(self, q: Self) -> R {
+        self.0.mul(q.0).add(self.1.mul(q.1)).add(self.2.mul(q.2))
+    }
+
+    #[inline(always)]
+    fn cross(self, q: Self) -> Self {
+        Self(
+            self.1.mul(q.2).sub(self.2.mul(q.1)),
+            self.2.mul(q.0).sub(self.0.mul(q.2)),
+            self.0.mul(q.1).sub(self.1.mul(q.0)),
+        )
+    }
+
+    /// Unit length; zero for zero. Scaled first, so that the square of its length neither overflows nor vanishes.
+    #[inline(always)]
+    pub(super) fn normalized(self) -> Self {
+        let not_zero = R::splat(f64::MIN_POSITIVE);
+        let largest = self.0.abs().max(self.1.abs()).max(self.2.abs()).max(not_zero);
+        let scaled = Self(self.0.div(largest), self.1.div(largest), self.2.div(largest));
+        let length = scaled.dot(scaled).sqrt().max(not_zero);
+        Self(scaled.0.div(length), scaled.1.div(length), scaled.2.div(length))
+    }
+}
+
+/// (b−a) × (c−a): twice the area long, towards the side from which a, b, c are counter-clockwise.
+#[inline(always)]
+pub(super) fn normal<R: Real>([a, b, c]: [Xyz<R>; 3]) -> Xyz<R> {
+    b.sub(a).cross(c.sub(a))
+}
+
+/// The depth t = (a·N)/(d·N) at which rays along d meet the plane of a, b, c, and (a bit a lane) whether it keeps within the
+/// triangle's bounds, up to 10⁻¹² of the bound.
+#[inline(always)]
+pub(super) fn plane_depth<R: Real>([a, b, c]: [Xyz<R>; 3], d: Xyz<R>) -> (R, u32) {
+    let n = normal([a, b, c]);
+    let t = a.dot(n).div(d.dot(n));
+    let within = within(a.0, b.0, c.0, t.mul(d.0))
+        & within(a.1, b.1, c.1, t.mul(d.1))
+        & within(a.2, b.2, c.2, t.mul(d.2));
+    (t.add(R::splat(0.0)), within) // no negative zero
+}
+
+#[inline(always)]
+fn within<R: Real>(a: R, b: R, c: R, p: R) -> u32 {
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    let slack = R::splat(1e-12);
+    low.sub(low.abs().mul(slack)).le(p) & p.le(high.add(high.abs().mul(slack)))
+}
+
+/// Barycentric weights (u, v) of b and c where rays along d pass: the determinants that decide whether they do, over their
+/// sum (Segura and Feito). 0 where the sum is zero.
+#[inline(always)]
+pub(super) fn weights<R: Real>([a, b, c]: [Xyz<R>; 3], d: Xyz<R>) -> (R, R) {
+    let (ea, eb, ec) = (d.dot(b.cross(c)), d.dot(c.cross(a)), d.dot(a.cross(b)));
+    let sum = ea.add(eb).add(ec);
+    let clamped = |e: R| e.div(sum).max(R::splat(0.0)).min(R::splat(1.0));
+    (clamped(eb), clamped(ec))
+}
+
 /// A ray in the space of a mesh. The direction need not be of unit length: depths are counted in its lengths.
 #[derive(Clone, Copy, Debug)]
 pub struct LocalRay {
@@ -52,11 +191,9 @@ impl Corners {
     }
 
     /// The same from the corners' positions.
-    #[inline]
-    pub fn from_positions(positions: [[f32; 3]; 3], origin: DVec3) -> Self {
-        let [a, b, c] =
-            positions.map(|[x, y, z]| DVec3::new(f64::from(x), f64::from(y), f64::from(z)) - origin);
-        Self { a, b, c }
+    #[inline(always)]
+    pub fn from_positions([a, b, c]: [[f32; 3]; 3], origin: DVec3) -> Self {
+        Self { a: from(a, origin), b: from(b, origin), c: from(c, origin) }
     }
 
     /// Whether the line along `d` through the origin passes through the triangle, its edges and vertices included: the
@@ -107,15 +244,12 @@ impl Corners {
     /// Only meaningful when [`Corners::passes`].
     #[inline]
     pub fn depth(&self, d: DVec3) -> f64 {
-        let n = self.normal();
-        let t = dot(self.a, n) / dot(d, n);
+        let (t, within) = plane_depth(self.xyz(), xyz(d));
+        if within != 0 {
+            return t;
+        }
         let low = self.a.min(self.b).min(self.c);
         let high = self.a.max(self.b).max(self.c);
-        let p = d * t;
-        let slack = |bound: DVec3| bound.abs() * 1e-12;
-        if p.cmpge(low - slack(low)).all() && p.cmple(high + slack(high)).all() {
-            return t + 0.0; // no negative zero
-        }
         let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
         for axis in 0..3 {
             if d[axis] != 0.0 {
@@ -129,25 +263,21 @@ impl Corners {
         (if t >= enter { t } else { enter }) + 0.0
     }
 
-    /// (b−a) × (c−a): twice the area long, towards the side from which a, b, c are counter-clockwise.
-    #[inline]
-    pub fn normal(&self) -> DVec3 {
-        cross(self.b - self.a, self.c - self.a)
-    }
-
-    /// Barycentric weights (u, v) of the second and third corner where the line along `d` passes: the determinants that
-    /// decide whether it does, over their sum (Segura and Feito).
+    /// Barycentric weights (u, v) of the second and third corner where the line along `d` passes.
     #[inline]
     pub fn weights(&self, d: DVec3) -> (f64, f64) {
-        let Self { a, b, c } = *self;
-        let (ea, eb, ec) = (dot(d, cross(b, c)), dot(d, cross(c, a)), dot(d, cross(a, b)));
-        let sum = (ea + eb) + ec;
-        let weight = |e: f64| {
-            let w = e / sum;
-            if w.is_nan() { 1.0 / 3.0 } else { w.clamp(0.0, 1.0) }
-        };
-        (weight(eb), weight(ec))
+        weights(self.xyz(), xyz(d))
     }
+
+    #[inline(always)]
+    fn xyz(&self) -> [Xyz<f64>; 3] {
+        [xyz(self.a), xyz(self.b), xyz(self.c)]
+    }
+}
+
+#[inline(always)]
+fn xyz(p: DVec3) -> Xyz<f64> {
+    Xyz(p.x, p.y, p.z)
 }
 
 /// A triangle that a ray meets, before the rest of the [`Hit`] is worked out.
@@ -174,27 +304,34 @@ impl Candidate {
     #[inline]
     pub fn finish(&self, corners: &Corners, direction: DVec3, placement: &Placement) -> Hit {
         let (u, v) = corners.weights(direction);
-        let map = &placement.mesh_from_scene;
-        let mut normal = corners.normal();
-        if *map != DAffine3::IDENTITY {
-            // Normals go with the inverse's transpose, and a mirroring map turns the winding over.
-            let m = &map.matrix3;
-            normal = DVec3::new(dot(m.x_axis, normal), dot(m.y_axis, normal), dot(m.z_axis, normal));
-            if dot(m.x_axis, cross(m.y_axis, m.z_axis)) < 0.0 {
-                normal = -normal;
-            }
-        }
-        // Scaled first, so that the square of its length neither overflows nor vanishes.
-        let normal = normal / normal.abs().max_element();
-        let normal = normal / dot(normal, normal).sqrt();
+        let normal = out_of(placement, normal(corners.xyz())).normalized();
+        let normal = DVec3::new(normal.0, normal.1, normal.2);
         Hit { t: self.t, u, v, normal, placement: self.placement, triangle: self.triangle }
     }
+}
+
+/// A normal of a placement's mesh in the scene's space, of any length: normals go with the inverse's transpose, and a
+/// mirroring map turns the winding over.
+pub(super) fn out_of(placement: &Placement, normal: Xyz<f64>) -> Xyz<f64> {
+    let map = &placement.mesh_from_scene;
+    if *map == DAffine3::IDENTITY {
+        return normal;
+    }
+    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(xyz);
+    let carried = Xyz(x.dot(normal), y.dot(normal), z.dot(normal));
+    if x.dot(y.cross(z)) < 0.0 { Xyz(-carried.0, -carried.1, -carried.2) } else { carried }
 }
 
 /// x·y, left to right.
 #[inline]
 fn dot(x: DVec3, y: DVec3) -> f64 {
     (x.x * y.x + x.y * y.y) + x.z * y.z
+}
+
+/// A position seen from an origin, rounded once.
+#[inline(always)]
+fn from([x, y, z]: [f32; 3], origin: DVec3) -> DVec3 {
+    DVec3::new(f64::from(x), f64::from(y), f64::from(z)) - origin
 }
 
 #[inline]

@@ -147,6 +147,14 @@ struct Box<T> {
     w: [T; 2],
 }
 
+/// A leaf that rays may meet.
+pub(super) struct Leaf {
+    /// A block's granule, or a placement.
+    pub number: u32,
+    bounds: Box<f32>,
+    groups: u32,
+}
+
 /// Something to visit: a child of a node, and where its box begins along w.
 #[derive(Clone, Copy)]
 pub(super) struct Visit {
@@ -260,20 +268,24 @@ impl<'a> Tile<'a> {
     /// Finds the nearest hits in the mesh.
     #[inline(always)]
     pub fn walk_mesh<S: Lanes>(&mut self, stack: &mut Vec<Visit>) {
-        self.walk::<S>(stack, |tile, granule, bounds, groups| tile.leaf::<S>(granule, bounds, groups));
+        self.enter_root::<S>(stack);
+        while let Some(leaf) = self.next_leaf::<S>(stack) {
+            self.test_leaf::<S>(&leaf);
+        }
     }
 
-    /// Goes through the hierarchy, nearest boxes first, and calls `leaf` with each leaf's number that rays may meet, its box
-    /// and the groups that may meet it.
+    /// Puts what the rays may meet at the top of the hierarchy on the stack.
     #[inline(always)]
-    fn walk<S: Lanes>(
-        &mut self,
-        stack: &mut Vec<Visit>,
-        mut leaf: impl FnMut(&mut Self, u32, &Box<f32>, u32),
-    ) {
-        let Some(root) = self.wide.nodes.first() else { return };
+    pub fn enter_root<S: Lanes>(&self, stack: &mut Vec<Visit>) {
         stack.clear();
-        self.visit_children::<S>(0, root, !0, stack);
+        if let Some(root) = self.wide.nodes.first() {
+            self.visit_children::<S>(0, root, !0, stack);
+        }
+    }
+
+    /// The next leaf that rays may meet, nearest boxes first.
+    #[inline(always)]
+    pub fn next_leaf<S: Lanes>(&self, stack: &mut Vec<Visit>) -> Option<Leaf> {
         while let Some(visit) = stack.pop() {
             if visit.near > self.farthest() {
                 continue;
@@ -289,40 +301,40 @@ impl<'a> Tile<'a> {
                 Err(child) => {
                     self.visit_children::<S>(child, &self.wide.nodes[child as usize], groups, stack)
                 }
-                Ok(number) => leaf(self, number, &bounds, groups),
+                Ok(number) => return Some(Leaf { number, bounds, groups }),
             }
+        }
+        None
+    }
+
+    /// Takes over hits that were found elsewhere since.
+    pub fn update(&mut self, nearest: &Nearest) {
+        let w = self.axes[2];
+        for (ray, d) in self.directions.iter().enumerate() {
+            (self.z_low[ray], self.z_high[ray]) = bounds(nearest.t[ray] * d[w].abs());
+        }
+        for (group, far) in self.far.iter_mut().enumerate() {
+            *far = eight(&self.z_high, group).iter().copied().fold(-1.0, f32::max);
         }
     }
 
-    /// Goes through a hierarchy of placements, nearest first: `enter` takes a placement and brings `nearest` up to date.
+    /// Hands the hits found here to `nearest`, with their f64 depths if `with_depths`.
     #[inline(always)]
-    pub fn walk_placements<S: Lanes>(
-        &mut self,
-        stack: &mut Vec<Visit>,
-        nearest: &mut Nearest,
-        mut enter: impl FnMut(u32, &mut Nearest),
-    ) {
-        self.walk::<S>(stack, |tile, placement, _, _| {
-            enter(placement, nearest);
-            let w = tile.axes[2];
-            for (ray, d) in tile.directions.iter().enumerate() {
-                (tile.z_low[ray], tile.z_high[ray]) = bounds(nearest.t[ray] * d[w].abs());
+    pub fn leave(mut self, nearest: &mut Nearest, with_depths: bool) {
+        if self.here == u64::MAX && !with_depths {
+            nearest.slot = self.slot;
+            nearest.placement = [self.placement; RAYS];
+        } else {
+            let mut rest = self.here;
+            while rest != 0 {
+                let ray = rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                if with_depths {
+                    nearest.t[ray] = self.depth_of_best(ray);
+                }
+                nearest.slot[ray] = self.slot[ray];
+                nearest.placement[ray] = self.placement;
             }
-            for (group, far) in tile.far.iter_mut().enumerate() {
-                *far = S::load(eight(&tile.z_high, group)).largest();
-            }
-        });
-    }
-
-    /// Hands the hits found here to `nearest`, their depths in f64.
-    pub fn leave(mut self, nearest: &mut Nearest) {
-        let mut rest = self.here;
-        while rest != 0 {
-            let ray = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            nearest.t[ray] = self.depth_of_best(ray);
-            nearest.slot[ray] = self.slot[ray];
-            nearest.placement[ray] = self.placement;
         }
         nearest.hit |= self.here;
     }
@@ -345,13 +357,11 @@ impl<'a> Tile<'a> {
     /// Which groups a box may concern, a bit each.
     #[inline(always)]
     fn groups_in<S: Lanes>(&self, b: &Box<f32>) -> u32 {
-        let load = |side: &[f32; GROUPS]| S::load(side);
         let rectangle = Rectangle {
-            u: [load(&self.rectangle.u[0]), load(&self.rectangle.u[1])],
-            v: [load(&self.rectangle.v[0]), load(&self.rectangle.v[1])],
+            u: [S::load(&self.rectangle.u[0]), S::load(&self.rectangle.u[1])],
+            v: [S::load(&self.rectangle.v[0]), S::load(&self.rectangle.v[1])],
         };
-        let spread = |side: [f32; 2]| [S::splat(side[0]), S::splat(side[1])];
-        let b = Box { u: spread(b.u), v: spread(b.v), w: spread(b.w) };
+        let b = Box::<S> { u: spread(b.u), v: spread(b.v), w: spread(b.w) };
         let begins = b.w[0].max(S::splat(0.0)); // not before the origin: lanes without a ray end at −1
         meets(&rectangle, &b).and(S::load(&self.far).ge(begins)).and(b.w[1].ge(S::splat(0.0))).bits()
     }
@@ -360,19 +370,11 @@ impl<'a> Tile<'a> {
     #[inline(always)]
     fn visit_children<S: Lanes>(&self, index: u32, node: &Node, groups: u32, stack: &mut Vec<Visit>) {
         let rectangle = self.rectangle_of(groups);
-        let spread = |side: [f32; 2]| [S::splat(side[0]), S::splat(side[1])];
-        let rectangle = Rectangle { u: spread(rectangle.u), v: spread(rectangle.v) };
-        let side = |k: usize| {
-            let axis = self.axes[k];
-            [
-                S::load(&node.low[axis]).sub(S::splat(self.lower_from[k])),
-                S::load(&node.high[axis]).sub(S::splat(self.upper_from[k])),
-            ]
-        };
-        let w = side(2);
+        let rectangle = Rectangle::<S> { u: spread(rectangle.u), v: spread(rectangle.v) };
+        let w = self.sides::<S>(node, 2);
         let turn = S::splat(-0.0);
         let w = if self.turned { [w[1].xor(turn), w[0].xor(turn)] } else { w };
-        let boxes = Box { u: side(0), v: side(1), w };
+        let boxes = Box { u: self.sides(node, 0), v: self.sides(node, 1), w };
         let far = S::splat(self.farthest());
         let mut met = meets(&rectangle, &boxes).and(far.ge(w[0])).and(w[1].ge(S::splat(0.0))).bits();
         if met == 0 {
@@ -400,6 +402,16 @@ impl<'a> Tile<'a> {
         }
     }
 
+    /// The planes of all children's boxes along u, v or w, w not turned over.
+    #[inline(always)]
+    fn sides<S: Lanes>(&self, node: &Node, k: usize) -> [S; 2] {
+        let axis = self.axes[k];
+        [
+            S::load(&node.low[axis]).sub(S::splat(self.lower_from[k])),
+            S::load(&node.high[axis]).sub(S::splat(self.upper_from[k])),
+        ]
+    }
+
     /// The rectangle around those of `groups`.
     #[inline(always)]
     fn rectangle_of(&self, groups: u32) -> Rectangle<f32> {
@@ -417,29 +429,29 @@ impl<'a> Tile<'a> {
 
     /// Tests the triangles of a block against the rays of `groups` that its box lets through.
     #[inline(always)]
-    fn leaf<S: Lanes>(&mut self, granule: u32, b: &Box<f32>, groups: u32) {
+    fn test_leaf<S: Lanes>(&mut self, leaf: &Leaf) {
+        let Leaf { number: granule, bounds: ref b, groups } = *leaf;
         // M: the box is padded, so no corner is farther out.
         let largest = |side: [f32; 2]| side[0].abs().max(side[1].abs());
         let m = largest(b.u).max(largest(b.v)).max(largest(b.w));
         let mut alive = [0_u8; GROUPS];
         let mut rays = 0;
         let mut busy_groups = 0;
-        {
-            // 2⁻²⁴ of |g|·w ≤ 8M is lost twice, in g and in the product.
-            let room = 32.0 * U * m;
-            let spread = |side: [f32; 2], room: f32| [S::splat(side[0] - room), S::splat(side[1] + room)];
-            let b = Box { u: spread(b.u, room), v: spread(b.v, room), w: spread(b.w, 0.0) };
-            for group in bits(groups) {
-                let lanes = |values: &[f32; RAYS]| S::load(eight(values, group));
-                let (gu, gv) = (lanes(&self.g[0]), lanes(&self.g[1]));
-                let begins = b.w[0].max(S::splat(0.0));
-                let met = meets(&Rectangle { u: [gu, gu], v: [gv, gv] }, &b)
-                    .and(lanes(&self.z_high).ge(begins))
-                    .bits();
-                alive[group] = met as u8;
-                rays += met.count_ones();
-                busy_groups += u32::from(met != 0);
-            }
+        // 2⁻²⁴ of |g|·w ≤ 8M is lost twice, in g and in the product.
+        let room = 32.0 * U * m;
+        let planes = Box::<S> {
+            u: spread([b.u[0] - room, b.u[1] + room]),
+            v: spread([b.v[0] - room, b.v[1] + room]),
+            w: spread(b.w),
+        };
+        let begins = planes.w[0].max(S::splat(0.0));
+        for group in bits(groups) {
+            let (gu, gv) = (S::load(eight(&self.g[0], group)), S::load(eight(&self.g[1], group)));
+            let far = S::load(eight(&self.z_high, group));
+            let met = meets(&Rectangle { u: [gu, gu], v: [gv, gv] }, &planes).and(far.ge(begins)).bits();
+            alive[group] = met as u8;
+            rays += met.count_ones();
+            busy_groups += u32::from(met != 0);
         }
         if rays == 0 {
             return;
@@ -465,7 +477,8 @@ impl<'a> Tile<'a> {
             for lane in bits(u32::from(alive)) {
                 let ray = group * 8 + lane;
                 let (gu, gv) = (S::splat(self.g[0][ray]), S::splat(self.g[1][ray]));
-                let edges = p.edges.map(|e| gu.mul_add(e.0, gv.mul_add(e.1, e.2)));
+                let edges =
+                    [p.edges[0].dot_ray(gu, gv), p.edges[1].dot_ray(gu, gv), p.edges[2].dot_ray(gu, gv)];
                 let least = edges[0].min(edges[1]).min(edges[2]);
                 let outer = S::splat(-p.edge_error);
                 let mut maybe = least.ge(outer).bits() & p.oriented;
@@ -476,7 +489,7 @@ impl<'a> Tile<'a> {
                 if maybe == 0 {
                     continue;
                 }
-                let slope = gu.mul_add(p.normal.0, gv.mul_add(p.normal.1, p.normal.2));
+                let slope = p.normal.dot_ray(gu, gv);
                 let sure =
                     least.ge(S::splat(p.edge_error)).and(slope.ge(S::splat(4.0 * p.slope_error))).bits()
                         & p.oriented;
@@ -504,24 +517,18 @@ impl<'a> Tile<'a> {
     #[inline(always)]
     fn triangles_against_rays<S: Lanes>(&mut self, granule: u32, p: &Prepared<S>, alive: &[u8; GROUPS]) {
         let all = p.oriented | p.unoriented;
-        let mut table = [[0.0_f32; 8]; 12];
-        for (k, e) in p.edges.iter().chain([&p.normal]).enumerate() {
-            e.0.store(&mut table[3 * k]);
-            e.1.store(&mut table[3 * k + 1]);
-            e.2.store(&mut table[3 * k + 2]);
-        }
+        let tables = [p.edges[0].store(), p.edges[1].store(), p.edges[2].store(), p.normal.store()];
         for lane in bits(all) {
-            let [au, av, aw, bu, bv, bw, cu, cv, cw, nu, nv, nw] = table.map(|column| S::splat(column[lane]));
+            let a = Triple::<S>::spread_lane(&tables[0], lane);
+            let b = Triple::<S>::spread_lane(&tables[1], lane);
+            let c = Triple::<S>::spread_lane(&tables[2], lane);
             let is_oriented = p.oriented >> lane & 1 != 0;
             for (group, &alive) in alive.iter().enumerate() {
                 if alive == 0 {
                     continue;
                 }
-                let lanes = |values: &[f32; RAYS]| S::load(eight(values, group));
-                let (gu, gv) = (lanes(&self.g[0]), lanes(&self.g[1]));
-                let ea = gu.mul_add(au, gv.mul_add(av, aw));
-                let eb = gu.mul_add(bu, gv.mul_add(bv, bw));
-                let ec = gu.mul_add(cu, gv.mul_add(cv, cw));
+                let (gu, gv) = (S::load(eight(&self.g[0], group)), S::load(eight(&self.g[1], group)));
+                let (ea, eb, ec) = (a.dot_ray(gu, gv), b.dot_ray(gu, gv), c.dot_ray(gu, gv));
                 let least = ea.min(eb).min(ec);
                 let mut maybe = least.ge(S::splat(-p.edge_error));
                 if !is_oriented {
@@ -537,9 +544,10 @@ impl<'a> Tile<'a> {
                     }
                     continue;
                 }
-                let slope = gu.mul_add(nu, gv.mul_add(nv, nw));
+                let slope = Triple::<S>::spread_lane(&tables[3], lane).dot_ray(gu, gv);
                 let (z_low, z_high) = p.depths(slope, S::splat(p.volume[lane]));
-                let (best_low, best_high) = (lanes(&self.z_low), lanes(&self.z_high));
+                let best_low = S::load(eight(&self.z_low, group));
+                let best_high = S::load(eight(&self.z_high, group));
                 let sure = least.ge(S::splat(p.edge_error)).and(slope.ge(S::splat(4.0 * p.slope_error)));
                 let in_front = sure.and(z_low.ge(S::splat(self.near)));
                 // Strictly before, and strictly behind.
@@ -547,14 +555,9 @@ impl<'a> Tile<'a> {
                 let behind_bits = sure.bits() & !best_high.ge(z_low).bits();
                 if nearer_bits != 0 {
                     let nearer = lane_mask::<S>(nearer_bits);
-                    let range = group * 8..group * 8 + 8;
-                    let store = |to: &mut [f32; RAYS], new: S, old: S| {
-                        let to: &mut [f32; 8] = (&mut to[range.clone()]).try_into().unwrap();
-                        S::select(nearer, new, old).store(to);
-                    };
-                    store(&mut self.z_low, z_low, best_low);
-                    store(&mut self.z_high, z_high, best_high);
-                    let slots: &mut [u32; 8] = (&mut self.slot[range.clone()]).try_into().unwrap();
+                    S::select(nearer, z_low, best_low).store(eight_mut(&mut self.z_low, group));
+                    S::select(nearer, z_high, best_high).store(eight_mut(&mut self.z_high, group));
+                    let slots = eight_mut(&mut self.slot, group);
                     let slot = S::load_bits(&[Slot::new(granule, lane).0; 8]);
                     S::select(nearer, slot, S::load_bits(slots)).store_bits(slots);
                     self.replaced(u64::from(nearer_bits) << (group * 8));
@@ -645,24 +648,14 @@ impl<S: Lanes> Prepared<S> {
     #[inline(always)]
     fn new(tile: &Tile, block: &Block, m: f32) -> Self {
         let turn = S::splat(if tile.turned { -0.0 } else { 0.0 });
-        let halves = |k: usize| {
-            let words = block.coordinates(tile.axes[k]);
-            let half = |from: usize| {
-                let half = S::load_bits(words[from..from + 8].try_into().unwrap());
-                if k == 2 { half.xor(turn) } else { half }
-            };
-            (half(0), half(8))
-        };
-        let (u, v, w) = (halves(0), halves(1), halves(2));
-        let corner = |number: usize| {
-            let vertices = block.corner(number);
-            let pick = |(low, high): (S, S)| S::gather(low, high, vertices);
-            Triple(pick(u), pick(v), pick(w))
-        };
-        let (a, b, c) = (corner(0), corner(1), corner(2));
-        let spread = |o: [f32; 3]| Triple(S::splat(o[0]), S::splat(o[1]), S::splat(o[2]));
+        let (u, v, w) =
+            (block.halves(tile.axes[0]), block.halves(tile.axes[1]), block.halves::<S>(tile.axes[2]));
+        let w = (w.0.xor(turn), w.1.xor(turn));
+        let a = corner(u, v, w, block.corner(0));
+        let b = corner(u, v, w, block.corner(1));
+        let c = corner(u, v, w, block.corner(2));
         let (ab, ac, bc) = (b.sub(a), c.sub(a), c.sub(b));
-        let a = a.sub(spread(tile.high)).sub(spread(tile.low));
+        let a = a.sub(Triple::splat(tile.high)).sub(Triple::splat(tile.low));
         let (b, c) = (a.add(ab), a.add(ac));
         let normal = ab.cross(ac);
         let volume = a.0.mul_add(normal.0, a.1.mul_add(normal.1, a.2.mul(normal.2)));
@@ -714,12 +707,26 @@ impl<S: Lanes> Prepared<S> {
 fn meets<S: Lanes>(r: &Rectangle<S>, b: &Box<S>) -> S {
     let near = b.w[0].max(S::splat(0.0));
     let far = b.w[1];
-    let axis = |r: [S; 2], b: [S; 2]| {
-        let least = r[0].mul(near).min(r[0].mul(far));
-        let most = r[1].mul(near).max(r[1].mul(far));
-        b[1].ge(least).and(most.ge(b[0]))
-    };
-    axis(r.u, b.u).and(axis(r.v, b.v))
+    overlaps(r.u, b.u, near, far).and(overlaps(r.v, b.v, near, far))
+}
+
+/// Whether w·[r₀, r₁] meets [b₀, b₁] for some w from `near` to `far`.
+#[inline(always)]
+fn overlaps<S: Lanes>(r: [S; 2], b: [S; 2], near: S, far: S) -> S {
+    let least = r[0].mul(near).min(r[0].mul(far));
+    let most = r[1].mul(near).max(r[1].mul(far));
+    b[1].ge(least).and(most.ge(b[0]))
+}
+
+#[inline(always)]
+fn spread<S: Lanes>(side: [f32; 2]) -> [S; 2] {
+    [S::splat(side[0]), S::splat(side[1])]
+}
+
+/// The corners that `vertices` names, a byte a triangle.
+#[inline(always)]
+fn corner<S: Lanes>(u: (S, S), v: (S, S), w: (S, S), vertices: u64) -> Triple<S> {
+    Triple(S::gather(u.0, u.1, vertices), S::gather(v.0, v.1, vertices), S::gather(w.0, w.1, vertices))
 }
 
 /// f32 bounds of an f64 depth, with a few ulps of room.
@@ -742,6 +749,11 @@ fn bits(mut set: u32) -> impl Iterator<Item = usize> {
 #[inline(always)]
 fn eight(values: &[f32; RAYS], group: usize) -> &[f32; 8] {
     values[group * 8..group * 8 + 8].try_into().unwrap()
+}
+
+#[inline(always)]
+fn eight_mut<T>(values: &mut [T; RAYS], group: usize) -> &mut [T; 8] {
+    (&mut values[group * 8..group * 8 + 8]).try_into().unwrap()
 }
 
 /// A mask from one bit a lane.

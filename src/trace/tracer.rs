@@ -3,8 +3,8 @@
 use glam::{DAffine3, DVec3};
 
 use super::bounds::Bounds;
-use super::exact::{Candidate, Corners, LocalRay};
-use super::lanes::{self, Lanes, Portable, Work};
+use super::exact::{self, Candidate, Corners, LocalRay, Xyz};
+use super::lanes::{self, Doubles, Lanes, Portable, Work};
 use super::packet::{Nearest, RAYS, Tile, Visit};
 use super::wide::{self, Block, Child, Slot, Wide};
 use super::{Cast, Hit, Rays};
@@ -98,23 +98,25 @@ impl<'s> Tracer<'s> {
                 return false;
             };
             packet.walk_mesh::<S>(&mut room.mesh);
-            packet.leave(&mut nearest);
+            packet.leave(&mut nearest, false);
         } else {
             let Some(mut top) = Tile::new(&self.top, 0, tile.origin, tile.directions, limits, &nearest)
             else {
                 return false;
             };
             let Room { top: stack, mesh: mesh_stack, carried, single } = room;
-            top.walk_placements::<S>(stack, &mut nearest, |index, nearest| {
+            top.enter_root::<S>(stack);
+            while let Some(leaf) = top.next_leaf::<S>(stack) {
+                let index = leaf.number;
                 let placement = &self.scene.placements[index as usize];
                 let carry = |direction| LocalRay { origin: tile.origin, direction }.carried(placement);
                 let origin = carry(DVec3::ZERO).origin;
                 carried.clear();
                 carried.extend(tile.directions.iter().map(|&d| carry(d).direction));
                 let wide = &self.meshes[placement.mesh as usize];
-                if let Some(mut packet) = Tile::new(wide, index, origin, carried, limits, nearest) {
+                if let Some(mut packet) = Tile::new(wide, index, origin, carried, limits, &nearest) {
                     packet.walk_mesh::<S>(mesh_stack);
-                    packet.leave(nearest);
+                    packet.leave(&mut nearest, true);
                 } else {
                     for (ray, &direction) in carried.iter().enumerate() {
                         let mut best = nearest.get(ray);
@@ -128,13 +130,92 @@ impl<'s> Tracer<'s> {
                         nearest.set(ray, best);
                     }
                 }
-            });
+                top.update(&nearest);
+            }
         }
-        for (ray, (hit, &direction)) in hits.iter_mut().zip(tile.directions).enumerate() {
-            *hit =
-                nearest.get(ray).map(|best| self.finish(LocalRay { origin: tile.origin, direction }, &best));
+        for (four, hits) in hits.chunks_mut(4).enumerate() {
+            self.finish_four::<S::Doubles>(tile, &nearest, four * 4, hits);
         }
         true
+    }
+
+    /// The whole hits of up to four rays from number `first` on: [`Candidate::finish`] and the depth, side by side.
+    #[inline(always)]
+    fn finish_four<D: Doubles>(
+        &self,
+        tile: &Rays,
+        nearest: &Nearest,
+        first: usize,
+        hits: &mut [Option<Hit>],
+    ) {
+        let mut origins = [[0.0; 4]; 3];
+        let mut directions = [[1.0; 4]; 3];
+        let mut positions = [[[1.0; 4]; 3]; 3];
+        let mut triangles = [0; 4];
+        let mut any = false;
+        for (k, hit) in hits.iter_mut().enumerate() {
+            *hit = None;
+            let Some(best) = nearest.get(first + k) else { continue };
+            any = true;
+            let mut ray = LocalRay { origin: tile.origin, direction: tile.directions[first + k] };
+            if best.placement != 0 {
+                ray = ray.carried(&self.scene.placements[best.placement as usize]);
+            }
+            let block = Block::at(&self.wide(best.placement).blocks, best.slot.granule());
+            triangles[k] = block.id(best.slot.lane());
+            let corners = block.positions(best.slot.lane());
+            for axis in 0..3 {
+                origins[axis][k] = ray.origin[axis];
+                directions[axis][k] = ray.direction[axis];
+                positions[0][axis][k] = f64::from(corners[0][axis]);
+                positions[1][axis][k] = f64::from(corners[1][axis]);
+                positions[2][axis][k] = f64::from(corners[2][axis]);
+            }
+        }
+        if !any {
+            return;
+        }
+        let load = load_xyz::<D>;
+        let origin = load(&origins);
+        let d = load(&directions);
+        let corners = [
+            load(&positions[0]).sub(origin),
+            load(&positions[1]).sub(origin),
+            load(&positions[2]).sub(origin),
+        ];
+        let (t, within) = exact::plane_depth(corners, d);
+        let (u, v) = exact::weights(corners, d);
+        let mut normals = store_xyz(exact::normal(corners));
+        if !self.top.nodes.is_empty() {
+            for k in 0..hits.len() {
+                if let Some(best) = nearest.get(first + k) {
+                    let normal = Xyz(normals[0][k], normals[1][k], normals[2][k]);
+                    let out = exact::out_of(&self.scene.placements[best.placement as usize], normal);
+                    (normals[0][k], normals[1][k], normals[2][k]) = (out.0, out.1, out.2);
+                }
+            }
+        }
+        let normals = store_xyz(load(&normals).normalized());
+        let (mut ts, mut us, mut vs) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+        t.store(&mut ts);
+        u.store(&mut us);
+        v.store(&mut vs);
+        for (k, hit) in hits.iter_mut().enumerate() {
+            let Some(best) = nearest.get(first + k) else { continue };
+            if within >> k & 1 == 0 {
+                let at = |xyz: &[[f64; 4]; 3]| DVec3::new(xyz[0][k], xyz[1][k], xyz[2][k]);
+                let [a, b, c] = [0, 1, 2].map(|corner| at(&positions[corner]) - at(&origins));
+                ts[k] = Corners { a, b, c }.depth(at(&directions));
+            }
+            *hit = Some(Hit {
+                t: ts[k],
+                u: us[k],
+                v: vs[k],
+                normal: DVec3::new(normals[0][k], normals[1][k], normals[2][k]),
+                placement: best.placement,
+                triangle: triangles[k],
+            });
+        }
     }
 
     /// The hits of rays taken one by one.
@@ -232,6 +313,20 @@ impl Work for Packets<'_, '_, '_> {
     fn run<S: Lanes>(self) {
         self.tracer.cast_packets::<S>(&self.rays, self.hits);
     }
+}
+
+#[inline(always)]
+fn load_xyz<D: Doubles>(x: &[[f64; 4]; 3]) -> Xyz<D> {
+    Xyz(D::load(&x[0]), D::load(&x[1]), D::load(&x[2]))
+}
+
+#[inline(always)]
+fn store_xyz<D: Doubles>(x: Xyz<D>) -> [[f64; 4]; 3] {
+    let mut to = [[0.0; 4]; 3];
+    x.0.store(&mut to[0]);
+    x.1.store(&mut to[1]);
+    x.2.store(&mut to[2]);
+    to
 }
 
 /// Where a ray's nearest hit lies.

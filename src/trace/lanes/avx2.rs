@@ -7,7 +7,8 @@
 
 use std::arch::x86_64::*;
 
-use super::{Lanes, Work};
+use super::{Doubles, Lanes, Work};
+use crate::trace::exact::Real;
 
 /// Eight f32 in a register. Only to be made inside of [`with_avx2`].
 #[derive(Clone, Copy)]
@@ -35,6 +36,8 @@ pub(in crate::trace) fn with_avx2<W: Work>(work: W) -> W::Output {
 }
 
 impl Lanes for Avx2 {
+    type Doubles = Avx2Doubles;
+
     #[inline(always)]
     fn splat(x: f32) -> Self {
         // SAFETY: AVX, see the module.
@@ -162,5 +165,85 @@ impl Lanes for Avx2 {
             // SAFETY: a hint that reads nothing; the address is inside of `place`.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(start.add(line)) }
         }
+    }
+}
+
+/// Four f64 in a register. Only to be made inside of [`with_avx2`].
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct Avx2Doubles(__m256d);
+
+impl Doubles for Avx2Doubles {
+    #[inline(always)]
+    fn load(x: &[f64; 4]) -> Self {
+        // SAFETY: AVX, see the module; the reference covers the 32 bytes read.
+        Self(unsafe { _mm256_loadu_pd(x.as_ptr()) })
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f64; 4]) {
+        // SAFETY: AVX, see the module; the reference covers the 32 bytes written.
+        unsafe { _mm256_storeu_pd(to.as_mut_ptr(), self.0) }
+    }
+}
+
+impl Real for Avx2Doubles {
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_set1_pd(x) })
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_add_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_sub_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_mul_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_div_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_min_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_max_pd(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_sqrt_pd(self.0) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        // SAFETY: AVX, see the module.
+        (unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(self.0, other.0)) }) as u32
     }
 }

@@ -7,12 +7,16 @@
 mod avx2;
 mod portable;
 
+use super::exact::Real;
+
 #[cfg(target_arch = "x86_64")]
 pub(super) use avx2::{has_avx2, with_avx2};
 pub(super) use portable::Portable;
 
 /// Eight f32. Comparisons give lanes of all ones (true) or all zeros.
 pub(super) trait Lanes: Copy {
+    /// The f64 that go with them.
+    type Doubles: Doubles;
     fn splat(x: f32) -> Self;
     fn load(x: &[f32; 8]) -> Self;
     /// Lanes of these bits.
@@ -67,8 +71,15 @@ pub(super) trait Lanes: Copy {
     }
 }
 
+/// Four f64, whose operations are those of IEEE 754: the same bits from every kind.
+pub(super) trait Doubles: Real {
+    fn load(x: &[f64; 4]) -> Self;
+    fn store(self, to: &mut [f64; 4]);
+}
+
 /// Something to be done with any kind of lanes. `run` must be `#[inline(always)]`, and so must all that it calls in a loop:
-/// code is compiled for a processor's features only where it is inlined into a function that has them.
+/// code is compiled for a processor's features only where it is inlined into a function that has them. (So no closures over
+/// lanes: the compiler inlines these as it sees fit.)
 pub(super) trait Work {
     type Output;
     fn run<S: Lanes>(self) -> Self::Output;
@@ -80,23 +91,22 @@ pub(super) struct Triple<S>(pub S, pub S, pub S);
 
 impl<S: Lanes> Triple<S> {
     #[inline(always)]
-    pub fn map2(self, other: Self, f: impl Fn(S, S) -> S) -> Self {
-        Self(f(self.0, other.0), f(self.1, other.1), f(self.2, other.2))
+    pub fn splat(x: [f32; 3]) -> Self {
+        Self(S::splat(x[0]), S::splat(x[1]), S::splat(x[2]))
     }
 
     #[inline(always)]
     pub fn add(self, other: Self) -> Self {
-        self.map2(other, S::add)
+        Self(self.0.add(other.0), self.1.add(other.1), self.2.add(other.2))
     }
 
     #[inline(always)]
     pub fn sub(self, other: Self) -> Self {
-        self.map2(other, S::sub)
+        Self(self.0.sub(other.0), self.1.sub(other.1), self.2.sub(other.2))
     }
 
     #[inline(always)]
     pub fn cross(self, q: Self) -> Self {
-        let minor = |a: S, b: S, c: S, d: S| a.mul_add(b, c.mul(d).xor(S::splat(-0.0)));
         Self(
             minor(self.1, q.2, self.2, q.1),
             minor(self.2, q.0, self.0, q.2),
@@ -104,9 +114,36 @@ impl<S: Lanes> Triple<S> {
         )
     }
 
+    /// self · (u, v, 1).
+    #[inline(always)]
+    pub fn dot_ray(self, u: S, v: S) -> S {
+        u.mul_add(self.0, v.mul_add(self.1, self.2))
+    }
+
     /// Turns over the coordinates of lanes where `signs` has the sign bit.
     #[inline(always)]
     pub fn flip(self, signs: S) -> Self {
         Self(self.0.xor(signs), self.1.xor(signs), self.2.xor(signs))
     }
+
+    /// One lane of each, in all lanes.
+    #[inline(always)]
+    pub fn spread_lane(table: &[[f32; 8]; 3], lane: usize) -> Self {
+        Self(S::splat(table[0][lane]), S::splat(table[1][lane]), S::splat(table[2][lane]))
+    }
+
+    #[inline(always)]
+    pub fn store(self) -> [[f32; 8]; 3] {
+        let mut table = [[0.0; 8]; 3];
+        self.0.store(&mut table[0]);
+        self.1.store(&mut table[1]);
+        self.2.store(&mut table[2]);
+        table
+    }
+}
+
+/// a·b − c·d.
+#[inline(always)]
+fn minor<S: Lanes>(a: S, b: S, c: S, d: S) -> S {
+    a.mul_add(b, c.mul(d).xor(S::splat(-0.0)))
 }

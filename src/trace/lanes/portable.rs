@@ -2,7 +2,8 @@
 
 use std::array::from_fn;
 
-use super::Lanes;
+use super::{Doubles, Lanes};
+use crate::trace::exact::Real;
 
 #[derive(Clone, Copy)]
 pub(in crate::trace) struct Portable([f32; 8]);
@@ -25,6 +26,8 @@ impl Portable {
 }
 
 impl Lanes for Portable {
+    type Doubles = PortableDoubles;
+
     #[inline(always)]
     fn splat(x: f32) -> Self {
         Self([x; 8])
@@ -126,4 +129,79 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn prefetch<T>(_: &T) {}
+}
+
+/// Four f64 in an array.
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct PortableDoubles([f64; 4]);
+
+impl PortableDoubles {
+    #[inline(always)]
+    fn with(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        Self(from_fn(|k| f(self.0[k], other.0[k])))
+    }
+}
+
+impl Doubles for PortableDoubles {
+    #[inline(always)]
+    fn load(x: &[f64; 4]) -> Self {
+        Self(*x)
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f64; 4]) {
+        *to = self.0;
+    }
+}
+
+impl Real for PortableDoubles {
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        Self([x; 4])
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.with(other, Real::add)
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.with(other, Real::sub)
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.with(other, Real::mul)
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.with(other, Real::div)
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.with(other, Real::min)
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.with(other, Real::max)
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(f64::sqrt))
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(self.0.map(f64::abs))
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        (0..4).fold(0, |bits, k| bits | u32::from(self.0[k] <= other.0[k]) << k)
+    }
 }

@@ -7,6 +7,8 @@
 mod build;
 mod walk;
 
+use super::lanes::Lanes;
+
 pub(super) use build::{build, build_over};
 
 /// Children of a node and triangles of a block.
@@ -108,11 +110,12 @@ impl<'a> Block<'a> {
         f32::from_bits(self.words[1])
     }
 
-    /// The first 16 words from where a coordinate of the vertices starts; those past the last vertex mean nothing.
+    /// A coordinate of the first eight vertices and of the next eight; those past the last vertex mean nothing.
     #[inline(always)]
-    pub fn coordinates(&self, axis: usize) -> &'a [u32; 16] {
+    pub fn halves<S: Lanes>(&self, axis: usize) -> (S, S) {
         let start = HEADER + axis * self.vertices;
-        self.words[start..start + 16].try_into().unwrap()
+        let words: &[u32; 16] = self.words[start..start + 16].try_into().unwrap();
+        (S::load_bits(words[..8].try_into().unwrap()), S::load_bits(words[8..].try_into().unwrap()))
     }
 
     /// For each triangle, which vertex its corner `corner` is: a byte a triangle.
@@ -131,10 +134,15 @@ impl<'a> Block<'a> {
     /// The corners of a triangle.
     #[inline(always)]
     pub fn positions(&self, lane: usize) -> [[f32; 3]; 3] {
-        [0, 1, 2].map(|corner| {
-            let vertex = (self.corner(corner) >> (8 * lane) & 0xff) as usize;
-            [0, 1, 2].map(|axis| f32::from_bits(self.words[HEADER + axis * self.vertices + vertex]))
-        })
+        let at = HEADER + 3 * self.vertices;
+        let [mut a, mut b, mut c] = [[0.0; 3]; 3];
+        for (corner, position) in [&mut a, &mut b, &mut c].into_iter().enumerate() {
+            let vertex = (self.words[at + 2 * corner + lane / 4] >> (8 * (lane % 4)) & 0xff) as usize;
+            for (axis, coordinate) in position.iter_mut().enumerate() {
+                *coordinate = f32::from_bits(self.words[HEADER + axis * self.vertices + vertex]);
+            }
+        }
+        [a, b, c]
     }
 }
 
