@@ -151,6 +151,7 @@ fn in_the_way(path: &Path, error: &io::Error) -> Error {
         Kind::AlreadyExists | Kind::NotADirectory => {
             Error::output(path, "can't be made a folder: a file is in the way")
         }
+        Kind::NotFound => Error::output(path, "can't be written: the folder takes no files, or is gone"),
         _ => Error::output(path, format!("can't be written: {error}")),
     }
 }
