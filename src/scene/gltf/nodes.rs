@@ -10,7 +10,7 @@ use super::data::{Data, Layout};
 use super::document::{Document, Node};
 use super::fault::{Fault, counted, missing, quoted};
 use super::mesh::{LeftOut, MeshReader, Pose, SkinPose};
-use crate::scene::build::{crushes_to_a_line, can_be_undone};
+use crate::scene::build::{can_be_undone, crushes_to_a_line};
 use crate::scene::{Instance, Placed, SourceMesh};
 
 use ComponentType::{F32, I8, I16};
