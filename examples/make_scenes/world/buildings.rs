@@ -263,8 +263,9 @@ impl House {
                 mesh.quad([a, b, up(b, top), up(a, top)], wall);
             }
         }
-        mesh.cuboid(v(-0.02, -0.14, top - 0.2), v(w + 0.02, 0.05, top + 0.06), f.stone);
-        mesh.cuboid(v(-0.015, -0.08, GROUND_FLOOR - 0.17), v(w + 0.015, 0.06, GROUND_FLOOR - 0.05), f.stone);
+        // Ledges end just short of the neighbour's.
+        mesh.cuboid(v(0.005, -0.14, top - 0.2), v(w - 0.005, 0.05, top + 0.06), f.stone);
+        mesh.cuboid(v(0.005, -0.08, GROUND_FLOOR - 0.17), v(w - 0.005, 0.06, GROUND_FLOOR - 0.05), f.stone);
         if self.pitched {
             let (ridge, rise, eaves) = (d / 2.0, d * 0.42, 0.4);
             let slope = rise / ridge;

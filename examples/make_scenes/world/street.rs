@@ -22,6 +22,8 @@ const CROSS: (f64, f64) = (26.0, 34.0);
 /// Pavements are this wide and this high.
 const PAVEMENT: f64 = 4.0;
 const STEP: f64 = 0.125;
+/// What parts a house from its neighbour, so that their walls do not coincide.
+const JOINT: f64 = 1.0 / 64.0;
 /// Where the park lies (x, y).
 const PARK: ((f64, f64), (f64, f64)) = ((-28.0, 4.0), (11.5, 32.0));
 
@@ -183,10 +185,10 @@ fn houses(doc: &mut Document) {
     let front = [true, false, false, false];
     for (name, x, width, floors, colour, pitched, shops, bayed) in [
         ("house 1", 22.0, 6, 4, 0, false, true, [true, false, false, true]),
-        ("house 2", 4.0, 5, 3, 1, true, false, front),
-        ("house 3", -11.0, 6, 4, 2, false, true, front),
+        ("house 2", 4.0 - JOINT, 5, 3, 1, true, false, front),
+        ("house 3", -11.0 - 2.0 * JOINT, 6, 4, 2, false, true, front),
         ("house 4", -31.0, 6, 3, 3, true, false, front),
-        ("house 5", -49.0, 4, 4, 1, false, false, front),
+        ("house 5", -49.0 - JOINT, 4, 4, 1, false, false, front),
         ("house 6", 62.0, 8, 3, 1, false, false, [true, true, false, false]),
     ] {
         let frame = QuarterTurned { at: v(x, south, STEP), quarters: 2 };
@@ -198,7 +200,7 @@ fn houses(doc: &mut Document) {
     }
     let north = KERB.1 + PAVEMENT;
     for (name, x, width, floors, colour, pitched, shops, bayed) in [
-        ("house 7", -61.0, 5, 3, 2, true, false, front),
+        ("house 7", -61.0 - JOINT, 5, 3, 2, true, false, front),
         ("house 8", -46.0, 6, 4, 3, false, true, [true, true, false, false]),
         ("house 9", 4.0, 6, 3, 0, false, true, [true, true, false, true]),
         ("house 10", 38.0, 8, 3, 2, true, true, [true, false, false, true]),

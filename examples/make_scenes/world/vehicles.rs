@@ -374,8 +374,12 @@ pub fn forklift(body: Material, dark: Material, steel: Material, lift: f64) -> M
         // Fork: upright and blade.
         let f = side * 0.28;
         mesh.cuboid(v(0.8, f - 0.06, lift), v(0.85, f + 0.06, lift + 0.6), dark);
-        let blade =
-            [v(0.8, f - 0.06, lift), v(1.9, f - 0.06, lift), v(1.9, f + 0.06, lift), v(0.8, f + 0.06, lift)];
+        let blade = [
+            v(0.81, f - 0.055, lift),
+            v(1.9, f - 0.055, lift),
+            v(1.9, f + 0.055, lift),
+            v(0.81, f + 0.055, lift),
+        ];
         let thick = [0.045, 0.012, 0.012, 0.045];
         let top: Vec<_> = blade.iter().zip(thick).map(|(&p, t)| p + v(0.0, 0.0, t - 0.002)).collect();
         mesh.prism(&blade.map(|p| p - v(0.0, 0.0, 0.002)), &top, dark);

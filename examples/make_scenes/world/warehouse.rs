@@ -246,8 +246,8 @@ fn pallet_mesh(wood: Material) -> Mesh {
         }
     }
     for i in 0..7 {
-        let x = -0.55 + 1.1 * f64::from(i) / 6.0;
-        mesh.cuboid(v(x - 0.05, -0.4, 0.122), v(x + 0.05, 0.4, 0.1435), wood);
+        let x = -0.548 + 1.096 * f64::from(i) / 6.0;
+        mesh.cuboid(v(x - 0.05, -0.399, 0.122), v(x + 0.05, 0.399, 0.1435), wood);
     }
     mesh
 }
