@@ -88,7 +88,7 @@ pub fn make() -> SceneFile {
     doc.add(node);
 
     // Racks: single ones on the outside of the middle aisle's neighbours, pairs back to back between.
-    let rows = [-11.0, -6.75, -5.5, -2.125, 2.125, 5.5, 6.75, 11.0];
+    let rows = [-11.0, -6.8125, -5.4375, -2.125, 2.125, 5.4375, 6.8125, 11.0];
     let length = BAY * BAYS as f64;
     let frame = doc.solid("upright frame", &upright_frame(blue, steel));
     let beams = doc.solid("beams", &beam_pair(orange));
