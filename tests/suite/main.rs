@@ -5,6 +5,7 @@ mod config;
 mod corpus;
 mod hostile_scenes;
 mod outputs;
+mod scenes;
 mod shapes;
 mod trace;
 mod truth;
