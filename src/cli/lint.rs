@@ -1,6 +1,7 @@
 //! `beamcast lint`: reads jobs, sensor files and scenes without running them, tells all that is wrong with them, and what
 //! follows from them.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -10,9 +11,10 @@ use serde::Serialize;
 use super::diagnostics;
 use crate::config::{self, Config, Job, missing_file_help};
 use crate::error::{Diagnostic, Error, SceneError, Severity};
+use crate::frame::UpAxis;
 use crate::output::Format;
 use crate::scan::Return;
-use crate::scene::Scene;
+use crate::scene::{Scene, gltf};
 use crate::sensor::{Pattern, Pinhole, Rotating, Sensor};
 
 /// What to read.
@@ -74,9 +76,9 @@ fn examine_file(path: &Path, facts: &mut Vec<FileFacts>, diagnostics: &mut Vec<D
     let name = path.to_string_lossy();
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
     if extension.is_some_and(|e| e == "gltf" || e == "glb") {
-        match open_scene(path, &name, None) {
+        match open_scene(path, &name, None, diagnostics) {
             Ok(scene) => {
-                let scene = Some(SceneFacts::new(&name, scene.as_ref()));
+                let scene = Some(SceneFacts::new(&name, &scene));
                 facts.push(FileFacts { path: name.into_owned(), kind: "scene", sensors: vec![], scene });
             }
             Err(error) => diagnostics.push(about_scene(error)),
@@ -90,13 +92,13 @@ fn examine_file(path: &Path, facts: &mut Vec<FileFacts>, diagnostics: &mut Vec<D
             facts.push(FileFacts { path: name.into_owned(), kind: "sensor", sensors, scene: None });
         }
         Ok(Config::Job(job)) => {
-            match open_scene(&job.scene_path, &job.scene_as_written, Some(&job)) {
+            match open_scene(&job.scene_path, &job.scene_as_written, Some(&job), diagnostics) {
                 Ok(scene) => {
                     let of = |m: &config::MountedSensor| {
                         SensorFacts::new(Some(&m.name), &m.sensor, &job.output.formats)
                     };
                     let sensors = job.sensors.iter().map(of).collect();
-                    let scene = Some(SceneFacts::new(&job.scene_as_written, scene.as_ref()));
+                    let scene = Some(SceneFacts::new(&job.scene_as_written, &scene));
                     facts.push(FileFacts { path: name.into_owned(), kind: "job", sensors, scene });
                 }
                 Err(error) => {
@@ -112,19 +114,26 @@ fn examine_file(path: &Path, facts: &mut Vec<FileFacts>, diagnostics: &mut Vec<D
     }
 }
 
-/// Opens a scene as `scan` would. The scene is `None` where there is no loader for it.
-fn open_scene(path: &Path, as_written: &str, _job: Option<&Job>) -> Result<Option<Scene>, SceneError> {
-    let refuse = |problem: String, help| {
-        Err(SceneError { path: path.to_path_buf(), element: String::new(), problem, help })
+/// Opens a scene as `scan` would, for a job or, without one, as it stands.
+fn open_scene(
+    path: &Path,
+    as_written: &str,
+    job: Option<&Job>,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Result<Scene, SceneError> {
+    let no_labels = BTreeMap::new();
+    let options = gltf::Options {
+        scene_name: job.and_then(|job| job.scene_name.as_deref()),
+        up: job.map_or(UpAxis::default(), |job| job.up),
+        labels: job.map_or(&no_labels, |job| &job.labels),
     };
-    match std::fs::metadata(path) {
-        Ok(file) if file.is_file() => Ok(None),
-        Ok(_) => refuse("this is not a file".into(), None),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            refuse("there is no such file".into(), missing_file_help(as_written, path))
-        }
-        Err(e) => refuse(format!("the file can't be read: {e}"), None),
-    }
+    let loaded = gltf::load(path, as_written, &options).map_err(|error| {
+        let help = if path.exists() { None } else { missing_file_help(as_written, path) };
+        SceneError { help: help.or(error.help), ..error }
+    })?;
+    let warning = |text| Diagnostic { severity: Severity::Warning, ..about_file(path, text, None) };
+    diagnostics.extend(loaded.warnings.into_iter().map(warning));
+    Ok(loaded.scene)
 }
 
 fn about_file(path: &Path, message: String, help: Option<String>) -> Diagnostic {
@@ -325,16 +334,10 @@ fn bytes_per_ray(format: Format, is_camera: bool) -> (&'static str, u64) {
     }
 }
 
+/// What there is to know about a scene.
 #[derive(Serialize)]
 struct SceneFacts {
     path: String,
-    /// `None` if the scene wasn't loaded.
-    #[serde(flatten)]
-    content: Option<SceneContent>,
-}
-
-#[derive(Serialize)]
-struct SceneContent {
     triangles: u64,
     stored_triangles: u64,
     skipped_triangles: u64,
@@ -346,17 +349,11 @@ struct SceneContent {
     memory_bytes: u64,
 }
 
-impl SceneFacts {
-    fn new(path: &str, scene: Option<&Scene>) -> Self {
-        Self { path: path.to_owned(), content: scene.map(SceneContent::new) }
-    }
-}
-
 /// A stored triangle with its vertices and its part of the acceleration structure, roughly.
 const BYTES_PER_TRIANGLE: u64 = 100;
 
-impl SceneContent {
-    fn new(scene: &Scene) -> Self {
+impl SceneFacts {
+    fn new(path: &str, scene: &Scene) -> Self {
         let mut labels: Vec<u32> = (0..scene.placements.len())
             .flat_map(|placement| {
                 let parts = &scene.meshes[scene.placements[placement].mesh as usize].parts;
@@ -367,6 +364,7 @@ impl SceneContent {
         labels.sort_unstable();
         labels.dedup();
         Self {
+            path: path.to_owned(),
             triangles: scene.triangle_count(),
             stored_triangles: scene.stored_triangle_count(),
             skipped_triangles: scene.skipped_triangles,
@@ -401,7 +399,7 @@ macro_rules! fact {
 impl SceneFacts {
     fn write(&self, text: &mut String) {
         let _ = writeln!(text, "  scene {}", config::quoted(&self.path).trim_matches('`'));
-        let Some(scene) = &self.content else { return };
+        let scene = self;
         let skipped = match scene.skipped_triangles {
             0 => String::new(),
             n => format!(", {} of zero area left out", grouped(n)),
@@ -585,10 +583,9 @@ mod tests {
             materials: vec![Material::default()],
             files: vec![],
         };
-        let facts = SceneFacts::new("a.glb", Some(&builder.build().unwrap()));
-        let content = facts.content.as_ref().unwrap();
-        assert_eq!((content.triangles, content.stored_triangles, content.instances), (6, 2, 3));
-        assert_eq!(content.labels, [3, 7]);
+        let facts = SceneFacts::new("a.glb", &builder.build().unwrap());
+        assert_eq!((facts.triangles, facts.stored_triangles, facts.instances), (6, 2, 3));
+        assert_eq!(facts.labels, [3, 7]);
         let mut text = String::new();
         facts.write(&mut text);
         assert!(text.contains("labels        3, 7\n"), "{text}");

@@ -1,8 +1,11 @@
 //! The integration tests: one binary, a module a subject.
 
+mod cli;
 mod config;
 mod corpus;
 mod hostile_scenes;
+mod outputs;
+mod scenes;
 mod shapes;
 mod trace;
 mod truth;

@@ -1,0 +1,186 @@
+//! What people see: messages and progress on stderr, data on stdout.
+
+use std::fmt::Display;
+use std::io::{self, IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::diagnostics;
+use crate::config::is_unprintable;
+use crate::error::{Diagnostic, Error};
+use crate::scan::Progress;
+
+/// The flags of every subcommand.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Say nothing but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Say more: every file that is read and written
+    #[arg(short, long, global = true)]
+    verbose: bool,
+    /// Colour in messages; `auto`: on a terminal, unless NO_COLOR is set
+    #[arg(long, global = true, value_enum, default_value_t, value_name = "WHEN")]
+    color: Color,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum Color {
+    #[default]
+    Auto,
+    Always,
+    Never,
+}
+
+/// The way to people, as the flags have it.
+#[derive(Clone, Copy, Debug)]
+pub struct Terminal {
+    quiet: bool,
+    verbose: bool,
+    color: bool,
+}
+
+impl Terminal {
+    /// Reads the flags, and `NO_COLOR` (any value but the empty one; see no-color.org).
+    pub fn new(args: &Args) -> Self {
+        let color = match args.color {
+            Color::Always => true,
+            Color::Never => false,
+            Color::Auto => {
+                let no_color = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+                let dumb = std::env::var_os("TERM").is_some_and(|value| value == "dumb");
+                io::stderr().is_terminal() && !no_color && !dumb
+            }
+        };
+        Self { quiet: args.quiet, verbose: args.verbose, color }
+    }
+
+    /// Says why the run ends.
+    pub fn error(&self, error: &Error) {
+        match error {
+            Error::Config(problems) => to_stderr(diagnostics::render(problems, self.color).trim_end()),
+            other => self.labelled("error", "1;31", other),
+        }
+    }
+
+    /// Says what is probably not as meant in a job, unless quiet.
+    pub fn warn_of(&self, problems: &[Diagnostic]) {
+        if !self.quiet && !problems.is_empty() {
+            to_stderr(diagnostics::render(problems, self.color).trim_end());
+        }
+    }
+
+    /// Says what is probably not as meant, unless quiet.
+    pub fn warn(&self, warning: impl Display) {
+        if !self.quiet {
+            self.labelled("warning", "1;33", warning);
+        }
+    }
+
+    /// Whether messages are coloured.
+    pub fn color(&self) -> bool {
+        self.color
+    }
+
+    /// Says what there is to know, unless quiet.
+    pub fn say(&self, text: impl Display) {
+        if !self.quiet {
+            to_stderr(&printable(&text.to_string()));
+        }
+    }
+
+    /// Says what only the curious want to know.
+    pub fn detail(&self, text: impl Display) {
+        if self.verbose {
+            to_stderr(&printable(&text.to_string()));
+        }
+    }
+
+    fn labelled(&self, label: &str, ansi: &str, text: impl Display) {
+        let text = printable(&text.to_string());
+        if self.color {
+            to_stderr(&format!("\x1b[{ansi}m{label}\x1b[0m: {text}"));
+        } else {
+            to_stderr(&format!("{label}: {text}"));
+        }
+    }
+
+    /// Prints data. A reader that has gone away has read enough.
+    ///
+    /// # Errors
+    /// [`Error::Output`] when stdout can't be written to for another reason.
+    pub fn data(&self, text: &str) -> Result<(), Error> {
+        let mut stdout = io::stdout().lock();
+        match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(Error::output("stdout", e)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Works with a progress bar over `rays`, on a terminal only.
+    pub fn with_progress<T>(&self, rays: u64, progress: &Progress, work: impl FnOnce() -> T) -> T {
+        if self.quiet || !io::stderr().is_terminal() {
+            return work();
+        }
+        let bar = ProgressBar::new(rays);
+        let template = "casting {wide_bar} {percent:>3} % of {human_len} rays, {eta} left";
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style);
+        }
+        let done = AtomicBool::new(false);
+        thread::scope(|scope| {
+            scope.spawn(|| {
+                while !done.load(Ordering::Relaxed) {
+                    bar.set_position(progress.rays_done.load(Ordering::Relaxed));
+                    thread::sleep(Duration::from_millis(50));
+                }
+                bar.finish_and_clear();
+            });
+            let _done = SetOnDrop(&done);
+            work()
+        })
+    }
+}
+
+/// Ends the bar's thread even if the work panics.
+struct SetOnDrop<'a>(&'a AtomicBool);
+
+impl Drop for SetOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+/// A stderr that is closed is no reason to stop.
+fn to_stderr(line: &str) {
+    let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
+/// Names in files are anything; what would move the cursor, colour the screen or turn the text around is escaped.
+fn printable(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        if is_unprintable(c) && c != '\n' {
+            out.extend(c.escape_default());
+        } else {
+            out.push(c);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_cannot_take_over_the_terminal() {
+        let name = "wall\x1b[2J\r\u{202e}gnp.exe\u{9b}1m\nsecond — ünïcode";
+        let expected = "wall\\u{1b}[2J\\r\\u{202e}gnp.exe\\u{9b}1m\nsecond — ünïcode";
+        assert_eq!(printable(name), expected);
+    }
+}

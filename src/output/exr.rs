@@ -1,0 +1,217 @@
+//! OpenEXR range images.
+
+use std::collections::HashMap;
+use std::io::Cursor;
+
+use exr::block::chunk::Chunk;
+use exr::block::writer::ChunksWriter;
+use exr::block::{UncompressedBlock, enumerate_ordered_header_block_indices};
+use exr::image::write::layers::{LayersWriter, WritableLayers};
+use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
+use exr::meta::attribute::{AttributeValue, Text};
+use exr::meta::header::LayerAttributes;
+use rayon::prelude::*;
+
+use super::{Capture, EncodeError, Encoder, NO_RETURN_M, pose_as_toml};
+use crate::frame::BODY_FROM_OPTICAL;
+use crate::scan::Return;
+use crate::sensor::{Pattern, Pinhole, Sensor};
+
+/// What the attribute `beamcast:no_return` says.
+const NO_RETURN: &str = "+inf in range, Z and Y; 0 in all other channels";
+
+/// The range image with every channel, as 32-bit scanlines, ZIP in blocks of 16 lines.
+pub(super) struct RangeImage;
+
+impl Encoder for RangeImage {
+    fn check(&self, sensor: &Sensor) -> Result<(), EncodeError> {
+        // OpenEXR keeps coordinates below 2³⁰ so that windows can be added without overflow.
+        let limit = i32::MAX as usize / 2;
+        let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
+        if rows >= limit || columns >= limit {
+            return Err(EncodeError(format!(
+                "an EXR image has fewer than {limit} rows and columns, not {rows} × {columns}"
+            )));
+        }
+        Ok(())
+    }
+
+    fn bytes_per_ray(&self, sensor: &Sensor) -> u64 {
+        let channels = if sensor.pattern.is_camera() { 11 } else { 10 };
+        // The channels, the compressed blocks and the file, were they to shrink by nothing.
+        3 * 4 * channels
+    }
+
+    fn encode(&self, capture: &Capture) -> Result<Vec<u8>, EncodeError> {
+        let size = (capture.frame.columns, capture.frame.rows);
+        let layer = Layer::new(size, attributes(capture), Encoding::SMALL_LOSSLESS, channels(capture));
+        let mut file = compress(&Image::from_layer(layer))
+            .map_err(|e| EncodeError(format!("it can't be made an EXR: {e}")))?;
+        sort_attributes(&mut file);
+        Ok(file)
+    }
+}
+
+type RangeLayer = Layer<AnyChannels<FlatSamples>>;
+
+/// The blocks are compressed in the pool that casts, not in one of the library's own, so that `--threads` holds.
+fn compress(image: &Image<RangeLayer>) -> exr::error::Result<Vec<u8>> {
+    let headers = image.layer_data.infer_headers(&image.attributes);
+    let layers = image.layer_data.create_writer(&headers);
+    let mut file = Vec::new();
+    exr::block::write(Cursor::new(&mut file), headers, true, |meta, writer| {
+        let blocks: Vec<_> = enumerate_ordered_header_block_indices(&meta.headers).collect();
+        let chunks: Vec<exr::error::Result<Chunk>> = blocks
+            .par_iter()
+            .map(|&(_, index)| {
+                let data = layers.extract_uncompressed_block(&meta.headers, index);
+                UncompressedBlock { index, data }.compress_to_chunk(&meta.headers)
+            })
+            .collect();
+        for ((place, _), chunk) in blocks.iter().zip(chunks) {
+            writer.write_chunk(*place, chunk?)?;
+        }
+        Ok(())
+    })?;
+    Ok(file)
+}
+
+fn channels(capture: &Capture) -> AnyChannels<FlatSamples> {
+    let Capture { frame, sensor, .. } = capture;
+    let per_pixel = |f: &dyn Fn(usize, usize, &Return) -> f64, no_return: f64| {
+        let pixels = frame.returns.iter().enumerate();
+        let values = pixels.map(|(i, hit)| match hit {
+            Some(hit) => f(i / frame.columns, i % frame.columns, hit) as f32,
+            None => no_return as f32,
+        });
+        FlatSamples::F32(values.collect())
+    };
+    let id = |f: &dyn Fn(&Return) -> u32| {
+        FlatSamples::U32(frame.returns.iter().map(|hit| hit.as_ref().map_or(0, f)).collect())
+    };
+    let normal = |axis: usize| {
+        per_pixel(
+            &|_, _, hit| match sensor.pattern {
+                // Axes are only swapped and negated: nothing is rounded.
+                Pattern::Pinhole(_) => {
+                    (BODY_FROM_OPTICAL.rotation.transpose() * hit.normal.as_dvec3())[axis] + 0.0
+                }
+                Pattern::Rotating(_) => f64::from(hit.normal[axis]),
+            },
+            0.0,
+        )
+    };
+
+    let range = per_pixel(&|_, _, hit| hit.range, NO_RETURN_M);
+    let mut list = vec![
+        AnyChannel::new("intensity", per_pixel(&|_, _, hit| f64::from(hit.intensity), 0.0)),
+        AnyChannel::new("normal.X", normal(0)),
+        AnyChannel::new("normal.Y", normal(1)),
+        AnyChannel::new("normal.Z", normal(2)),
+        AnyChannel::new("time", per_pixel(&|row, column, _| sensor.pattern.pulse(row, column).time_s, 0.0)),
+        AnyChannel::new("id.instance", id(&|hit| hit.instance)),
+        AnyChannel::new("id.semantic", id(&|hit| hit.label)),
+        AnyChannel::new("id.triangle", id(&|hit| hit.triangle)),
+    ];
+    // `Y` repeats the main depth: OpenCV reads it, and nothing of the other names.
+    match &sensor.pattern {
+        Pattern::Rotating(_) => list.push(AnyChannel::new("Y", range.clone())),
+        Pattern::Pinhole(camera) => {
+            let depth = per_pixel(&|row, column, hit| planar_depth(camera, row, column, hit), NO_RETURN_M);
+            list.push(AnyChannel::new("Y", depth.clone()));
+            list.push(AnyChannel::new("Z", depth));
+        }
+    }
+    list.push(AnyChannel::new("range", range));
+    AnyChannels::sort(list.into())
+}
+
+/// Depth along the optical axis, from the range along the ray.
+fn planar_depth(camera: &Pinhole, row: usize, column: usize, hit: &Return) -> f64 {
+    hit.range * camera.optical_direction(row, column).z
+}
+
+fn attributes(capture: &Capture) -> LayerAttributes {
+    let mut other = HashMap::new();
+    let mut set = |name: &str, value| other.insert(Text::from(name), value);
+    let text = |value: &str| AttributeValue::Text(Text::from(value));
+
+    set("beamcast:no_return", text(NO_RETURN));
+    // An attribute holds one byte a character.
+    set("beamcast:sensor", text(&capture.name.escape_default().to_string()));
+    set("beamcast:world_from_sensor", text(&pose_as_toml(&capture.world_from_sensor())));
+    match &capture.sensor.pattern {
+        Pattern::Rotating(_) => {
+            set("beamcast:pattern", text("rotating"));
+            set("beamcast:normal_frame", text("sensor"));
+        }
+        Pattern::Pinhole(camera) => {
+            let world_from_optical = capture.world_from_sensor() * BODY_FROM_OPTICAL;
+            set("beamcast:pattern", text("pinhole"));
+            set("beamcast:normal_frame", text("optical"));
+            set("beamcast:world_from_optical", text(&pose_as_toml(&world_from_optical)));
+            set("beamcast:fx_px", AttributeValue::F64(camera.focal_px().0));
+            set("beamcast:fy_px", AttributeValue::F64(camera.focal_px().1));
+            set("beamcast:cx_px", AttributeValue::F64(camera.principal_px().0));
+            set("beamcast:cy_px", AttributeValue::F64(camera.principal_px().1));
+        }
+    }
+    LayerAttributes { other, ..LayerAttributes::default() }
+}
+
+/// Sorts the header's attributes by name. The library keeps ours in a hash map, and so writes them in another order each
+/// time; any order is right, and the header's length stays the same.
+fn sort_attributes(file: &mut [u8]) {
+    const MAGIC_AND_VERSION: usize = 8;
+    let mut attributes: Vec<&[u8]> = Vec::new();
+    let mut rest = &file[MAGIC_AND_VERSION..];
+    while let Some(length) = attribute_length(rest) {
+        let (attribute, after) = rest.split_at(length);
+        attributes.push(attribute);
+        rest = after;
+    }
+    // Names end in 0, so that comparing whole attributes compares names.
+    attributes.sort_unstable();
+    let sorted = attributes.concat();
+    file[MAGIC_AND_VERSION..MAGIC_AND_VERSION + sorted.len()].copy_from_slice(&sorted);
+}
+
+/// Bytes of the attribute that `header` begins with: name, 0, type, 0, length (32 bits), value. `None` at the header's end.
+fn attribute_length(header: &[u8]) -> Option<usize> {
+    let name = header.iter().position(|&b| b == 0).filter(|&length| length > 0)?;
+    let kind = header[name + 1..].iter().position(|&b| b == 0)?;
+    let start = name + 1 + kind + 1;
+    let length = u32::from_le_bytes(header.get(start..start + 4)?.try_into().ok()?) as usize;
+    let end = start + 4 + length;
+    (end <= header.len()).then_some(end)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An attribute of type `int`.
+    fn attribute(name: &str, value: i32) -> Vec<u8> {
+        [name.as_bytes(), b"\0int\0", &4_u32.to_le_bytes(), &value.to_le_bytes()].concat()
+    }
+
+    #[test]
+    fn attributes_are_sorted_by_name_and_nothing_else_moves() {
+        let parts = |order: [&[u8]; 3]| {
+            let [a, b, c] = order;
+            [b"magic+vs".as_slice(), a, b, c, b"\0", b"zz\0aa\0 pixels"].concat()
+        };
+        let (b, a, ab) = (attribute("b", 1), attribute("a", 2), attribute("ab", 3));
+        let mut file = parts([&b, &ab, &a]);
+        sort_attributes(&mut file);
+        assert_eq!(file, parts([&a, &ab, &b]));
+    }
+
+    #[test]
+    fn an_attribute_ends_where_its_length_says() {
+        let one = attribute("name", 7);
+        assert_eq!(attribute_length(&[one.as_slice(), b"\0"].concat()), Some(one.len()));
+        assert_eq!(attribute_length(b"\0rest"), None);
+        assert_eq!(attribute_length(&one[..one.len() - 1]), None, "cut short");
+    }
+}

@@ -1,0 +1,288 @@
+//! Output files that are whole or not there.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use crate::error::Error;
+
+/// The folder that a run writes into, and the files that it will write there.
+///
+/// A file has its final name only when it is whole: it is written under a temporary name in the same folder, flushed to
+/// the disk and renamed. The temporary file is removed when anything fails.
+#[derive(Clone, Debug)]
+pub struct Destination {
+    folder: PathBuf,
+    names: Vec<String>,
+}
+
+/// An output file, as the manifest lists it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WrittenFile {
+    /// Its path in the folder, with forward slashes.
+    pub path: String,
+    /// Its length in bytes.
+    pub bytes: u64,
+    /// BLAKE3 of its content, in hexadecimal.
+    pub blake3: String,
+}
+
+impl Destination {
+    /// A destination for `names`, which are paths relative to `folder` with forward slashes. Looks, and leaves nothing
+    /// behind: that the folders can be made and written to, and that the files aren't there yet (or may be replaced).
+    ///
+    /// # Errors
+    /// [`Error::Output`] about the first folder or file in the way.
+    pub fn check(folder: &Path, names: Vec<String>, overwrite: bool) -> Result<Self, Error> {
+        let destination = Self { folder: folder.to_path_buf(), names };
+        for folder in destination.folders() {
+            check_folder(&folder)?;
+        }
+        for path in destination.paths() {
+            match fs::symlink_metadata(&path) {
+                Ok(found) if found.is_dir() => {
+                    return Err(Error::output(&path, "is a folder, where a file is to be written"));
+                }
+                Ok(_) if !overwrite => {
+                    return Err(Error::output(&path, "exists already; --overwrite replaces it"));
+                }
+                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(in_the_way(&path, &e)),
+                _ => {}
+            }
+        }
+        Ok(destination)
+    }
+
+    /// The files that will be written, in that order.
+    pub fn paths(&self) -> impl Iterator<Item = PathBuf> + '_ {
+        self.names.iter().map(|name| self.folder.join(name))
+    }
+
+    /// Makes the folders, and removes an old `manifest`: it would lie as soon as the first file is replaced.
+    ///
+    /// # Errors
+    /// [`Error::Output`] about the folder or the manifest.
+    pub fn prepare(&self, manifest: &str) -> Result<(), Error> {
+        for folder in self.folders() {
+            fs::create_dir_all(&folder).map_err(|e| in_the_way(&folder, &e))?;
+            check_folder(&folder)?;
+        }
+        let manifest = self.folder.join(manifest);
+        match fs::remove_file(&manifest) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(in_the_way(&manifest, &e)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes the file `name`, whole or not at all.
+    ///
+    /// # Errors
+    /// [`Error::Output`] about the file, such as when the disk is full. Nothing is left of it then; an older file of that
+    /// name is still there.
+    pub fn write(&self, name: &str, content: &[u8]) -> Result<WrittenFile, Error> {
+        let path = self.folder.join(name);
+        write_whole(&path, content).map_err(|e| in_the_way(&path, &e))?;
+        Ok(WrittenFile {
+            path: name.to_owned(),
+            bytes: content.len() as u64,
+            blake3: blake3::hash(content).to_hex().to_string(),
+        })
+    }
+
+    /// The folder itself, then those of its files.
+    fn folders(&self) -> BTreeSet<PathBuf> {
+        let of_files = self.paths().filter_map(|path| path.parent().map(Path::to_path_buf));
+        of_files.chain([self.folder.clone()]).collect()
+    }
+}
+
+fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
+    let mut file = temporary_in(path.parent().unwrap_or(Path::new("")))?;
+    file.write_all(content)?;
+    file.as_file().sync_all()?;
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(())
+}
+
+/// Whether `folder`, or what there is of it, is a folder that can be written to.
+fn check_folder(folder: &Path) -> Result<(), Error> {
+    for ancestor in folder.ancestors() {
+        match fs::metadata(here_if_empty(ancestor)) {
+            Ok(found) if !found.is_dir() => {
+                return Err(Error::output(ancestor, "is a file, where a folder is needed"));
+            }
+            Ok(_) => return temporary_in(ancestor).map(drop).map_err(|e| in_the_way(ancestor, &e)),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => {}
+            // What is wrong is said of the ancestor that it is wrong with.
+            Err(e) if e.kind() == io::ErrorKind::NotADirectory => {}
+            Err(e) => return Err(in_the_way(ancestor, &e)),
+        }
+    }
+    Err(Error::output(folder, "does not exist, and neither does any folder above it"))
+}
+
+/// An empty file that removes itself unless it is given its final name.
+fn temporary_in(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".beamcast-").suffix(".tmp");
+    #[cfg(unix)]
+    {
+        // A temporary file is its owner's alone by default; this one becomes an output, which is as the umask says.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(here_if_empty(folder))
+}
+
+/// The empty path is what is left of a relative path that has no more folders.
+fn here_if_empty(path: &Path) -> &Path {
+    if path.as_os_str().is_empty() { Path::new(".") } else { path }
+}
+
+fn in_the_way(path: &Path, error: &io::Error) -> Error {
+    use io::ErrorKind as Kind;
+    let path = here_if_empty(path);
+    match error.kind() {
+        Kind::StorageFull => Error::output(path, "can't be written: the disk is full"),
+        Kind::QuotaExceeded => Error::output(path, "can't be written: the disk quota is used up"),
+        Kind::PermissionDenied => Error::output(path, "can't be written: permission denied"),
+        Kind::ReadOnlyFilesystem => Error::output(path, "can't be written: the file system is read-only"),
+        Kind::AlreadyExists | Kind::NotADirectory => {
+            Error::output(path, "can't be made a folder: a file is in the way")
+        }
+        Kind::NotFound => Error::output(path, "can't be written: the folder takes no files, or is gone"),
+        _ => Error::output(path, format!("can't be written: {error}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MANIFEST: &str = "manifest.json";
+
+    fn names() -> Vec<String> {
+        vec!["top/000000.exr".into(), MANIFEST.into()]
+    }
+
+    fn check(folder: &Path, overwrite: bool) -> Result<Destination, Error> {
+        Destination::check(folder, names(), overwrite)
+    }
+
+    /// Every file under `folder`, with forward slashes, sorted.
+    fn files_under(folder: &Path) -> Vec<String> {
+        let mut found = Vec::new();
+        for entry in fs::read_dir(folder).unwrap() {
+            let entry = entry.unwrap();
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if entry.file_type().unwrap().is_dir() {
+                found.extend(files_under(&entry.path()).into_iter().map(|f| format!("{name}/{f}")));
+            } else {
+                found.push(name);
+            }
+        }
+        found.sort();
+        found
+    }
+
+    #[test]
+    fn checking_leaves_nothing_behind() {
+        let tmp = tempfile::tempdir().unwrap();
+        let destination = check(&tmp.path().join("a/b"), false).unwrap();
+        assert_eq!(fs::read_dir(tmp.path()).unwrap().count(), 0);
+        assert_eq!(destination.paths().count(), 2);
+    }
+
+    #[test]
+    fn what_is_written_is_whole_and_hashed() {
+        let tmp = tempfile::tempdir().unwrap();
+        let destination = check(&tmp.path().join("out"), false).unwrap();
+        destination.prepare(MANIFEST).unwrap();
+        let written = destination.write("top/000000.exr", b"pixels").unwrap();
+        assert_eq!(fs::read(tmp.path().join("out/top/000000.exr")).unwrap(), b"pixels");
+        assert_eq!((written.path.as_str(), written.bytes), ("top/000000.exr", 6));
+        assert_eq!(written.blake3, blake3::hash(b"pixels").to_hex().as_str());
+        assert_eq!(files_under(tmp.path()), ["out/top/000000.exr"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn outputs_are_as_readable_as_any_new_file() {
+        use std::os::unix::fs::PermissionsExt;
+        let tmp = tempfile::tempdir().unwrap();
+        let destination = check(tmp.path(), false).unwrap();
+        destination.prepare(MANIFEST).unwrap();
+        destination.write(MANIFEST, b"{}").unwrap();
+        fs::write(tmp.path().join("plain"), b"").unwrap();
+        let mode = |name: &str| fs::metadata(tmp.path().join(name)).unwrap().permissions().mode();
+        assert_eq!(mode(MANIFEST), mode("plain"));
+    }
+
+    #[test]
+    fn what_exists_is_refused_or_overwritten() {
+        let tmp = tempfile::tempdir().unwrap();
+        let destination = check(tmp.path(), false).unwrap();
+        destination.prepare(MANIFEST).unwrap();
+        destination.write("top/000000.exr", b"old").unwrap();
+        destination.write(MANIFEST, b"old").unwrap();
+
+        let error = check(tmp.path(), false).unwrap_err();
+        assert_eq!(error.exit_code(), 4);
+        let message = error.to_string();
+        assert!(message.ends_with("000000.exr: exists already; --overwrite replaces it"), "{message}");
+
+        let destination = check(tmp.path(), true).unwrap();
+        destination.prepare(MANIFEST).unwrap();
+        assert_eq!(
+            files_under(tmp.path()),
+            ["top/000000.exr"],
+            "no manifest tells of what is being replaced"
+        );
+        destination.write("top/000000.exr", b"new").unwrap();
+        assert_eq!(fs::read(tmp.path().join("top/000000.exr")).unwrap(), b"new");
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_named() {
+        let tmp = tempfile::tempdir().unwrap();
+        fs::write(tmp.path().join("out"), b"").unwrap();
+        for folder in ["out", "out/deeper/still"] {
+            let message = check(&tmp.path().join(folder), true).unwrap_err().to_string();
+            assert!(message.ends_with("out: is a file, where a folder is needed"), "{message}");
+        }
+        // Instead of the sensor's folder, and instead of an output.
+        fs::create_dir(tmp.path().join("run")).unwrap();
+        fs::write(tmp.path().join("run/top"), b"").unwrap();
+        let message = check(&tmp.path().join("run"), true).unwrap_err().to_string();
+        assert!(message.ends_with("top: is a file, where a folder is needed"), "{message}");
+        fs::create_dir_all(tmp.path().join("image/top/000000.exr")).unwrap();
+        let message = check(&tmp.path().join("image"), true).unwrap_err().to_string();
+        assert!(message.ends_with("000000.exr: is a folder, where a file is to be written"), "{message}");
+    }
+
+    #[test]
+    fn a_write_that_fails_leaves_nothing() {
+        let tmp = tempfile::tempdir().unwrap();
+        let destination = check(tmp.path(), false).unwrap();
+        destination.prepare(MANIFEST).unwrap();
+        // A folder takes the file's name after the check: the last step, the renaming, fails.
+        fs::create_dir(tmp.path().join("top/000000.exr")).unwrap();
+        let error = destination.write("top/000000.exr", b"pixels").unwrap_err();
+        assert_eq!(error.exit_code(), 4);
+        assert!(error.to_string().contains("000000.exr: can't be"), "{error}");
+        assert_eq!(files_under(tmp.path()), [""; 0]);
+        // The folder goes away: the first step fails.
+        fs::remove_dir_all(tmp.path().join("top")).unwrap();
+        destination.write("top/000000.exr", b"pixels").unwrap_err();
+        assert_eq!(files_under(tmp.path()), [""; 0]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_dangling_link_exists() {
+        let tmp = tempfile::tempdir().unwrap();
+        std::os::unix::fs::symlink("nowhere", tmp.path().join(MANIFEST)).unwrap();
+        assert!(check(tmp.path(), false).is_err());
+    }
+}

@@ -1,0 +1,159 @@
+//! Colour previews for people.
+
+use super::{Capture, EncodeError, Encoder};
+use crate::sensor::{Pattern, Rotating, Sensor};
+
+/// The colour of a pixel with no return.
+const NO_RETURN_COLOUR: [u8; 3] = [0x10, 0x10, 0x14];
+
+/// Ranges in the colours of Turbo, red near and blue far.
+pub(super) struct Preview;
+
+impl Encoder for Preview {
+    fn check(&self, sensor: &Sensor) -> Result<(), EncodeError> {
+        let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
+        let height = rows.checked_mul(stretch(&sensor.pattern));
+        let fits = |n: usize| n <= i32::MAX as usize;
+        if height.is_some_and(fits) && fits(columns) {
+            return Ok(());
+        }
+        Err(EncodeError(format!("a PNG has no room for {rows} × {columns} pixels")))
+    }
+
+    fn bytes_per_ray(&self, sensor: &Sensor) -> u64 {
+        // The ranges to find the scale, then the pixels, and the file were it not to shrink.
+        4 + 2 * 3 * stretch(&sensor.pattern) as u64
+    }
+
+    fn encode(&self, capture: &Capture) -> Result<Vec<u8>, EncodeError> {
+        let frame = capture.frame;
+        let stretch = stretch(&capture.sensor.pattern);
+        let scale = Scale::of(frame.returns.iter().flatten().map(|hit| hit.range));
+        let mut pixels = Vec::with_capacity(3 * frame.returns.len() * stretch);
+        for row in frame.returns.chunks(frame.columns) {
+            let start = pixels.len();
+            pixels.extend(row.iter().flat_map(|hit| match hit {
+                Some(hit) => scale.colour(hit.range),
+                None => NO_RETURN_COLOUR,
+            }));
+            let end = pixels.len();
+            for _ in 1..stretch {
+                pixels.extend_from_within(start..end);
+            }
+        }
+        write(frame.columns, frame.rows * stretch, &pixels)
+            .map_err(|e| EncodeError(format!("it can't be made a PNG: {e}")))
+    }
+}
+
+fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
+    let mut file = Vec::new();
+    // `check` has seen that both fit.
+    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(pixels)?;
+    writer.finish()?;
+    Ok(file)
+}
+
+/// How many times each row is repeated. A LiDAR has far fewer beams than firings: with its rows repeated, a degree is about
+/// as tall as it is wide, and a person recognises what it saw.
+fn stretch(pattern: &Pattern) -> usize {
+    match pattern {
+        Pattern::Pinhole(_) => 1,
+        Pattern::Rotating(p) => rows_a_beam(p),
+    }
+}
+
+fn rows_a_beam(pattern: &Rotating) -> usize {
+    let beams = pattern.beams();
+    // No taller than half the width, whatever the angles.
+    let most = (pattern.columns() / (2 * beams.len())).max(1);
+    let azimuth_step = pattern.azimuth_step().radians().abs();
+    let [first, .., last] = beams else { return (pattern.columns() / 32).clamp(1, most) };
+    let elevation_step = (first.elevation - last.elevation).radians() / (beams.len() - 1) as f64;
+    // A float beyond usize saturates, NaN (one column of one elevation) is 0.
+    ((elevation_step / azimuth_step).round() as usize).clamp(1, most)
+}
+
+/// From ranges to colours: logarithmic, because what is near fills most pixels and has most to show.
+struct Scale {
+    near: f64,
+    log_far_over_near: f64,
+}
+
+impl Scale {
+    /// The scale spans the ranges but for 1 % at either end, so that one far outlier does not flatten the rest.
+    fn of(ranges: impl Iterator<Item = f64>) -> Self {
+        // Less than a millimetre is no range to compare others with.
+        let mut ranges: Vec<f32> = ranges.map(|r| (r as f32).max(1e-3)).collect();
+        let mut percentile = |percent: usize| {
+            let index = ranges.len().saturating_sub(1) * percent / 100;
+            let nth = (!ranges.is_empty()).then(|| *ranges.select_nth_unstable_by(index, f32::total_cmp).1);
+            f64::from(nth.unwrap_or(1.0))
+        };
+        let (near, far) = (percentile(1), percentile(99));
+        Self { near, log_far_over_near: libm::log(far / near) }
+    }
+
+    fn colour(&self, range: f64) -> [u8; 3] {
+        let t = match self.log_far_over_near {
+            0.0 => 0.5,
+            log => (libm::log(range / self.near) / log).clamp(0.0, 1.0),
+        };
+        // Turbo's very ends are nearly black, and would look like a miss.
+        let colour = colorous::TURBO.eval_continuous(0.95 - 0.87 * t);
+        [colour.r, colour.g, colour.b]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::angle::Angle;
+    use crate::sensor::Beam;
+
+    fn lidar(elevations_deg: &[f64], columns: usize) -> Rotating {
+        let beam = |&e: &f64| Beam {
+            elevation: Angle::deg(e),
+            azimuth_offset: Angle::default(),
+            time_s: 0.0,
+            file_index: 0,
+        };
+        let turn = (Angle::deg(180.0), Angle::deg(-180.0));
+        Rotating::new(elevations_deg.iter().map(beam).collect(), columns, turn, 10.0).unwrap()
+    }
+
+    #[test]
+    fn rows_are_repeated_until_a_degree_is_as_tall_as_wide() {
+        // 2° from beam to beam, 0.2° from column to column.
+        let vlp16: Vec<f64> = (0..16).map(|i| f64::from(i) * 2.0 - 15.0).collect();
+        assert_eq!(rows_a_beam(&lidar(&vlp16, 1800)), 10);
+        let dense: Vec<f64> = (0..128).map(|i| f64::from(i) * 0.1).collect();
+        assert_eq!(rows_a_beam(&lidar(&dense, 1024)), 1);
+        // One beam has no step; two far apart would make a tower.
+        assert_eq!(rows_a_beam(&lidar(&[0.0], 640)), 20);
+        assert_eq!(rows_a_beam(&lidar(&[-80.0, 80.0], 360)), 90);
+        assert_eq!(rows_a_beam(&lidar(&[0.0], 1)), 1);
+        assert_eq!(rows_a_beam(&lidar(&[1.0, 1.0], 1)), 1);
+    }
+
+    #[test]
+    fn one_outlier_does_not_flatten_the_scale() {
+        let scale = Scale::of((0..1000).map(|i| if i == 0 { 1e6 } else { 1.0 + f64::from(i) / 1000.0 }));
+        let [near, middle, far] = [1.0, 1.5, 2.0].map(|range| scale.colour(range));
+        assert!(near[0] > near[2], "red is near: {near:?}");
+        assert!(middle[1] > middle[0] && middle[1] > middle[2], "green is between: {middle:?}");
+        assert!(far[2] > far[0], "blue is far: {far:?}");
+    }
+
+    #[test]
+    fn nothing_or_one_range_has_a_scale_too() {
+        Scale::of([].into_iter()).colour(1.0);
+        let same = Scale::of([3.0; 5].into_iter());
+        assert_eq!(same.colour(3.0), same.colour(3.0 + 1e-9));
+        assert_ne!(same.colour(0.0), NO_RETURN_COLOUR);
+    }
+}
