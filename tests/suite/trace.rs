@@ -210,7 +210,7 @@ fn closed_meshes_have_no_leaks() {
             let place = rotated(random.direction(), random.unit(), DVec3::ONE, offset);
             let scene = placed(vec![sphere(radius, DVec3::ZERO, 4)], vec![(0, place)]);
             for (name, tracer) in tracers(&scene) {
-                for _ in 0..1000 {
+                for _ in 0..320 {
                     let origin = offset + random.point() * radius * 0.5;
                     let directions: Vec<_> = (0..90)
                         .map(|ray| {
