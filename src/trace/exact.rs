@@ -84,6 +84,11 @@ pub struct Xyz<R>(pub R, pub R, pub R);
 
 impl<R: Real> Xyz<R> {
     #[inline(always)]
+    pub(super) fn splat(one: &Xyz<f64>) -> Self {
+        Self(R::splat(one.0), R::splat(one.1), R::splat(one.2))
+    }
+
+    #[inline(always)]
     pub(super) fn sub(self, q: Self) -> Self {
         Self(self.0.sub(q.0), self.1.sub(q.1), self.2.sub(q.2))
     }
@@ -114,39 +119,80 @@ impl<R: Real> Xyz<R> {
     }
 }
 
-/// (b−a) × (c−a): twice the area long, towards the side from which a, b, c are counter-clockwise.
-#[inline(always)]
-pub(super) fn normal<R: Real>([a, b, c]: [Xyz<R>; 3]) -> Xyz<R> {
-    b.sub(a).cross(c.sub(a))
+/// What of a hit depends on the triangle and the ray's origin only: worked out once for all rays that hit it.
+#[derive(Clone, Copy)]
+pub(super) struct Facet<R> {
+    /// N = (b−a) × (c−a): twice the area long, towards the side from which a, b, c are counter-clockwise.
+    pub normal: Xyz<R>,
+    /// a·N.
+    volume: R,
+    /// b × c, c × a, a × b.
+    sides: [Xyz<R>; 3],
+    /// The triangle's bounds, 10⁻¹² of the bound wider.
+    low: Xyz<R>,
+    high: Xyz<R>,
 }
 
-/// The depth t = (a·N)/(d·N) at which rays along d meet the plane of a, b, c, and (a bit a lane) whether it keeps within the
-/// triangle's bounds, up to 10⁻¹² of the bound.
-#[inline(always)]
-pub(super) fn plane_depth<R: Real>([a, b, c]: [Xyz<R>; 3], d: Xyz<R>) -> (R, u32) {
-    let n = normal([a, b, c]);
-    let t = a.dot(n).div(d.dot(n));
-    let within = within(a.0, b.0, c.0, t.mul(d.0))
-        & within(a.1, b.1, c.1, t.mul(d.1))
-        & within(a.2, b.2, c.2, t.mul(d.2));
-    (t.add(R::splat(0.0)), within) // no negative zero
+impl<R: Real> Facet<R> {
+    /// From the corners relative to the origin.
+    #[inline(always)]
+    pub fn new([a, b, c]: [Xyz<R>; 3]) -> Self {
+        let normal = b.sub(a).cross(c.sub(a));
+        let bounds = (bounds(a.0, b.0, c.0), bounds(a.1, b.1, c.1), bounds(a.2, b.2, c.2));
+        Self {
+            normal,
+            volume: a.dot(normal),
+            sides: [b.cross(c), c.cross(a), a.cross(b)],
+            low: Xyz(bounds.0.0, bounds.1.0, bounds.2.0),
+            high: Xyz(bounds.0.1, bounds.1.1, bounds.2.1),
+        }
+    }
+
+    /// One facet for rays side by side.
+    #[inline(always)]
+    pub fn splat(one: &Facet<f64>) -> Self {
+        let [a, b, c] = &one.sides;
+        Self {
+            normal: Xyz::splat(&one.normal),
+            volume: R::splat(one.volume),
+            sides: [Xyz::splat(a), Xyz::splat(b), Xyz::splat(c)],
+            low: Xyz::splat(&one.low),
+            high: Xyz::splat(&one.high),
+        }
+    }
+
+    /// The depth t = (a·N)/(d·N) at which rays along d meet the triangle's plane, and (a bit a lane) whether it keeps within
+    /// the bounds.
+    #[inline(always)]
+    pub fn plane_depth(&self, d: Xyz<R>) -> (R, u32) {
+        let t = self.volume.div(d.dot(self.normal));
+        let (x, y, z) = (t.mul(d.0), t.mul(d.1), t.mul(d.2));
+        let within = self.low.0.le(x) & self.low.1.le(y) & self.low.2.le(z);
+        let within = within & x.le(self.high.0) & y.le(self.high.1) & z.le(self.high.2);
+        (t.add(R::splat(0.0)), within) // no negative zero
+    }
+
+    /// Barycentric weights (u, v) of b and c where rays along d pass: the determinants that decide whether they do, over
+    /// their sum (Segura and Feito). 0 where the sum is zero.
+    #[inline(always)]
+    pub fn weights(&self, d: Xyz<R>) -> (R, R) {
+        let (ea, eb, ec) = (d.dot(self.sides[0]), d.dot(self.sides[1]), d.dot(self.sides[2]));
+        let sum = ea.add(eb).add(ec);
+        (clamped(eb.div(sum)), clamped(ec.div(sum)))
+    }
 }
 
 #[inline(always)]
-fn within<R: Real>(a: R, b: R, c: R, p: R) -> u32 {
+fn bounds<R: Real>(a: R, b: R, c: R) -> (R, R) {
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     let slack = R::splat(1e-12);
-    low.sub(low.abs().mul(slack)).le(p) & p.le(high.add(high.abs().mul(slack)))
+    (low.sub(low.abs().mul(slack)), high.add(high.abs().mul(slack)))
 }
 
-/// Barycentric weights (u, v) of b and c where rays along d pass: the determinants that decide whether they do, over their
-/// sum (Segura and Feito). 0 where the sum is zero.
+/// Between 0 and 1; 0 for NaN.
 #[inline(always)]
-pub(super) fn weights<R: Real>([a, b, c]: [Xyz<R>; 3], d: Xyz<R>) -> (R, R) {
-    let (ea, eb, ec) = (d.dot(b.cross(c)), d.dot(c.cross(a)), d.dot(a.cross(b)));
-    let sum = ea.add(eb).add(ec);
-    let clamped = |e: R| e.div(sum).max(R::splat(0.0)).min(R::splat(1.0));
-    (clamped(eb), clamped(ec))
+fn clamped<R: Real>(weight: R) -> R {
+    weight.max(R::splat(0.0)).min(R::splat(1.0))
 }
 
 /// A ray in the space of a mesh. The direction need not be of unit length: depths are counted in its lengths.
@@ -244,7 +290,7 @@ impl Corners {
     /// Only meaningful when [`Corners::passes`].
     #[inline]
     pub fn depth(&self, d: DVec3) -> f64 {
-        let (t, within) = plane_depth(self.xyz(), xyz(d));
+        let (t, within) = Facet::new(self.xyz()).plane_depth(xyz(d));
         if within != 0 {
             return t;
         }
@@ -266,17 +312,17 @@ impl Corners {
     /// Barycentric weights (u, v) of the second and third corner where the line along `d` passes.
     #[inline]
     pub fn weights(&self, d: DVec3) -> (f64, f64) {
-        weights(self.xyz(), xyz(d))
+        Facet::new(self.xyz()).weights(xyz(d))
     }
 
     #[inline(always)]
-    fn xyz(&self) -> [Xyz<f64>; 3] {
+    pub(super) fn xyz(&self) -> [Xyz<f64>; 3] {
         [xyz(self.a), xyz(self.b), xyz(self.c)]
     }
 }
 
 #[inline(always)]
-fn xyz(p: DVec3) -> Xyz<f64> {
+pub(super) fn xyz(p: DVec3) -> Xyz<f64> {
     Xyz(p.x, p.y, p.z)
 }
 
@@ -303,8 +349,9 @@ impl Candidate {
     /// The whole hit, given the triangle's corners and the ray's direction in the placement's space.
     #[inline]
     pub fn finish(&self, corners: &Corners, direction: DVec3, placement: &Placement) -> Hit {
-        let (u, v) = corners.weights(direction);
-        let normal = out_of(placement, normal(corners.xyz())).normalized();
+        let facet = Facet::new(corners.xyz());
+        let (u, v) = facet.weights(xyz(direction));
+        let normal = out_of(placement, facet.normal).normalized();
         let normal = DVec3::new(normal.0, normal.1, normal.2);
         Hit { t: self.t, u, v, normal, placement: self.placement, triangle: self.triangle }
     }

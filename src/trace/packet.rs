@@ -40,8 +40,9 @@
 
 use glam::DVec3;
 
+use super::exact::Real;
 use super::exact::{Candidate, Corners};
-use super::lanes::{Lanes, Triple};
+use super::lanes::{Doubles, Lanes, Triple};
 use super::tracer::Best;
 use super::wide::{Block, Node, Slot, WIDTH, Wide};
 
@@ -82,6 +83,16 @@ impl Nearest {
     pub fn get(&self, ray: usize) -> Option<Best> {
         let best = Best { t: self.t[ray], placement: self.placement[ray], slot: Slot(self.slot[ray]) };
         (self.hit >> ray & 1 != 0).then_some(best)
+    }
+
+    /// The slot of the four rays from number `first` on, if all hit the same triangle of `placement`.
+    #[inline(always)]
+    pub fn all_in(&self, first: usize, placement: u32) -> Option<Slot> {
+        let slots: &[u32; 4] = self.slot[first..first + 4].try_into().unwrap();
+        let placements: &[u32; 4] = self.placement[first..first + 4].try_into().unwrap();
+        let alike =
+            self.hit >> first & 0b1111 == 0b1111 && *slots == [slots[0]; 4] && *placements == [placement; 4];
+        alike.then_some(Slot(slots[0]))
     }
 
     pub fn set(&mut self, ray: usize, best: Option<Best>) {
@@ -166,7 +177,8 @@ pub(super) struct Visit {
 impl<'a> Tile<'a> {
     /// Prepares up to [`RAYS`] rays of one origin for a mesh. `None` if they are no narrow pyramid: more than a right angle
     /// apart or nearly so, not finite, or from so far away that f32 can't tell.
-    pub fn new(
+    #[inline(always)]
+    pub fn new<S: Lanes>(
         wide: &'a Wide,
         placement: u32,
         origin: DVec3,
@@ -205,8 +217,8 @@ impl<'a> Tile<'a> {
             lower_from: [0.0; 3],
             upper_from: [0.0; 3],
             g: [[0.0; RAYS]; 2],
-            z_low: [-1.0; RAYS],
-            z_high: [-1.0; RAYS],
+            z_low: [0.0; RAYS],
+            z_high: [0.0; RAYS],
             slot: nearest.slot,
             t: nearest.t,
             known: u64::MAX,
@@ -218,28 +230,54 @@ impl<'a> Tile<'a> {
             near: 0.0,
             reach: 0.0,
         };
-        let mut steepest = 0.0_f64;
-        let mut longest = 0.0_f64;
-        for (ray, d) in directions.iter().enumerate() {
-            let along = if turned { -d[w] } else { d[w] };
-            let (gu, gv) = (d[axes[0]] / along, d[axes[1]] / along);
+        let zero = S::Doubles::splat(0.0);
+        let (mut steepest, mut longest) = (zero, zero);
+        let side = S::Doubles::splat(if turned { -1.0 } else { 1.0 });
+        let has_hits = nearest.hit != 0 || t_max.is_finite();
+        let last = directions.len() - 1;
+        for first in (0..directions.len().next_multiple_of(8)).step_by(4) {
+            // Past the last ray, copies of it, which with a far end of −1 see nothing.
+            let d: [&DVec3; 4] = match directions.get(first..first + 4) {
+                Some(four) => [&four[0], &four[1], &four[2], &four[3]],
+                None => [0, 1, 2, 3].map(|k| &directions[(first + k).min(last)]),
+            };
+            let along = S::Doubles::load(&[d[0][w], d[1][w], d[2][w], d[3][w]]).mul(side);
+            let (iu, iv) = (axes[0], axes[1]);
+            let gu = S::Doubles::load(&[d[0][iu], d[1][iu], d[2][iu], d[3][iu]]).div(along);
+            let gv = S::Doubles::load(&[d[0][iv], d[1][iv], d[2][iv], d[3][iv]]).div(along);
             let steep = gu.abs().max(gv.abs());
-            // Not `<`: NaN, infinity and a wrong sign must not pass.
-            if !(along > 0.0 && steep < STEEPEST) {
+            // In this form NaN, infinity and a wrong sign don't pass.
+            let passes = S::Doubles::splat(f64::MIN_POSITIVE).le(along)
+                & gu.abs().le(S::Doubles::splat(STEEPEST))
+                & gv.abs().le(S::Doubles::splat(STEEPEST));
+            if passes != 0b1111 {
                 return None;
             }
             steepest = steepest.max(steep);
             longest = longest.max(along);
-            tile.g[0][ray] = gu as f32;
-            tile.g[1][ray] = gv as f32;
-            (tile.z_low[ray], tile.z_high[ray]) = bounds(nearest.t[ray] * along);
+            tile.g[0][first..first + 4].copy_from_slice(&gu.to_f32());
+            tile.g[1][first..first + 4].copy_from_slice(&gv.to_f32());
+            if has_hits {
+                let mut lengths = [0.0; 4];
+                along.store(&mut lengths);
+                for (k, along) in lengths.into_iter().enumerate() {
+                    let ray = first + k;
+                    (tile.z_low[ray], tile.z_high[ray]) = bounds(nearest.t[ray] * along);
+                }
+            }
         }
-        for ray in directions.len()..directions.len().next_multiple_of(8) {
-            // A copy of a ray, which with a far end of −1 sees nothing.
-            (tile.g[0][ray], tile.g[1][ray]) = (tile.g[0][ray - 1], tile.g[1][ray - 1]);
+        if !has_hits {
+            tile.z_low[..directions.len()].fill(f32::INFINITY);
+            tile.z_high[..directions.len()].fill(f32::INFINITY);
         }
-        tile.reach = (1.0 + 2.0 * steepest) as f32 * (1.0 + 2.0 * U);
-        tile.near = bounds(t_min * longest).1;
+        tile.z_low[directions.len()..].fill(-1.0);
+        tile.z_high[directions.len()..].fill(-1.0);
+        let (mut steep, mut long) = ([0.0; 4], [0.0; 4]);
+        steepest.store(&mut steep);
+        longest.store(&mut long);
+        let most = |four: [f64; 4]| four.into_iter().fold(0.0, f64::max);
+        tile.reach = (1.0 + 2.0 * most(steep)) as f32 * (1.0 + 2.0 * U);
+        tile.near = bounds(t_min * most(long)).1;
         // The planes of boxes lose 2⁻²⁴ of the origin a few times: in its rounding, here, and in the subtraction. (What they
         // lose of their own size is in their padding.)
         let slack = (origin.abs().max_element() as f32) * (8.0 * U) + TINY;
@@ -251,16 +289,14 @@ impl<'a> Tile<'a> {
             (tile.high[k], tile.low[k]) = (high * turn, low * turn);
         }
         for group in 0..directions.len().div_ceil(8) {
-            let range = group * 8..group * 8 + 8;
             for (k, sides) in [&mut tile.rectangle.u, &mut tile.rectangle.v].into_iter().enumerate() {
-                let lanes = &tile.g[k][range.clone()];
-                let least = lanes.iter().copied().fold(f32::INFINITY, f32::min);
-                let most = lanes.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                let lanes = S::load(eight(&tile.g[k], group));
+                let (least, most) = (-lanes.xor(S::splat(-0.0)).largest(), lanes.largest());
                 // Room for the rounding of g and of products with it.
                 sides[0][group] = least - 4e-7 * (1.0 + least.abs());
                 sides[1][group] = most + 4e-7 * (1.0 + most.abs());
             }
-            tile.far[group] = tile.z_high[range].iter().copied().fold(-1.0, f32::max);
+            tile.far[group] = S::load(eight(&tile.z_high, group)).largest();
         }
         Some(tile)
     }

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec3};
 
 use super::bounds::Bounds;
-use super::exact::{self, Candidate, Corners, LocalRay, Xyz};
+use super::exact::{self, Candidate, Corners, Facet, LocalRay, Xyz};
 use super::lanes::{self, Doubles, Lanes, Portable, Work};
 use super::packet::{Nearest, RAYS, Tile, Visit};
 use super::wide::{self, Block, Child, Slot, Wide};
@@ -93,14 +93,14 @@ impl<'s> Tracer<'s> {
         let limits = (tile.t_min, tile.t_max);
         if self.top.nodes.is_empty() {
             let Some(mut packet) =
-                Tile::new(&self.meshes[0], 0, tile.origin, tile.directions, limits, &nearest)
+                Tile::new::<S>(&self.meshes[0], 0, tile.origin, tile.directions, limits, &nearest)
             else {
                 return false;
             };
             packet.walk_mesh::<S>(&mut room.mesh);
             packet.leave(&mut nearest, false);
         } else {
-            let Some(mut top) = Tile::new(&self.top, 0, tile.origin, tile.directions, limits, &nearest)
+            let Some(mut top) = Tile::new::<S>(&self.top, 0, tile.origin, tile.directions, limits, &nearest)
             else {
                 return false;
             };
@@ -114,7 +114,7 @@ impl<'s> Tracer<'s> {
                 carried.clear();
                 carried.extend(tile.directions.iter().map(|&d| carry(d).direction));
                 let wide = &self.meshes[placement.mesh as usize];
-                if let Some(mut packet) = Tile::new(wide, index, origin, carried, limits, &nearest) {
+                if let Some(mut packet) = Tile::new::<S>(wide, index, origin, carried, limits, &nearest) {
                     packet.walk_mesh::<S>(mesh_stack);
                     packet.leave(&mut nearest, true);
                 } else {
@@ -133,8 +133,56 @@ impl<'s> Tracer<'s> {
                 top.update(&nearest);
             }
         }
+        let mut last = (u32::MAX, None);
         for (four, hits) in hits.chunks_mut(4).enumerate() {
-            self.finish_four::<S::Doubles>(tile, &nearest, four * 4, hits);
+            if !self.finish_alike::<S::Doubles>(tile, &nearest, four * 4, hits, &mut last) {
+                self.finish_four::<S::Doubles>(tile, &nearest, four * 4, hits);
+            }
+        }
+        true
+    }
+
+    /// The whole hits of four rays from number `first` on that all hit the same triangle of placement 0; false if they don't.
+    /// `last` is the slot and facet of the previous ones.
+    #[inline(always)]
+    fn finish_alike<D: Doubles>(
+        &self,
+        tile: &Rays,
+        nearest: &Nearest,
+        first: usize,
+        hits: &mut [Option<Hit>],
+        last: &mut (u32, Option<(Facet<f64>, DVec3, u32)>),
+    ) -> bool {
+        let Some(slot) = nearest.all_in(first, 0) else { return false };
+        let (Ok(hits), Some(directions)) =
+            (<&mut [_; 4]>::try_from(hits), tile.directions.get(first..first + 4))
+        else {
+            return false;
+        };
+        if last.0 != slot.0 || last.1.is_none() {
+            let block = Block::at(&self.wide(0).blocks, slot.granule());
+            let facet = Facet::new(Corners::from_positions(block.positions(slot.lane()), tile.origin).xyz());
+            let normal = facet.normal.normalized();
+            *last = (slot.0, Some((facet, DVec3::new(normal.0, normal.1, normal.2), block.id(slot.lane()))));
+        }
+        let Some((facet, normal, triangle)) = last.1 else { return false };
+        let facet = Facet::<D>::splat(&facet);
+        let d = Xyz(
+            D::load(&[directions[0].x, directions[1].x, directions[2].x, directions[3].x]),
+            D::load(&[directions[0].y, directions[1].y, directions[2].y, directions[3].y]),
+            D::load(&[directions[0].z, directions[1].z, directions[2].z, directions[3].z]),
+        );
+        let (t, within) = facet.plane_depth(d);
+        if within != 0b1111 {
+            return false;
+        }
+        let (u, v) = facet.weights(d);
+        let (mut ts, mut us, mut vs) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+        t.store(&mut ts);
+        u.store(&mut us);
+        v.store(&mut vs);
+        for (k, hit) in hits.iter_mut().enumerate() {
+            *hit = Some(Hit { t: ts[k], u: us[k], v: vs[k], normal, placement: 0, triangle });
         }
         true
     }
@@ -183,9 +231,10 @@ impl<'s> Tracer<'s> {
             load(&positions[1]).sub(origin),
             load(&positions[2]).sub(origin),
         ];
-        let (t, within) = exact::plane_depth(corners, d);
-        let (u, v) = exact::weights(corners, d);
-        let mut normals = store_xyz(exact::normal(corners));
+        let facet = Facet::new(corners);
+        let (t, within) = facet.plane_depth(d);
+        let (u, v) = facet.weights(d);
+        let mut normals = store_xyz(facet.normal);
         if !self.top.nodes.is_empty() {
             for k in 0..hits.len() {
                 if let Some(best) = nearest.get(first + k) {

@@ -184,6 +184,14 @@ impl Doubles for Avx2Doubles {
         // SAFETY: AVX, see the module; the reference covers the 32 bytes written.
         unsafe { _mm256_storeu_pd(to.as_mut_ptr(), self.0) }
     }
+
+    #[inline(always)]
+    fn to_f32(self) -> [f32; 4] {
+        let mut to = [0.0; 4];
+        // SAFETY: AVX, see the module; the array takes the 16 bytes written.
+        unsafe { _mm_storeu_ps(to.as_mut_ptr(), _mm256_cvtpd_ps(self.0)) };
+        to
+    }
 }
 
 impl Real for Avx2Doubles {

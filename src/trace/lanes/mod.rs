@@ -75,6 +75,8 @@ pub(super) trait Lanes: Copy {
 pub(super) trait Doubles: Real {
     fn load(x: &[f64; 4]) -> Self;
     fn store(self, to: &mut [f64; 4]);
+    /// Rounded to nearest.
+    fn to_f32(self) -> [f32; 4];
 }
 
 /// Something to be done with any kind of lanes. `run` must be `#[inline(always)]`, and so must all that it calls in a loop:

@@ -152,6 +152,11 @@ impl Doubles for PortableDoubles {
     fn store(self, to: &mut [f64; 4]) {
         *to = self.0;
     }
+
+    #[inline(always)]
+    fn to_f32(self) -> [f32; 4] {
+        self.0.map(|x| x as f32)
+    }
 }
 
 impl Real for PortableDoubles {
