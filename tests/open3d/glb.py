@@ -6,7 +6,7 @@ EXT_mesh_gpu_instancing. Anything else is an error, never a guess.
 
 import json
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,8 +27,8 @@ class Scene:
     shared      (T,) whether the triangle's mesh is placed more than once
     first       (P + 1,) first triangle of each placement, in document order
     names       P names of nodes
-    labels      P semantic labels (0 where there is none)
-    colors      (T,) reflectivities
+    labels      (P,) semantic labels, 0 where there is none
+    reflectivity (T,) of the materials
     """
 
     centre: np.ndarray
@@ -36,9 +36,9 @@ class Scene:
     triangles: np.ndarray
     shared: np.ndarray
     first: np.ndarray
-    names: list = field(default_factory=list)
-    labels: list = field(default_factory=list)
-    colors: np.ndarray = None
+    names: list
+    labels: np.ndarray
+    reflectivity: np.ndarray
 
 
 def load(path, up="z"):
@@ -105,9 +105,8 @@ def rotation(q):
 
 def transform(translation=(0, 0, 0), turn=(0, 0, 0, 1), scale=(1, 1, 1)):
     matrix = np.eye(4)
-    # glTF's numbers are f32.
-    matrix[:3, :3] = rotation(np.float32(turn)) * np.float64(np.float32(scale))
-    matrix[:3, 3] = np.float32(translation)
+    matrix[:3, :3] = rotation(turn) * np.asarray(scale, np.float64)
+    matrix[:3, 3] = translation
     return matrix
 
 
@@ -120,7 +119,7 @@ def place(gltf, binary, root):
         index, above, label = stack.pop()
         node = nodes[index]
         if "matrix" in node:
-            own = np.float64(np.float32(node["matrix"])).reshape(4, 4).T
+            own = np.array(node["matrix"], np.float64).reshape(4, 4).T
         else:
             own = transform(
                 node.get("translation", (0, 0, 0)), node.get("rotation", (0, 0, 0, 1)), node.get("scale", (1, 1, 1))
@@ -145,7 +144,7 @@ def place(gltf, binary, root):
 
 def apply(matrix, points):
     x, y, z = points[:, 0:1], points[:, 1:2], points[:, 2:3]
-    return (matrix[:3, 0] * x + matrix[:3, 1] * y) + (matrix[:3, 2] * z + matrix[:3, 3])
+    return matrix[:3, 0] * x + matrix[:3, 1] * y + matrix[:3, 2] * z + matrix[:3, 3]
 
 
 def build(meshes, placed):
@@ -187,7 +186,7 @@ def build(meshes, placed):
         np.concatenate(shared),
         np.array(first),
         names,
-        labels,
+        np.array(labels),
         np.concatenate(colors),
     )
 

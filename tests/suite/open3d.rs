@@ -1,0 +1,87 @@
+//! The shipped jobs against ranges that Open3D (Embree) found for the same rays: tests/open3d/*.tsv, written by
+//! `python tests/open3d/check.py --write-tables configs/*.toml`, which makes rays and triangles itself.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().path());
+    let mut files: Vec<_> = entries.filter(|path| path.extension().is_some_and(|e| e == extension)).collect();
+    files.sort();
+    files
+}
+
+/// One pixel of a table: row, column, range (infinite for none), and what a right answer may differ by, in metres.
+type Pixel = (usize, usize, f64, f64);
+
+fn read_table(path: &Path) -> Vec<Pixel> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("row\tcolumn\trange_m\ttolerance_m"), "{}", path.display());
+    let pixel = |line: &str| {
+        let mut fields = line.split('\t');
+        let mut next = || fields.next().unwrap_or_else(|| panic!("{}: {line}", path.display()));
+        let (row, column) = (next().parse().unwrap(), next().parse().unwrap());
+        (row, column, next().parse().unwrap(), next().parse().unwrap())
+    };
+    lines.map(pixel).collect()
+}
+
+/// The image's channel `range`, and its width.
+fn read_ranges(path: &Path) -> (Vec<f32>, usize) {
+    let image =
+        read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
+    let layer = image.from_file(path).unwrap().layer_data;
+    let mut channels = layer.channel_data.list.into_iter();
+    match channels.find(|channel| channel.name.eq("range")).unwrap().sample_data {
+        FlatSamples::F32(samples) => (samples, layer.size.width()),
+        other => panic!("range is {other:?}"),
+    }
+}
+
+#[test]
+fn shipped_jobs_see_what_open3d_sees() {
+    let mut tables: BTreeMap<String, Vec<(String, Vec<Pixel>)>> = BTreeMap::new();
+    for path in files("tests/open3d", "tsv") {
+        let name = path.file_stem().unwrap().to_str().unwrap();
+        let (job, sensor) = name.split_once('.').unwrap();
+        tables.entry(job.to_owned()).or_default().push((sensor.to_owned(), read_table(&path)));
+    }
+    let out = tempfile::tempdir().unwrap();
+    for job in files("configs", "toml") {
+        let name = job.file_stem().unwrap().to_str().unwrap();
+        let sensors = tables.remove(name).unwrap_or_else(|| panic!("no table in tests/open3d for {name}"));
+        let folder = out.path().join(name);
+        let run = Command::new(env!("CARGO_BIN_EXE_beamcast"))
+            .args(["scan", "-q", "--set", "output.formats=[\"exr\"]"])
+            .args([&job, Path::new("--out"), &folder])
+            .output()
+            .unwrap();
+        assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
+        for (sensor, pixels) in sensors {
+            let (ranges, width) = read_ranges(&folder.join(&sensor).join("000000.exr"));
+            let (mut hits, mut misses) = (0, 0);
+            for (row, column, theirs, tolerance) in pixels {
+                let ours = f64::from(ranges[row * width + column]);
+                let at = format!("{name}/{sensor}, row {row}, column {column}: {ours} m, Open3D {theirs} m");
+                if theirs.is_finite() {
+                    hits += 1;
+                    assert!((ours - theirs).abs() <= tolerance, "{at}, ± {tolerance} m");
+                } else {
+                    misses += 1;
+                    assert_eq!(ours, f64::INFINITY, "{at}");
+                }
+            }
+            // Tables that say little would test little.
+            assert!(hits >= 400 && hits + misses >= 800, "{name}/{sensor}: {hits} hits, {misses} misses");
+        }
+    }
+    assert!(tables.is_empty(), "tables of no job: {:?}", tables.keys());
+}
