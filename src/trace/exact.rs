@@ -206,15 +206,38 @@ pub struct LocalRay {
 
 impl LocalRay {
     /// Carries a ray of the scene's space into a placement's. Depths keep their meaning.
+    #[inline]
     pub fn carried(self, placement: &Placement) -> Self {
         let map = &placement.mesh_from_scene;
         if *map == DAffine3::IDENTITY {
             return self;
         }
-        let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis];
-        let linear = |v: DVec3| (x * v.x + y * v.y) + z * v.z;
-        Self { origin: linear(self.origin) + map.translation, direction: linear(self.direction) }
+        Self { origin: linear(map, self.origin) + map.translation, direction: linear(map, self.direction) }
     }
+}
+
+/// The linear part of a map, left to right.
+#[inline(always)]
+fn linear(map: &DAffine3, v: DVec3) -> DVec3 {
+    let m = &map.matrix3;
+    (m.x_axis * v.x + m.y_axis * v.y) + m.z_axis * v.z
+}
+
+/// Carries rays of one origin as [`LocalRay::carried`] does: the directions go to `carried`, the origin comes back.
+pub(super) fn carry(
+    placement: &Placement,
+    origin: DVec3,
+    directions: &[DVec3],
+    carried: &mut Vec<DVec3>,
+) -> DVec3 {
+    let map = &placement.mesh_from_scene;
+    carried.clear();
+    if *map == DAffine3::IDENTITY {
+        carried.extend_from_slice(directions);
+        return origin;
+    }
+    carried.extend(directions.iter().map(|&d| linear(map, d)));
+    linear(map, origin) + map.translation
 }
 
 /// A triangle's corners relative to a ray's origin, each rounded once. All triangles that share a vertex get the same

@@ -684,12 +684,16 @@ impl<S: Lanes> Prepared<S> {
     #[inline(always)]
     fn new(tile: &Tile, block: &Block, m: f32) -> Self {
         let turn = S::splat(if tile.turned { -0.0 } else { 0.0 });
-        let (u, v, w) =
-            (block.halves(tile.axes[0]), block.halves(tile.axes[1]), block.halves::<S>(tile.axes[2]));
-        let w = (w.0.xor(turn), w.1.xor(turn));
-        let a = corner(u, v, w, block.corner(0));
-        let b = corner(u, v, w, block.corner(1));
-        let c = corner(u, v, w, block.corner(2));
+        let corners = [block.corner(0), block.corner(1), block.corner(2)];
+        let [u, v, w] = tile.axes;
+        let (u, v, w) = (
+            block.coordinates(u, corners),
+            block.coordinates(v, corners),
+            block.coordinates::<S>(w, corners),
+        );
+        let a = Triple(u[0], v[0], w[0].xor(turn));
+        let b = Triple(u[1], v[1], w[1].xor(turn));
+        let c = Triple(u[2], v[2], w[2].xor(turn));
         let (ab, ac, bc) = (b.sub(a), c.sub(a), c.sub(b));
         let a = a.sub(Triple::splat(tile.high)).sub(Triple::splat(tile.low));
         let (b, c) = (a.add(ab), a.add(ac));
@@ -757,12 +761,6 @@ fn overlaps<S: Lanes>(r: [S; 2], b: [S; 2], near: S, far: S) -> S {
 #[inline(always)]
 fn spread<S: Lanes>(side: [f32; 2]) -> [S; 2] {
     [S::splat(side[0]), S::splat(side[1])]
-}
-
-/// The corners that `vertices` names, a byte a triangle.
-#[inline(always)]
-fn corner<S: Lanes>(u: (S, S), v: (S, S), w: (S, S), vertices: u64) -> Triple<S> {
-    Triple(S::gather(u.0, u.1, vertices), S::gather(v.0, v.1, vertices), S::gather(w.0, w.1, vertices))
 }
 
 /// f32 bounds of an f64 depth, with a few ulps of room.

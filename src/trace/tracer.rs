@@ -109,10 +109,7 @@ impl<'s> Tracer<'s> {
             while let Some(leaf) = top.next_leaf::<S>(stack) {
                 let index = leaf.number;
                 let placement = &self.scene.placements[index as usize];
-                let carry = |direction| LocalRay { origin: tile.origin, direction }.carried(placement);
-                let origin = carry(DVec3::ZERO).origin;
-                carried.clear();
-                carried.extend(tile.directions.iter().map(|&d| carry(d).direction));
+                let origin = exact::carry(placement, tile.origin, tile.directions, carried);
                 let wide = &self.meshes[placement.mesh as usize];
                 if let Some(mut packet) = Tile::new::<S>(wide, index, origin, carried, limits, &nearest) {
                     packet.walk_mesh::<S>(mesh_stack);

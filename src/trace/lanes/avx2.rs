@@ -159,6 +159,16 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
+    fn gather_above_15(below: Self, high: Self, indices: u64) -> Self {
+        // SAFETY: AVX2, see the module.
+        Self(unsafe {
+            let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(indices as i64));
+            let is_above = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(lanes));
+            _mm256_blendv_ps(below.0, _mm256_permutevar8x32_ps(high.0, lanes), is_above)
+        })
+    }
+
+    #[inline(always)]
     fn prefetch<T>(place: &T) {
         let start = std::ptr::from_ref(place).cast::<i8>();
         for line in (0..size_of::<T>()).step_by(64) {

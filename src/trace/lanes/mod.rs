@@ -42,8 +42,10 @@ pub(super) trait Lanes: Copy {
     fn select(mask: Self, yes: Self, no: Self) -> Self;
     /// One bit a lane: its sign, which of a mask is whether it is true.
     fn bits(self) -> u32;
-    /// Lane k is number `indices`' byte k of the sixteen in `low` and `high`.
+    /// Lane k is number `indices`' byte k of the sixteen in `low` and `high`; anything where the byte is larger.
     fn gather(low: Self, high: Self, indices: u64) -> Self;
+    /// Where `indices`' byte k is 16 or more: number (byte − 16) of `high`, else as in `below`.
+    fn gather_above_15(below: Self, high: Self, indices: u64) -> Self;
     /// Asks for the cache lines of `place`, if the machine has a way to ask.
     fn prefetch<T>(place: &T);
 

@@ -128,6 +128,12 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn gather_above_15(below: Self, high: Self, indices: u64) -> Self {
+        let bytes = indices.to_le_bytes();
+        Self(from_fn(|k| if bytes[k] < 16 { below.0[k] } else { high.0[bytes[k] as usize & 7] }))
+    }
+
+    #[inline(always)]
     fn prefetch<T>(_: &T) {}
 }
 

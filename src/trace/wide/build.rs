@@ -3,8 +3,6 @@
 //! obvhs's working memory is several times what the finished structure takes. Built part by part, only a part's worth of it
 //! exists at a time (one a thread), and the parts are what the threads share out.
 
-use std::collections::HashMap;
-
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
@@ -255,7 +253,7 @@ impl Tree {
             let node = &bvh.nodes[leaf];
             let range = node.first_index as usize..(node.first_index + node.prim_count) as usize;
             let ids: Vec<u32> = bvh.primitive_indices[range].iter().map(|&i| items[i as usize]).collect();
-            tree.leaf(space, &ids)
+            tree.block(space, &ids)
         });
         tree.nodes.shrink_to_fit();
         tree.blocks.shrink_to_fit();
@@ -308,71 +306,40 @@ impl Tree {
         }
     }
 
-    /// Writes the blocks of a leaf: one if its vertices fit, else a node over several.
-    fn leaf(&mut self, space: &Space, ids: &[u32]) -> Child {
-        let mut blocks: Vec<(Child, Aabb)> = Vec::new();
-        let mut rest = ids;
-        while !rest.is_empty() {
-            let taken = self.block(space, rest);
-            let granule = taken.0;
-            let bounds = rest[..taken.1].iter().map(|&i| space.scaled(i)).reduce(|a, b| a.union(&b)).unwrap();
-            blocks.push((Child::block(granule), bounds));
-            rest = &rest[taken.1..];
-        }
-        if let [(block, _)] = blocks[..] {
-            return block;
-        }
-        let index = self.nodes.len() as u32;
-        let mut node = Node::EMPTY;
-        for (lane, (child, bounds)) in blocks.into_iter().enumerate() {
-            node.child[lane] = child;
-            for axis in 0..3 {
-                node.low[axis][lane] = bounds.min[axis];
-                node.high[axis][lane] = bounds.max[axis];
-            }
-        }
-        self.nodes.push(node);
-        Child::node(index)
-    }
-
-    /// Writes one block of as many of the triangles as fit: its granule and how many it took.
-    fn block(&mut self, space: &Space, ids: &[u32]) -> (u32, usize) {
-        let mut lane_of = HashMap::with_capacity(MAX_VERTICES);
-        let mut vertices: Vec<[f32; 3]> = Vec::with_capacity(MAX_VERTICES);
+    /// Writes the block of a leaf.
+    fn block(&mut self, space: &Space, ids: &[u32]) -> Child {
+        let mut indices = [0_u32; MAX_VERTICES];
+        let mut count = 0;
         let mut corners = [[0_u8; WIDTH]; 3];
         let mut extent = 0.0_f32;
-        let mut taken = 0;
-        for (lane, &id) in ids.iter().take(WIDTH).enumerate() {
-            let triangle = space.mesh.triangles[id as usize];
-            let new = triangle.iter().filter(|v| !lane_of.contains_key(*v)).count();
-            if vertices.len() + new > MAX_VERTICES {
-                break;
-            }
-            for (corner, v) in triangle.into_iter().enumerate() {
-                let vertex = *lane_of.entry(v).or_insert_with(|| {
-                    vertices.push(space.mesh.positions[v as usize]);
-                    vertices.len() as u8 - 1
+        for (lane, &id) in ids.iter().enumerate() {
+            for (corner, v) in space.mesh.triangles[id as usize].into_iter().enumerate() {
+                // At most 24: a look at each is quicker than a hash.
+                let vertex = indices[..count].iter().position(|&known| known == v).unwrap_or_else(|| {
+                    indices[count] = v;
+                    count += 1;
+                    count - 1
                 });
-                corners[corner][lane] = vertex;
+                corners[corner][lane] = vertex as u8;
             }
             let Aabb { min, max } = space.triangle(id);
             extent = extent.max((max - min).max_element());
-            taken += 1;
         }
         let start = self.blocks.len();
-        self.blocks.push(taken as u32 | (vertices.len() as u32) << 8);
+        let vertices = indices[..count].iter().map(|&v| space.mesh.positions[v as usize]);
+        self.blocks.push(ids.len() as u32 | (count as u32) << 8);
         self.blocks.push(extent.to_bits());
         for axis in 0..3 {
-            self.blocks.extend(vertices.iter().map(|p| p[axis].to_bits()));
+            self.blocks.extend(vertices.clone().map(|p| p[axis].to_bits()));
         }
         for corner in corners {
             let [a, b, c, d, e, f, g, h] = corner;
             self.blocks.extend([u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])]);
         }
-        debug_assert_eq!(self.blocks.len(), start + HEADER + 3 * vertices.len() + 6);
-        self.blocks.extend(&ids[..taken]);
+        debug_assert_eq!(self.blocks.len(), start + HEADER + 3 * count + 6);
+        self.blocks.extend(ids);
         self.blocks.resize(self.blocks.len().next_multiple_of(GRANULE), 0);
-        ((start / GRANULE) as u32, taken)
+        Child::block((start / GRANULE) as u32)
     }
 }
 

@@ -73,7 +73,7 @@ pub(super) const GRANULE: usize = 4;
 pub(super) const MAX_GRANULES: usize = 1 << 29;
 
 /// Words after the last block, so that whole vectors may be read from anywhere in it.
-const TAIL: usize = 16;
+const TAIL: usize = 3 * WIDTH;
 
 /// A view of one block. Its words are:
 ///
@@ -91,8 +91,8 @@ pub(super) struct Block<'a> {
     vertices: usize,
 }
 
-/// Vertices of a block: eight triangles need no more than 24, but two vectors hold no more than 16, and so a block ends.
-pub(super) const MAX_VERTICES: usize = 16;
+/// Vertices of a block at most: eight triangles that share none.
+pub(super) const MAX_VERTICES: usize = 3 * WIDTH;
 
 const HEADER: usize = 2;
 
@@ -110,12 +110,25 @@ impl<'a> Block<'a> {
         f32::from_bits(self.words[1])
     }
 
-    /// A coordinate of the first eight vertices and of the next eight; those past the last vertex mean nothing.
+    /// A coordinate of the corners of all triangles, `corners` as [`Block::corner`] gives them. Lanes past the last triangle
+    /// mean nothing.
     #[inline(always)]
-    pub fn halves<S: Lanes>(&self, axis: usize) -> (S, S) {
+    pub fn coordinates<S: Lanes>(&self, axis: usize, corners: [u64; 3]) -> [S; 3] {
         let start = HEADER + axis * self.vertices;
-        let words: &[u32; 16] = self.words[start..start + 16].try_into().unwrap();
-        (S::load_bits(words[..8].try_into().unwrap()), S::load_bits(words[8..].try_into().unwrap()))
+        let words: &[u32; MAX_VERTICES] = self.words[start..start + MAX_VERTICES].try_into().unwrap();
+        let low = S::load_bits(words[..8].try_into().unwrap());
+        let middle = S::load_bits(words[8..16].try_into().unwrap());
+        let [a, b, c] = corners;
+        let picked = [S::gather(low, middle, a), S::gather(low, middle, b), S::gather(low, middle, c)];
+        if self.vertices <= 16 {
+            return picked;
+        }
+        let high = S::load_bits(words[16..].try_into().unwrap());
+        [
+            S::gather_above_15(picked[0], high, a),
+            S::gather_above_15(picked[1], high, b),
+            S::gather_above_15(picked[2], high, c),
+        ]
     }
 
     /// For each triangle, which vertex its corner `corner` is: a byte a triangle.
