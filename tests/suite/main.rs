@@ -4,6 +4,7 @@ mod cli;
 mod config;
 mod corpus;
 mod hostile_scenes;
+mod layering;
 mod open3d;
 mod outputs;
 mod scenes;
