@@ -54,8 +54,9 @@ pub struct Progress {
     pub cancelled: AtomicBool,
 }
 
-/// Rows and columns of the tiles that are cast as one batch: neighbouring rays, so that a batch is a narrow pyramid.
-const TILE: (usize, usize) = (8, 16);
+/// Rows and columns of the tiles that are cast as one batch: as many rays as the tracer takes at once, and neighbours, so
+/// that they are a narrow pyramid.
+const TILE: (usize, usize) = (8, 8);
 
 /// Casts every pulse of a sensor at `world_from_sensor`. `None` if `progress.cancelled` was set before the end.
 ///
