@@ -75,7 +75,9 @@ impl<'s> Tracer<'s> {
                 let tile = Rays { directions: &rays.directions[from..to], ..*rays };
                 let hits = &mut hits[from..to];
                 if self.cast_tile::<S>(&tile, hits, &mut room) {
-                } else if to - from == 1 {
+                    continue;
+                }
+                if to - from == 1 {
                     self.cast_singly(&tile, hits, &mut room);
                 } else {
                     // No narrow pyramid; its halves may be.
@@ -130,7 +132,7 @@ impl<'s> Tracer<'s> {
                 top.update(&nearest);
             }
         }
-        let mut last = (u32::MAX, None);
+        let mut last = None;
         for (four, hits) in hits.chunks_mut(4).enumerate() {
             if !self.finish_alike::<S::Doubles>(tile, &nearest, four * 4, hits, &mut last) {
                 self.finish_four::<S::Doubles>(tile, &nearest, four * 4, hits);
@@ -140,7 +142,7 @@ impl<'s> Tracer<'s> {
     }
 
     /// The whole hits of four rays from number `first` on that all hit the same triangle of placement 0; false if they don't.
-    /// `last` is the slot and facet of the previous ones.
+    /// `last` is the triangle of the previous ones.
     #[inline(always)]
     fn finish_alike<D: Doubles>(
         &self,
@@ -148,7 +150,7 @@ impl<'s> Tracer<'s> {
         nearest: &Nearest,
         first: usize,
         hits: &mut [Option<Hit>],
-        last: &mut (u32, Option<(Facet<f64>, DVec3, u32)>),
+        last: &mut Option<Seen>,
     ) -> bool {
         let Some(slot) = nearest.all_in(first, 0) else { return false };
         let (Ok(hits), Some(directions)) =
@@ -156,14 +158,23 @@ impl<'s> Tracer<'s> {
         else {
             return false;
         };
-        if last.0 != slot.0 || last.1.is_none() {
-            let block = Block::at(&self.wide(0).blocks, slot.granule());
-            let facet = Facet::new(Corners::from_positions(block.positions(slot.lane()), tile.origin).xyz());
-            let normal = facet.normal.normalized();
-            *last = (slot.0, Some((facet, DVec3::new(normal.0, normal.1, normal.2), block.id(slot.lane()))));
-        }
-        let Some((facet, normal, triangle)) = last.1 else { return false };
-        let facet = Facet::<D>::splat(&facet);
+        let Seen { facet, normal, triangle, .. } = match last {
+            Some(seen) if seen.slot == slot => seen,
+            _ => {
+                let block = Block::at(&self.wide(0).blocks, slot.granule());
+                let facet =
+                    Facet::new(Corners::from_positions(block.positions(slot.lane()), tile.origin).xyz());
+                let Xyz(x, y, z) = facet.normal.normalized();
+                last.insert(Seen {
+                    slot,
+                    facet,
+                    normal: DVec3::new(x, y, z),
+                    triangle: block.id(slot.lane()),
+                })
+            }
+        };
+        let (normal, triangle) = (*normal, *triangle);
+        let facet = Facet::<D>::splat(facet);
         let d = Xyz(
             D::load(&[directions[0].x, directions[1].x, directions[2].x, directions[3].x]),
             D::load(&[directions[0].y, directions[1].y, directions[2].y, directions[3].y]),
@@ -233,11 +244,11 @@ impl<'s> Tracer<'s> {
         let (u, v) = facet.weights(d);
         let mut normals = store_xyz(facet.normal);
         if !self.top.nodes.is_empty() {
-            for k in 0..hits.len() {
+            let [x, y, z] = &mut normals;
+            for (k, ((x, y), z)) in x.iter_mut().zip(y).zip(z).enumerate().take(hits.len()) {
                 if let Some(best) = nearest.get(first + k) {
-                    let normal = Xyz(normals[0][k], normals[1][k], normals[2][k]);
-                    let out = exact::out_of(&self.scene.placements[best.placement as usize], normal);
-                    (normals[0][k], normals[1][k], normals[2][k]) = (out.0, out.1, out.2);
+                    let placement = &self.scene.placements[best.placement as usize];
+                    Xyz(*x, *y, *z) = exact::out_of(placement, Xyz(*x, *y, *z));
                 }
             }
         }
@@ -381,6 +392,14 @@ pub(super) struct Best {
     pub t: f64,
     pub placement: u32,
     pub slot: Slot,
+}
+
+/// A triangle of placement 0, as the last rays that hit it needed it.
+struct Seen {
+    slot: Slot,
+    facet: Facet<f64>,
+    normal: DVec3,
+    triangle: u32,
 }
 
 /// Room to work in, kept from tile to tile.
