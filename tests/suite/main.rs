@@ -5,6 +5,7 @@ mod config;
 mod corpus;
 mod hostile_scenes;
 mod layering;
+mod mistakes;
 mod outputs;
 mod scenes;
 mod shapes;
