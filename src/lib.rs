@@ -1,4 +1,62 @@
 //! beamcast casts the beams of LiDARs and depth cameras against glTF scenes, exactly, on the CPU.
+//!
+//! ```text
+//!  job.toml, sensor.toml            scene.glb
+//!           │ config                    │ scene::gltf
+//!           ▼                           ▼
+//!   sensor::Sensor, Pose           scene::Scene
+//!           │                           │ trace::Tracer
+//!           │  Pulse: direction, time   │ Hit: depth, triangle
+//!           └─────────────┬─────────────┘
+//!                         ▼ scan
+//!             Frame: a Return a pixel, or None
+//!                         │ output
+//!                         ▼
+//!         EXR range image, PLY cloud, PNG preview
+//! ```
+//!
+//! Each arrow is one module, and [`cli`] runs them in that order. Data flows one way: nothing imports what comes after
+//! it.
+//!
+//! # Units and frames
+//! Metres, seconds and radians inside; names at the edges carry their unit (`max_m`, `hfov_deg`). The world is
+//! right-handed with z up, and a sensor's frame has x forward, y left, z up; azimuth is counted from +x toward +y,
+//! elevation toward +z. Poses are named `target_from_source`. [`frame`] says the rest.
+//!
+//! # What a beam hits
+//! is fixed by geometry and not by the order of work: see [`trace`]. Results are the same bits on any number of threads
+//! and any processor.
+//!
+//! # Example
+//! A wall ten metres ahead of a LiDAR:
+//!
+//! ```
+//! use beamcast::angle::Angle;
+//! use beamcast::frame::Pose;
+//! use beamcast::scan::{Progress, scan};
+//! use beamcast::scene::{Material, Placed, SceneBuilder, SourceMesh, SourcePart};
+//! use beamcast::sensor::{Beam, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
+//! use beamcast::trace::Tracer;
+//! use glam::DAffine3;
+//!
+//! let wall = SourceMesh {
+//!     positions: vec![[10.0, -5.0, -5.0], [10.0, 5.0, -5.0], [10.0, 0.0, 5.0]],
+//!     parts: vec![SourcePart { triangles: vec![[0, 1, 2]], material: 0 }],
+//! };
+//! let placed = Placed { mesh: 0, world_from_mesh: DAffine3::IDENTITY, instance: Default::default() };
+//! let materials = vec![Material::default()];
+//! let scene = SceneBuilder { meshes: vec![wall], placed: vec![placed], materials, files: vec![] }.build()?;
+//!
+//! let beam = Beam { elevation: Angle::deg(0.0), azimuth_offset: Angle::deg(0.0), time_s: 0.0, file_index: 0 };
+//! let full_turn = (Angle::deg(180.0), Angle::deg(-180.0));
+//! let pattern = Pattern::Rotating(Rotating::new(vec![beam], 360, full_turn, 10.0)?);
+//! let sensor = Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row };
+//!
+//! let frame = scan(&scene, &Tracer::build(&scene), &sensor, &Pose::IDENTITY, &Progress::default()).unwrap();
+//! assert_eq!(frame.get(0, 180).unwrap().range, 10.0); // the middle column looks forward
+//! assert_eq!(frame.get(0, 0), None); // the first one backward
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod angle;
 pub mod cli;

@@ -6,15 +6,16 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use serde::Serialize;
 
-use super::diagnostics;
-use crate::config::{self, Config, Job, missing_file_help};
+use super::{diagnostics, pipeline};
+use crate::config::{self, Config, Job};
 use crate::error::{Diagnostic, Error, SceneError, Severity};
 use crate::frame::UpAxis;
 use crate::output::Format;
 use crate::scan::Return;
-use crate::scene::{Scene, gltf};
+use crate::scene::{Mesh, Scene, gltf};
 use crate::sensor::{Pattern, Pinhole, Rotating, Sensor};
 
 /// What to read.
@@ -127,10 +128,7 @@ fn open_scene(
         up: job.map_or(UpAxis::default(), |job| job.up),
         labels: job.map_or(&no_labels, |job| &job.labels),
     };
-    let loaded = gltf::load(path, as_written, &options).map_err(|error| {
-        let help = if path.exists() { None } else { missing_file_help(as_written, path) };
-        SceneError { help: help.or(error.help), ..error }
-    })?;
+    let loaded = pipeline::open_scene(path, as_written, &options)?;
     let warning = |text| Diagnostic { severity: Severity::Warning, ..about_file(path, text, None) };
     diagnostics.extend(loaded.warnings.into_iter().map(warning));
     Ok(loaded.scene)
@@ -345,6 +343,8 @@ struct SceneFacts {
     materials: usize,
     /// Every semantic label that a surface has, in ascending order.
     labels: Vec<u32>,
+    /// The least and the largest x, y and z in the world; of meshes placed more than once, those of their boxes.
+    extent_m: [[f64; 2]; 3],
     /// With what tracing it takes.
     memory_bytes: u64,
 }
@@ -371,9 +371,32 @@ impl SceneFacts {
             instances: scene.instances.len(),
             materials: scene.materials.len(),
             labels,
+            extent_m: extent(scene),
             memory_bytes: scene.stored_triangle_count() * BYTES_PER_TRIANGLE,
         }
     }
+}
+
+fn extent(scene: &Scene) -> [[f64; 2]; 3] {
+    let (nothing, everything) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let own = |mesh: &Mesh| {
+        let positions = mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from)));
+        positions.fold((nothing, everything), |(low, high), p| (low.min(p), high.max(p)))
+    };
+    let own: Vec<_> = scene.meshes.iter().map(own).collect();
+    let (mut low, mut high) = (nothing, everything);
+    for placement in &scene.placements {
+        let (a, b) = own[placement.mesh as usize];
+        if a.x > b.x {
+            continue; // mesh 0 may be empty
+        }
+        for corner in 0..8 {
+            let p = DVec3::from_array([0, 1, 2].map(|i| if corner >> i & 1 == 0 { a[i] } else { b[i] }));
+            let p = placement.scene_from_mesh.transform_point3(p) + scene.centre;
+            (low, high) = (low.min(p), high.max(p));
+        }
+    }
+    [0, 1, 2].map(|axis| [low[axis], high[axis]])
 }
 
 impl FileFacts {
@@ -405,6 +428,8 @@ impl SceneFacts {
             n => format!(", {} of zero area left out", grouped(n)),
         };
         fact!(text, "triangles", "{}{skipped}", grouped(scene.triangles));
+        let [x, y, z] = scene.extent_m.map(|[low, high]| format!("{} to {}", tidy(low), tidy(high)));
+        fact!(text, "extent", "x {x}, y {y}, z {z} m");
         fact!(text, "instances", "{}", grouped(scene.instances as u64));
         fact!(text, "materials", "{}", grouped(scene.materials as u64));
         let labels: Vec<String> = scene.labels.iter().take(32).map(u32::to_string).collect();
@@ -586,8 +611,10 @@ mod tests {
         let facts = SceneFacts::new("a.glb", &builder.build().unwrap());
         assert_eq!((facts.triangles, facts.stored_triangles, facts.instances), (6, 2, 3));
         assert_eq!(facts.labels, [3, 7]);
+        assert_eq!(facts.extent_m, [[0.0, 5.0], [0.0, 1.0], [0.0, 0.0]]);
         let mut text = String::new();
         facts.write(&mut text);
+        assert!(text.contains("extent        x 0 to 5, y 0 to 1, z 0 to 0 m\n"), "{text}");
         assert!(text.contains("labels        3, 7\n"), "{text}");
         let json = serde_json::to_value(&facts).unwrap();
         assert_eq!((&json["path"], &json["triangles"]), (&"a.glb".into(), &6.into()));

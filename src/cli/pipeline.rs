@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use crate::config::{self, Job, MountedSensor};
-use crate::error::Error;
+use crate::config::{self, Job, MountedSensor, missing_file_help};
+use crate::error::{Error, SceneError};
 use crate::frame::Pose;
 use crate::output::{CloudFrame, Format, Manifest};
 use crate::scan::{self, Frame, Progress, Return};
@@ -54,7 +54,7 @@ impl JobArgs {
 /// [`Error::Scene`] with the file's element that is wrong.
 pub fn load_scene(job: &Job, terminal: &Terminal) -> Result<Scene, Error> {
     let options = gltf::Options { scene_name: job.scene_name.as_deref(), up: job.up, labels: &job.labels };
-    let gltf::Loaded { scene, warnings } = gltf::load(&job.scene_path, &job.scene_as_written, &options)?;
+    let gltf::Loaded { scene, warnings } = open_scene(&job.scene_path, &job.scene_as_written, &options)?;
     for warning in warnings {
         terminal.warn(warning);
     }
@@ -62,6 +62,22 @@ pub fn load_scene(job: &Job, terminal: &Terminal) -> Result<Scene, Error> {
         terminal.detail(format_args!("read {} ({}, BLAKE3 {})", file.name, Bytes(file.bytes), file.blake3));
     }
     Ok(scene)
+}
+
+/// Reads a scene. Of one that isn't there, the error says what is.
+///
+/// # Errors
+/// With the file's element that is wrong.
+pub fn open_scene(
+    path: &Path,
+    as_written: &str,
+    options: &gltf::Options,
+) -> Result<gltf::Loaded, SceneError> {
+    gltf::load(path, as_written, options).map_err(|error| {
+        let shown = tidy(path);
+        let help = if path.exists() { None } else { missing_file_help(as_written, &shown) };
+        SceneError { path: shown, help: help.or(error.help), ..error }
+    })
 }
 
 /// Casts a frame of a sensor. `None` when `progress` was cancelled.
@@ -139,20 +155,21 @@ pub fn output_name(sensor: &str, format: Format) -> String {
     format!("{sensor}/000000.{}", format.extension())
 }
 
-/// The same folder by a shorter name where there is one: a job's `../out` comes as `configs/../out`, and is shown and
-/// written to as `out`. What exists is resolved as the system resolves it, links included.
-pub fn tidy(folder: &Path) -> PathBuf {
+/// The same path by a shorter name where there is one: a job's `../out` comes as `configs/../out`, and is shown and
+/// written to as `out`. What exists is resolved as the system resolves it, links included; what lies outside the current
+/// folder keeps its name.
+pub fn tidy(path: &Path) -> PathBuf {
     let has_detour = |path: &Path| path.components().any(|part| part == Component::ParentDir);
     let resolve = || {
         let here = fs::canonicalize(".").ok()?;
-        folder.ancestors().find_map(|ancestor| {
-            let whole = fs::canonicalize(ancestor).ok()?.join(folder.strip_prefix(ancestor).ok()?);
-            Some(whole.strip_prefix(&here).map(Path::to_path_buf).unwrap_or(whole))
-        })
+        let whole = path.ancestors().find_map(|ancestor| {
+            Some(fs::canonicalize(ancestor).ok()?.join(path.strip_prefix(ancestor).ok()?))
+        })?;
+        whole.strip_prefix(&here).map(Path::to_path_buf).ok()
     };
-    match has_detour(folder).then(resolve).flatten() {
+    match has_detour(path).then(resolve).flatten() {
         Some(shorter) if !has_detour(&shorter) && !shorter.as_os_str().is_empty() => shorter,
-        _ => folder.to_path_buf(),
+        _ => path.to_path_buf(),
     }
 }
 
@@ -237,15 +254,16 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_shown_without_detours() {
+    fn a_path_is_shown_without_detours() {
         // Tests run in the package's folder, where there is `src/cli` and no `src/nowhere`.
         let tidied = |path: &str| tidy(Path::new(path)).to_string_lossy().replace('\\', "/");
         assert_eq!(tidied("src/cli/../../out/street"), "out/street");
         assert_eq!(tidied("out/street"), "out/street");
         assert_eq!(tidied("src/nowhere/../out"), "src/nowhere/../out");
         assert_eq!(tidied("src/.."), "src/..");
-        let outside = std::env::temp_dir();
-        assert_eq!(tidy(&outside.join("a")), outside.join("a"));
+        for outside in [std::env::temp_dir().join("a"), Path::new("src/../../a").to_path_buf()] {
+            assert_eq!(tidy(&outside), outside);
+        }
     }
 
     #[cfg(target_os = "linux")]

@@ -16,6 +16,7 @@ use crate::scan::Progress;
 
 /// The flags of every subcommand.
 #[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Messages")]
 pub struct Args {
     /// Say nothing but errors
     #[arg(short, long, global = true, conflicts_with = "verbose")]

@@ -102,6 +102,10 @@ pub enum Config {
 /// [`Error::Config`] with every problem of all the files, warnings too, file by file from top to bottom.
 pub fn load_job(path: &Path, overrides: &[String]) -> Result<Job, Error> {
     let (report, table) = read(path)?;
+    if is_sensor_file(&table) {
+        let help = "a job is a TOML file that names it as the `preset` of a `[[sensor]]`".to_owned();
+        return Err(misplaced(path, "this is a sensor file, not a job", help));
+    }
     into_job(report, path, table, overrides)
 }
 
@@ -120,15 +124,29 @@ pub fn load_sensor(path: &Path) -> Result<SensorFile, Error> {
 /// [`Error::Config`] as for [`load_job`] and [`load_sensor`].
 pub fn load(path: &Path) -> Result<Config, Error> {
     let (report, table) = read(path)?;
-    let has_one_of = |keys: &[&str]| keys.iter().any(|key| table.contains_key(*key));
-    if has_one_of(&["rotating", "pinhole"]) && !has_one_of(section::JOB.keys) {
+    if is_sensor_file(&table) {
         into_sensor(report, path, &table).map(|sensor| Config::Sensor(Box::new(sensor)))
     } else {
         into_job(report, path, table, &[]).map(|job| Config::Job(Box::new(job)))
     }
 }
 
+fn is_sensor_file(table: &Table) -> bool {
+    let has_one_of = |keys: &[&str]| keys.iter().any(|key| table.contains_key(*key));
+    has_one_of(&["rotating", "pinhole"]) && !has_one_of(section::JOB.keys)
+}
+
+/// A file that is fine, but not where it was given.
+fn misplaced(path: &Path, message: &str, help: String) -> Error {
+    Error::Config(vec![text::unreadable(path, message.to_owned(), Some(help))])
+}
+
 fn read(path: &Path) -> Result<(Report, Table), Error> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf")) {
+        let help =
+            "a job is a TOML file that names it as its `scene`, and the sensors that look at it".to_owned();
+        return Err(misplaced(path, "this is a scene, not a job or a sensor file", help));
+    }
     let mut report = Report::default();
     match report.open(path, Layer::Main) {
         Ok(source) => match tree::parse(&report, source) {

@@ -45,7 +45,10 @@ impl Destination {
                     return Err(Error::output(&path, "is a folder, where a file is to be written"));
                 }
                 Ok(_) if !overwrite => {
-                    return Err(Error::output(&path, "exists already; --overwrite replaces it"));
+                    return Err(Error::output(
+                        &path,
+                        "exists already; --overwrite replaces it, --out DIR writes elsewhere",
+                    ));
                 }
                 Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(in_the_way(&path, &e)),
                 _ => {}
@@ -230,7 +233,11 @@ mod tests {
         let error = check(tmp.path(), false).unwrap_err();
         assert_eq!(error.exit_code(), 4);
         let message = error.to_string();
-        assert!(message.ends_with("000000.exr: exists already; --overwrite replaces it"), "{message}");
+        assert!(
+            message
+                .ends_with("000000.exr: exists already; --overwrite replaces it, --out DIR writes elsewhere"),
+            "{message}"
+        );
 
         let destination = check(tmp.path(), true).unwrap();
         destination.prepare(MANIFEST).unwrap();

@@ -5,6 +5,7 @@ mod config;
 mod corpus;
 mod hostile_scenes;
 mod layering;
+mod mistakes;
 mod open3d;
 mod outputs;
 mod scenes;
