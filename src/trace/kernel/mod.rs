@@ -7,6 +7,8 @@
 mod badouel;
 mod baldwin_weber;
 mod curless;
+#[cfg(test)]
+mod errata;
 mod held;
 mod homogeneous;
 mod left_of_edge;
@@ -134,6 +136,17 @@ pub enum Culling {
     Back,
 }
 
+impl Culling {
+    /// Whether it lets a ray that comes from a triangle's front (or else its back) hit it.
+    pub fn sees(self, from_front: bool) -> bool {
+        match self {
+            Self::None => true,
+            Self::Front => !from_front,
+            Self::Back => from_front,
+        }
+    }
+}
+
 /// A ray and a triangle's corners.
 pub type Pair = (Ray, [Vec3; 3]);
 
@@ -182,15 +195,6 @@ impl Method {
     /// A tracer that decides by this method, on the hierarchies of `exact`.
     pub fn tracer<'s>(&self, exact: &Arc<Tracer<'s>>) -> Box<dyn MethodTracer + 's> {
         (self.tracer)(exact)
-    }
-
-    /// Whether a ray that passes a triangle from its front (or its back) can be a hit.
-    pub fn sees(&self, from_front: bool) -> bool {
-        match self.about.culling {
-            Culling::None => true,
-            Culling::Front => !from_front,
-            Culling::Back => from_front,
-        }
     }
 }
 
@@ -266,6 +270,3 @@ impl Axes {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

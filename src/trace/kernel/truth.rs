@@ -6,7 +6,7 @@
 use glam::Vec3;
 use num_bigint::{BigInt, Sign};
 
-use super::{About, Culling, Edges, Ray};
+use super::{About, Edges, Ray};
 
 /// What exact arithmetic says of a ray and a triangle.
 #[derive(Clone, Debug)]
@@ -78,12 +78,7 @@ impl Truth {
 
     /// What a method without rounding errors answers by its own rule.
     pub fn is_hit(&self, about: &About) -> bool {
-        let is_seen = match about.culling {
-            Culling::None => true,
-            Culling::Front => !self.from_front(),
-            Culling::Back => self.from_front(),
-        };
-        is_seen
+        about.culling.sees(self.from_front())
             && match self.passage() {
                 Passage::Interior => true,
                 Passage::Edge | Passage::Vertex => about.edges != Edges::Exclusive,
