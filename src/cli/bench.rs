@@ -9,7 +9,7 @@ use super::pipeline::{self, Bytes, JobArgs, Plan};
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::scan::Progress;
-use crate::trace::Tracer;
+use crate::trace::kernel::Caster;
 
 /// The arguments of `beamcast bench`.
 #[derive(Debug, clap::Args)]
@@ -41,7 +41,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     terminal.with_progress(plan.rays.saturating_mul(repeat as u64), &progress, || {
         for _ in 0..repeat {
             let start = Instant::now();
-            let tracer = Tracer::build(&scene);
+            let tracer = Caster::build(&scene, job.kernel);
             builds.push(start.elapsed().as_secs_f64());
             tracer_bytes = tracer.bytes();
             let start = Instant::now();

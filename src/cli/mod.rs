@@ -3,6 +3,7 @@
 mod bench;
 pub mod diagnostics;
 mod interrupt;
+mod kernels;
 pub mod lint;
 mod pipeline;
 mod scan;
@@ -34,6 +35,8 @@ enum Command {
     Lint(lint::Args),
     /// Time a job: loading, building and casting apart
     Bench(bench::Args),
+    /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
+    Kernels(kernels::Args),
 }
 
 /// Runs the tool on the process's arguments.
@@ -54,5 +57,6 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Scan(args) => scan::run(args, terminal),
         Command::Lint(args) => lint::run(args, terminal.color()),
         Command::Bench(args) => bench::run(args, terminal),
+        Command::Kernels(args) => kernels::run(args, terminal),
     }
 }

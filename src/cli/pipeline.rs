@@ -9,7 +9,7 @@ use crate::frame::Pose;
 use crate::output::{CloudFrame, Format, Manifest};
 use crate::scan::{self, Frame, Progress, Return};
 use crate::scene::{Scene, gltf};
-use crate::trace::Tracer;
+use crate::trace::kernel::Caster;
 
 use super::terminal::Terminal;
 
@@ -85,7 +85,7 @@ pub fn cast(
     job: &Job,
     sensor: &MountedSensor,
     scene: &Scene,
-    tracer: &Tracer,
+    tracer: &Caster,
     progress: &Progress,
 ) -> Option<Frame> {
     let world_from_sensor = job.world_from_body * sensor.body_from_sensor;

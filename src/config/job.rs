@@ -14,6 +14,7 @@ use crate::angle::Angle;
 use crate::frame::{Pose, UpAxis};
 use crate::output::{CloudFrame, Format};
 use crate::sensor::Pattern;
+use crate::trace::kernel::{METHODS, Method};
 
 /// Most sensors of a rig.
 const MAX_SENSORS: usize = 64;
@@ -57,6 +58,7 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
     let world_from_body = top
         .section("trajectory", &section::TRAJECTORY)
         .map_or(Pose::IDENTITY, |trajectory| pose(report, &trajectory));
+    let kernel = top.section("trace", &section::TRACE).and_then(|s| kernel(&s));
     let output = top.section("output", &section::OUTPUT).and_then(|s| output(&s, folder));
     let sensors = sensors(report, &top, &lost);
     if report.has_errors() {
@@ -71,6 +73,7 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
         up: up.unwrap_or_default(),
         labels,
         seed: seed.map_or(0, |seed| seed.value),
+        kernel,
         sensors,
         world_from_body,
         output: output?,
@@ -275,6 +278,13 @@ fn quaternion_pose(report: &Report, translation: DVec3, q: At<[f64; 4]>) -> Opti
         report.warning(q.place, message, "expected x, y, z, w of length 1", None);
     }
     made
+}
+
+/// The published method that is to decide; the exact definition goes by a name of its own.
+fn kernel(s: &Section<'_>) -> Option<&'static Method> {
+    let methods = METHODS.iter().map(|method| (method.about.name, Some(method)));
+    let all: Vec<_> = [("exact", None)].into_iter().chain(methods).collect();
+    s.choice("kernel", &all).flatten()
 }
 
 fn output(s: &Section<'_>, folder: &Path) -> Option<OutputSettings> {

@@ -14,6 +14,7 @@ use crate::error::{Diagnostic, Error};
 use crate::frame::{Pose, UpAxis};
 use crate::output::{CloudFrame, Format};
 use crate::sensor::Sensor;
+use crate::trace::kernel::Method;
 
 pub(crate) use near::{is_unprintable, missing_file_help, quoted};
 use text::{Layer, Place, Report, Unreadable};
@@ -36,6 +37,8 @@ pub struct Job {
     pub labels: BTreeMap<String, u32>,
     /// Seed of everything random.
     pub seed: u64,
+    /// The method that decides what a beam hits; the exact definition if absent.
+    pub kernel: Option<&'static Method>,
     /// The rig; at least one.
     pub sensors: Vec<MountedSensor>,
     /// Where the body stands in the world.

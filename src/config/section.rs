@@ -18,7 +18,7 @@ macro_rules! shapes {
     };
 }
 shapes! {
-    JOB = "a job" ["scene", "scene_name", "up", "seed", "labels", "sensor", "trajectory", "output"];
+    JOB = "a job" ["scene", "scene_name", "up", "seed", "labels", "sensor", "trajectory", "trace", "output"];
     SENSOR = "`[[sensor]]`" ["name", "preset", "pose", "rotating", "pinhole", "range", "ring"];
     SENSOR_FILE = "a sensor file" ["rotating", "pinhole", "range", "ring"];
     ROTATING = "`[rotating]`"
@@ -27,6 +27,7 @@ shapes! {
         ["width_px", "height_px", "hfov_deg", "fx_px", "fy_px", "cx_px", "cy_px", "rate_hz"];
     RANGE = "`[range]`" ["min_m", "max_m"];
     TRAJECTORY = "`[trajectory]`" ["pose"];
+    TRACE = "`[trace]`" ["kernel"];
     OUTPUT = "`[output]`" ["dir", "formats", "frame"];
     POSE = "`pose`" ["position_m", "rpy_deg", "quaternion_xyzw"];
     ELEVATIONS = "`elevations_deg`" ["from", "to", "count"];

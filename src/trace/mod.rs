@@ -10,6 +10,7 @@
 mod bounds;
 mod brute;
 pub mod exact;
+pub mod kernel;
 mod lanes;
 mod packet;
 mod tracer;

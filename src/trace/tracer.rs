@@ -15,11 +15,11 @@ use crate::scene::{Mesh, Placement, Scene};
 /// Rays are taken 64 at a time as they come: a batch's neighbours should be neighbours in space.
 #[derive(Debug)]
 pub struct Tracer<'s> {
-    scene: &'s Scene,
+    pub(super) scene: &'s Scene,
     /// One a mesh.
-    meshes: Vec<Wide>,
+    pub(super) meshes: Vec<Wide>,
     /// Over the placements; without nodes if all there is is mesh 0.
-    top: Wide,
+    pub(super) top: Wide,
     instructions: Instructions,
 }
 

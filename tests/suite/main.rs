@@ -4,6 +4,7 @@ mod cli;
 mod config;
 mod corpus;
 mod hostile_scenes;
+mod kernels;
 mod layering;
 mod mistakes;
 mod open3d;

@@ -14,14 +14,27 @@ impl Wide {
     pub fn visit(
         &self,
         ray: &LocalRay,
+        limits: (f64, f64),
+        stack: &mut Vec<(Child, f64)>,
+        visit: impl FnMut(u32) -> f64,
+    ) {
+        self.visit_near(ray, limits, 0.0, stack, visit);
+    }
+
+    /// The same for leaves that the ray may pass by at `slack` times the largest |coordinate| of its origin and of the
+    /// mesh: for methods that round more.
+    pub fn visit_near(
+        &self,
+        ray: &LocalRay,
         (t_min, mut t_max): (f64, f64),
+        slack: f64,
         stack: &mut Vec<(Child, f64)>,
         mut visit: impl FnMut(u32) -> f64,
     ) {
         if self.nodes.is_empty() {
             return;
         }
-        let slabs = Slabs::new(ray, f64::from(self.largest), t_min);
+        let slabs = Slabs::new(ray, f64::from(self.largest), t_min, slack);
         stack.clear();
         stack.push((Child::node(0), t_min));
         while let Some((child, near)) = stack.pop() {
@@ -57,10 +70,10 @@ struct Slabs {
 }
 
 impl Slabs {
-    fn new(ray: &LocalRay, largest: f64, t_min: f64) -> Self {
+    fn new(ray: &LocalRay, largest: f64, t_min: f64, slack: f64) -> Self {
         // Covers 2⁻⁵³ of the operands lost in each of a few operations here and, seen from far away, the 10⁻¹² of a bound
         // that a depth may stand outside of its triangle's box (Corners::depth): 2⁻³⁸ is 3.6 · 10⁻¹².
-        let slack = (ray.origin.abs().max_element() + largest) / (1_u64 << 38) as f64;
+        let slack = (ray.origin.abs().max_element() + largest) * (slack + 1.0 / (1_u64 << 38) as f64);
         Self {
             from_low: ray.origin + slack,
             from_high: ray.origin - slack,

@@ -1,0 +1,463 @@
+//! The measurements. All but the times are the same on every machine.
+
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::random::Random;
+use super::yard;
+use crate::angle::Angle;
+use crate::error::Error;
+use crate::frame::Pose;
+use crate::scan::{Frame, Progress, scan};
+use crate::scene::Scene;
+use crate::sensor::{Beam, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
+use crate::trace::exact::{Corners, LocalRay};
+use crate::trace::kernel::truth::{Passage, Truth};
+use crate::trace::kernel::{Caster, Culling, METHODS, Method, Pair, Ray};
+use crate::trace::{Cast, Hit, Rays, Tracer};
+
+/// Shares of hits among the tests that are timed.
+pub const HIT_RATIOS: [f64; 3] = [0.1, 0.5, 0.9];
+
+/// Distances (metres) at which the error of t is measured.
+pub const DISTANCES_M: [f64; 4] = [1.0, 10.0, 100.0, 200.0];
+
+/// What rays are aimed at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Aim {
+    Interior,
+    Edge,
+    Vertex,
+}
+
+/// The order of figures by aim.
+pub const AIMS: [Aim; 3] = [Aim::Interior, Aim::Edge, Aim::Vertex];
+
+/// What was measured of a method, or of the exact definition.
+#[derive(Clone, Copy, Debug)]
+pub struct Figures {
+    /// `None` for the exact definition.
+    pub method: Option<&'static Method>,
+    /// Nanoseconds a test, by [`HIT_RATIOS`].
+    pub ns_per_test: [f64; 3],
+    /// Millions of rays a second through the whole scene, on one thread.
+    pub mrays_per_s: f64,
+    /// Decisions on single triangles that are not the exact ones by the method's own rule, in a million, by [`AIMS`].
+    pub wrong_per_1e6: [f64; 3],
+    /// By [`DISTANCES_M`].
+    pub t_error: [DepthError; 4],
+    /// Rays that leave a closed mesh, in 10⁸, by [`AIMS`].
+    pub leaks_per_1e8: [f64; 3],
+}
+
+/// |t̂ − t| over the rays that hit.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DepthError {
+    pub mean_ulp: f64,
+    pub largest_ulp: f64,
+    pub mean_m: f64,
+    pub largest_m: f64,
+}
+
+/// A row of the table: a method, or the exact definition.
+#[derive(Clone, Copy)]
+struct Subject(Option<&'static Method>);
+
+impl Subject {
+    fn all() -> Vec<Self> {
+        METHODS.iter().map(Some).chain([None]).map(Self).collect()
+    }
+
+    /// t of the ray's crossing with a triangle. The definition's is f64.
+    fn depth(self, ray: &Ray, corners: [Vec3; 3]) -> Option<f64> {
+        match self.0 {
+            Some(method) => method.intersect(ray, corners).map(|c| c.t.into()),
+            None => exact_depth(ray, corners),
+        }
+    }
+
+    fn is_right(self, truth: &Truth, is_hit: bool) -> bool {
+        let expected = match self.0 {
+            Some(method) => truth.is_hit(&method.about),
+            None => !matches!(truth.passage(), Passage::Outside | Passage::InPlane),
+        };
+        is_hit == expected
+    }
+
+    fn culling(self) -> Culling {
+        self.0.map_or(Culling::None, |m| m.about.culling)
+    }
+}
+
+fn exact_depth(ray: &Ray, corners: [Vec3; 3]) -> Option<f64> {
+    let corners = Corners::from_positions(corners.map(|p| p.to_array()), ray.origin.as_dvec3());
+    let d = ray.direction.as_dvec3();
+    corners.passes(d).then(|| corners.depth(d))
+}
+
+/// Measures everything: `rays` a method for leaks, a tenth of them for every other kind of judgement.
+///
+/// # Errors
+/// [`Error::Usage`] if a sensor in the scene's middle, or 1.8 m above the world's origin, sees nothing of it.
+pub fn measure(scene: &Scene, rays: u64) -> Result<Vec<Figures>, Error> {
+    let sensor = sensor();
+    let tracer = Arc::new(Tracer::build(scene));
+    let (pose, targets) = [DVec3::Z * 1.8, scene.centre]
+        .map(|at| (Pose { translation: at, ..Pose::IDENTITY }, targets(scene, &tracer, &sensor, at)))
+        .into_iter()
+        .find(|(_, targets)| !targets.is_empty())
+        .ok_or_else(|| {
+            Error::Usage(
+                "a sensor 1.8 m above the world's origin sees nothing of the scene, nor one in its middle"
+                    .into(),
+            )
+        })?;
+    let subjects = Subject::all();
+    let ns_per_test = times(&subjects);
+    let scans = if rays < 100_000 { 1 } else { SCANS };
+    let mrays_per_s = speeds(&subjects, scene, &tracer, &sensor, &pose, scans)?;
+    let wrong = AIMS.map(|aim| wrong_decisions(&subjects, &targets, aim, rays.div_ceil(10)));
+    let errors = DISTANCES_M.map(|distance| depth_errors(&subjects, distance, rays.div_ceil(10)));
+    let leaks = AIMS.map(|aim| leaks(&subjects, aim, rays.div_ceil(3)));
+    Ok(subjects
+        .iter()
+        .enumerate()
+        .map(|(row, subject)| Figures {
+            method: subject.0,
+            ns_per_test: ns_per_test[row],
+            mrays_per_s: mrays_per_s[row],
+            wrong_per_1e6: wrong.each_ref().map(|w| w[row]),
+            t_error: errors.each_ref().map(|e| e[row]),
+            leaks_per_1e8: leaks.each_ref().map(|l| l[row]),
+        })
+        .collect())
+}
+
+/// A LiDAR of 64 beams and 1,024 columns.
+fn sensor() -> Sensor {
+    let beam = |i: u32| Beam {
+        elevation: Angle::deg(15.0 - 40.0 * f64::from(i) / 63.0),
+        azimuth_offset: Angle::default(),
+        time_s: 0.0,
+        file_index: i as usize,
+    };
+    let turn = (Angle::deg(180.0), Angle::deg(-180.0));
+    let pattern = Rotating::new((0..64).map(beam).collect(), 1024, turn, 10.0);
+    let pattern = Pattern::Rotating(pattern.expect("a pattern of 64 beams"));
+    Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row }
+}
+
+/// A triangle that the sensor sees, and where the sensor is in its space.
+#[derive(Clone, Copy)]
+struct Target {
+    origin: Vec3,
+    corners: [Vec3; 3],
+}
+
+/// The triangles that a sensor sees, each as often as it's hit.
+fn targets(scene: &Scene, tracer: &Tracer, sensor: &Sensor, at: DVec3) -> Vec<Target> {
+    let pattern = &sensor.pattern;
+    let pulses = (0..pattern.rows()).flat_map(|row| (0..pattern.columns()).map(move |column| (row, column)));
+    let directions: Vec<_> = pulses.map(|(row, column)| pattern.pulse(row, column).direction).collect();
+    let mut hits = vec![None; directions.len()];
+    tracer.cast(&Rays { origin: at, directions: &directions, t_min: 0.0, t_max: f64::INFINITY }, &mut hits);
+    let seen = hits.into_iter().flatten().map(|hit: Hit| {
+        let placement = &scene.placements[hit.placement as usize];
+        let mesh = &scene.meshes[placement.mesh as usize];
+        let ray = LocalRay { origin: at - scene.centre, direction: DVec3::X }.carried(placement);
+        Target {
+            origin: ray.origin.as_vec3(),
+            corners: mesh.triangles[hit.triangle as usize].map(|v| mesh.positions[v as usize].into()),
+        }
+    });
+    seen.collect()
+}
+
+/// A unit ray from an origin to a point of a triangle.
+fn aimed(aim: Aim, origin: Vec3, corners: [Vec3; 3], random: &mut Random) -> Ray {
+    let weights = match aim {
+        Aim::Interior => interior(random),
+        Aim::Edge => {
+            let along = random.unit();
+            [1.0 - along, along, 0.0]
+        }
+        Aim::Vertex => [1.0, 0.0, 0.0],
+    };
+    let turn = random.below(3);
+    let [a, b, c] = [0, 1, 2].map(|k| corners[(k + turn) % 3].as_dvec3());
+    let towards = a * weights[0] + b * weights[1] + c * weights[2] - origin.as_dvec3();
+    Ray { origin, direction: towards.normalize_or(DVec3::X).as_vec3() }
+}
+
+/// Barycentric weights of a point anywhere in a triangle, all places equally likely.
+fn interior(random: &mut Random) -> [f64; 3] {
+    let (u, v) = (random.unit(), random.unit());
+    let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+    [1.0 - u - v, u, v]
+}
+
+/// Rays that are made together, from a seed of their own.
+const CHUNK: u64 = 1 << 12;
+
+/// Works on `rays` rays in chunks, on all threads; the results come in the chunks' order.
+fn chunks<T: Send>(seed: u64, rays: u64, work: impl Fn(&mut Random, u64) -> T + Sync) -> Vec<T> {
+    let chunk = |index: u64| {
+        let mut random = Random::new(seed << 48 ^ index);
+        work(&mut random, CHUNK.min(rays - index * CHUNK))
+    };
+    (0..rays.div_ceil(CHUNK)).into_par_iter().map(chunk).collect()
+}
+
+/// By row: wrong decisions in a million.
+fn wrong_decisions(subjects: &[Subject], targets: &[Target], aim: Aim, rays: u64) -> Vec<f64> {
+    let counted = chunks(2 + aim as u64, rays, |random, count| {
+        let mut wrong = vec![0_u64; subjects.len()];
+        for _ in 0..count {
+            let Target { origin, corners } = targets[random.below(targets.len())];
+            let ray = aimed(aim, origin, corners, random);
+            // As it stands, and turned over for what would not see it.
+            let turned = [corners[0], corners[2], corners[1]];
+            let truths = [corners, turned].map(|corners| Truth::of(&ray, corners));
+            let [Some(as_it_stands), Some(turned_over)] = truths else { continue };
+            for (wrong, subject) in wrong.iter_mut().zip(subjects) {
+                let (corners, truth) = match subject.culling().sees(as_it_stands.from_front()) {
+                    true => (corners, &as_it_stands),
+                    false => (turned, &turned_over),
+                };
+                let is_hit = subject.depth(&ray, corners).is_some();
+                *wrong += u64::from(!subject.is_right(truth, is_hit));
+            }
+        }
+        wrong
+    });
+    let wrong = |row: usize| counted.iter().map(|wrong| wrong[row]).sum::<u64>();
+    (0..subjects.len()).map(|row| wrong(row) as f64 * 1e6 / rays as f64).collect()
+}
+
+/// By row: errors of t for triangles of 5 cm to 1 m, at most 75° from facing the ray, `distance` away from a sensor that is
+/// up to 50 m along each axis from the middle of its scene.
+fn depth_errors(subjects: &[Subject], distance: f64, rays: u64) -> Vec<DepthError> {
+    #[derive(Clone, Copy, Default)]
+    struct Sum {
+        count: u64,
+        error: DepthError,
+    }
+    let summed = chunks(8 + distance as u64, rays, |random, count| {
+        let mut sums = vec![Sum::default(); subjects.len()];
+        for _ in 0..count {
+            let origin = (random.point() * 50.0).as_vec3();
+            let (ray, corners) = facing(random, origin, distance);
+            let Some(truth) = Truth::of(&ray, corners) else { continue };
+            if truth.passage() != Passage::Interior {
+                continue;
+            }
+            let t = truth.t();
+            let ulp = f64::from((t as f32).next_up() - t as f32);
+            for (sum, subject) in sums.iter_mut().zip(subjects) {
+                let Some(depth) = subject.depth(&ray, corners) else { continue };
+                let error = match subject.0 {
+                    Some(_) => truth.error_of(depth as f32).abs(),
+                    None => (depth - t).abs(),
+                };
+                sum.count += 1;
+                sum.error.mean_m += error;
+                sum.error.mean_ulp += error / ulp;
+                sum.error.largest_m = sum.error.largest_m.max(error);
+                sum.error.largest_ulp = sum.error.largest_ulp.max(error / ulp);
+            }
+        }
+        sums
+    });
+    let of_row = |row: usize| {
+        let mut all = Sum::default();
+        for Sum { count, error } in summed.iter().map(|sums| sums[row]) {
+            all.count += count;
+            all.error.mean_m += error.mean_m;
+            all.error.mean_ulp += error.mean_ulp;
+            all.error.largest_m = all.error.largest_m.max(error.largest_m);
+            all.error.largest_ulp = all.error.largest_ulp.max(error.largest_ulp);
+        }
+        let count = all.count.max(1) as f64;
+        DepthError { mean_m: all.error.mean_m / count, mean_ulp: all.error.mean_ulp / count, ..all.error }
+    };
+    (0..subjects.len()).map(of_row).collect()
+}
+
+/// A ray, and a triangle that it hits about `distance` away.
+fn facing(random: &mut Random, origin: Vec3, distance: f64) -> Pair {
+    let d = random.direction();
+    let normal = loop {
+        let n = random.direction();
+        if n.dot(d).abs() > 0.26 {
+            break n;
+        }
+    };
+    let corners = around(random, origin.as_dvec3() + d * distance, normal);
+    (aimed(Aim::Interior, origin, corners, random), corners)
+}
+
+/// A triangle of 5 cm to 1 m around a point, not too thin.
+fn around(random: &mut Random, middle: DVec3, normal: DVec3) -> [Vec3; 3] {
+    let u = normal.any_orthonormal_vector();
+    let v = normal.cross(u);
+    let size = 0.05 + 0.95 * random.unit();
+    let start = random.unit();
+    [0.0, 1.0, 2.0].map(|k| {
+        let (sin, cos) = Angle::deg(360.0 * start + 120.0 * k + 40.0 * random.signed()).sin_cos();
+        (middle + (u * cos + v * sin) * (0.5 * size)).as_vec3()
+    })
+}
+
+/// By row: rays in 10⁸ that leave a closed mesh.
+fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
+    // From within, what culls backs sees a mesh that is turned inside out.
+    let scenes = [false, true].map(yard::closed);
+    let tracers = scenes.each_ref().map(|scene| Arc::new(Tracer::build(scene)));
+    let of_subject = |subject: &Subject| {
+        let side = usize::from(subject.culling() == Culling::Back);
+        let (scene, exact) = (&scenes[side], &tracers[side]);
+        let method = subject.0.map(|m| m.tracer(exact));
+        let mesh = &scene.meshes[0];
+        let counted = chunks(16 + aim as u64, rays, |random, count| {
+            let mut leaks = 0;
+            let (mut directions, mut hits) = (Vec::new(), Vec::new());
+            for first in (0..count).step_by(64) {
+                let origin = random.point() * 10.0;
+                directions.clear();
+                directions.extend((first..count.min(first + 64)).map(|_| {
+                    let triangle = mesh.triangles[random.below(mesh.triangles.len())];
+                    let corners = triangle.map(|v| mesh.positions[v as usize].into());
+                    // In the scene's space, which is the world but for its centre.
+                    let ray = aimed(aim, (origin - scene.centre).as_vec3(), corners, random);
+                    ray.direction.as_dvec3()
+                }));
+                hits.clear();
+                hits.resize(directions.len(), None);
+                let rays = Rays { origin, directions: &directions, t_min: 0.0, t_max: f64::INFINITY };
+                match &method {
+                    Some(tracer) => tracer.cast(&rays, &mut hits),
+                    None => exact.cast(&rays, &mut hits),
+                }
+                leaks += hits.iter().filter(|hit| hit.is_none()).count() as u64;
+            }
+            leaks
+        });
+        counted.iter().sum::<u64>() as f64 * 1e8 / rays as f64
+    };
+    subjects.iter().map(of_subject).collect()
+}
+
+/// Pairs that are timed together: as many as stay in a second-level cache, too many for a branch predictor to learn.
+const PAIRS: usize = 4096;
+
+/// Samples of each time, taken in turns, and passes over the pairs in each.
+const SAMPLES: usize = 25;
+const PASSES: usize = 32;
+
+/// By row: nanoseconds a test.
+fn times(subjects: &[Subject]) -> Vec<[f64; 3]> {
+    let batches: Vec<[_; 3]> = subjects
+        .iter()
+        .map(|subject| HIT_RATIOS.map(|ratio| batch(*subject, &pairs(*subject, ratio))))
+        .collect();
+    let mut samples = vec![[const { Vec::new() }; 3]; subjects.len()];
+    for _ in 0..SAMPLES {
+        for (batches, samples) in batches.iter().zip(&mut samples) {
+            for (batch, samples) in batches.iter().zip(samples) {
+                let start = Instant::now();
+                for _ in 0..PASSES {
+                    black_box(batch());
+                }
+                samples.push(start.elapsed().as_secs_f64() * 1e9 / (PASSES * PAIRS) as f64);
+            }
+        }
+    }
+    samples.iter_mut().map(|of_row| of_row.each_mut().map(|samples| median(samples))).collect()
+}
+
+fn batch(subject: Subject, pairs: &[Pair]) -> Box<dyn Fn() -> usize> {
+    match subject.0 {
+        Some(method) => method.batch(pairs),
+        None => {
+            let pairs = pairs.to_vec();
+            Box::new(move || {
+                pairs.iter().filter(|(ray, corners)| exact_depth(ray, *corners).is_some()).count()
+            })
+        }
+    }
+}
+
+/// Rays from one origin, each with a triangle 2 to 60 m away, of which it hits `ratio` and passes the others by no more than
+/// their size: what the leaves of a hierarchy leave to be tested. What culls gets them turned so that it sees them.
+fn pairs(subject: Subject, ratio: f64) -> Vec<Pair> {
+    let mut random = Random::new(32);
+    let origin = Vec3::new(3.0, -2.0, 1.8);
+    (0..PAIRS)
+        .map(|_| {
+            let distance = 2.0 + 58.0 * random.unit();
+            let (mut ray, mut corners) = facing(&mut random, origin, distance);
+            if random.unit() >= ratio {
+                let turn = random.below(3);
+                let [a, b, c] = [0, 1, 2].map(|k| corners[(k + turn) % 3].as_dvec3());
+                let (out, along) = (0.05 + random.unit(), random.unit());
+                let beyond = b * ((1.0 + out) * along) + c * ((1.0 + out) * (1.0 - along)) - a * out;
+                ray.direction = (beyond - origin.as_dvec3()).normalize_or(DVec3::X).as_vec3();
+            }
+            let n = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+            let from_front = n.dot(ray.direction) < 0.0;
+            if !subject.culling().sees(from_front) {
+                corners.swap(1, 2);
+            }
+            (ray, corners)
+        })
+        .collect()
+}
+
+/// Scans of each speed, taken in turns; one is enough for those who want few rays.
+const SCANS: usize = 9;
+
+/// By row: millions of rays a second, on one thread.
+fn speeds(
+    subjects: &[Subject],
+    scene: &Scene,
+    exact: &Arc<Tracer>,
+    sensor: &Sensor,
+    pose: &Pose,
+    scans: usize,
+) -> Result<Vec<f64>, Error> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = pool.map_err(|e| Error::Usage(format!("a thread can't be had: {e}")))?;
+    let mut samples = vec![Vec::new(); subjects.len()];
+    for _ in 0..scans {
+        for (subject, samples) in subjects.iter().zip(&mut samples) {
+            let seconds = match subject.0 {
+                None => pool.install(|| scan_time(scene, exact.as_ref(), sensor, pose)),
+                Some(method) => {
+                    let tracer = Caster::Method(method.tracer(exact));
+                    pool.install(|| scan_time(scene, &tracer, sensor, pose))
+                }
+            };
+            samples.push(sensor.pattern.rays() as f64 / seconds / 1e6);
+        }
+    }
+    Ok(samples.iter_mut().map(|samples| median(samples)).collect())
+}
+
+/// The seconds of a scan, the second of two: what is worked out once an origin is there.
+fn scan_time(scene: &Scene, tracer: &impl Cast, sensor: &Sensor, pose: &Pose) -> f64 {
+    let run = || scan(scene, tracer, sensor, pose, &Progress::default());
+    black_box::<Option<Frame>>(run());
+    let start = Instant::now();
+    black_box(run());
+    start.elapsed().as_secs_f64()
+}
+
+/// The middle of an odd number of samples.
+fn median(samples: &mut [f64]) -> f64 {
+    samples.sort_by(f64::total_cmp);
+    samples[samples.len() / 2]
+}
