@@ -16,8 +16,8 @@ use crate::trace::Bounds;
 /// Triangles of a part: large enough that the seams don't matter, small enough that the working memory doesn't.
 const PART: usize = 1 << 17;
 
-/// How much boxes grow on each side, for 1 as the largest |coordinate| (robustness measured; see `packet` for what the
-/// traversal needs of it).
+/// How much boxes grow on each side, with 1 for the largest |coordinate|: eight units of f32's roundoff, of which rounding
+/// here and subtracting an origin no farther out take three. (What a farther origin costs is added by who has one.)
 const PAD: f32 = 1.0 / (1 << 21) as f32;
 
 /// Builds the structure over a mesh.
