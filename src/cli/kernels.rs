@@ -201,7 +201,7 @@ fn table(all: &[Figures], triangles: u64) -> String {
     let _ = writeln!(
         text,
         "\nMrays/s: whole scans of {triangles} triangles by a LiDAR, on one thread. `exact` is the default: its speed that of packets, \
-         its single tests in f64.\nTimes are medians, and vary; all other figures are the same on every machine."
+         its single tests in f64.\nTimes are the least of many samples, and vary; all other figures are the same on every machine."
     );
     text
 }

@@ -137,7 +137,7 @@ pub fn measure(scene: &Scene, rays: u64) -> Result<Vec<Figures>, Error> {
         .collect())
 }
 
-/// A LiDAR of 64 beams and 1,024 columns.
+/// A LiDAR of 64 beams and 512 columns.
 fn sensor() -> Sensor {
     let beam = |i: u32| Beam {
         elevation: Angle::deg(15.0 - 40.0 * f64::from(i) / 63.0),
@@ -146,8 +146,8 @@ fn sensor() -> Sensor {
         file_index: i as usize,
     };
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
-    let pattern = Rotating::new((0..64).map(beam).collect(), 1024, turn, 10.0);
-    let pattern = Pattern::Rotating(pattern.expect("a pattern of 64 beams"));
+    let pattern = Rotating::new((0..64).map(beam).collect(), 512, turn, 10.0);
+    let pattern = Pattern::Rotating(pattern.expect("64 beams and a full turn make a pattern"));
     Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row }
 }
 
@@ -203,18 +203,30 @@ fn interior(random: &mut Random) -> [f64; 3] {
 /// Rays that are made together, from a seed of their own.
 const CHUNK: u64 = 1 << 12;
 
-/// Works on `rays` rays in chunks, on all threads; the results come in the chunks' order.
-fn chunks<T: Send>(seed: u64, rays: u64, work: impl Fn(&mut Random, u64) -> T + Sync) -> Vec<T> {
+/// Chunks that are in memory together.
+const BLOCK: u64 = 1 << 10;
+
+/// Works on `rays` rays in chunks, on all threads; the results are merged in the chunks' order.
+fn chunks<T: Send>(
+    seed: u64,
+    rays: u64,
+    work: impl Fn(&mut Random, u64) -> T + Sync,
+    mut merge: impl FnMut(T),
+) {
     let chunk = |index: u64| {
         let mut random = Random::new(seed << 48 ^ index);
         work(&mut random, CHUNK.min(rays - index * CHUNK))
     };
-    (0..rays.div_ceil(CHUNK)).into_par_iter().map(chunk).collect()
+    let all = rays.div_ceil(CHUNK);
+    for first in (0..all).step_by(BLOCK as usize) {
+        let block = first..all.min(first + BLOCK);
+        block.into_par_iter().map(chunk).collect::<Vec<_>>().into_iter().for_each(&mut merge);
+    }
 }
 
 /// By row: wrong decisions in a million.
 fn wrong_decisions(subjects: &[Subject], targets: &[Target], aim: Aim, rays: u64) -> Vec<f64> {
-    let counted = chunks(2 + aim as u64, rays, |random, count| {
+    let judge = |random: &mut Random, count: u64| {
         let mut wrong = vec![0_u64; subjects.len()];
         for _ in 0..count {
             let Target { origin, corners } = targets[random.below(targets.len())];
@@ -233,9 +245,12 @@ fn wrong_decisions(subjects: &[Subject], targets: &[Target], aim: Aim, rays: u64
             }
         }
         wrong
+    };
+    let mut all = vec![0_u64; subjects.len()];
+    chunks(2 + aim as u64, rays, judge, |wrong| {
+        all.iter_mut().zip(wrong).for_each(|(all, wrong)| *all += wrong)
     });
-    let wrong = |row: usize| counted.iter().map(|wrong| wrong[row]).sum::<u64>();
-    (0..subjects.len()).map(|row| wrong(row) as f64 * 1e6 / rays as f64).collect()
+    all.into_iter().map(|wrong| wrong as f64 * 1e6 / rays as f64).collect()
 }
 
 /// By row: errors of t for triangles of 5 cm to 1 m, at most 75° from facing the ray, `distance` away from a sensor that is
@@ -246,7 +261,7 @@ fn depth_errors(subjects: &[Subject], distance: f64, rays: u64) -> Vec<DepthErro
         count: u64,
         error: DepthError,
     }
-    let summed = chunks(8 + distance as u64, rays, |random, count| {
+    let judge = |random: &mut Random, count: u64| {
         let mut sums = vec![Sum::default(); subjects.len()];
         for _ in 0..count {
             let origin = (random.point() * 50.0).as_vec3();
@@ -271,20 +286,22 @@ fn depth_errors(subjects: &[Subject], distance: f64, rays: u64) -> Vec<DepthErro
             }
         }
         sums
-    });
-    let of_row = |row: usize| {
-        let mut all = Sum::default();
-        for Sum { count, error } in summed.iter().map(|sums| sums[row]) {
+    };
+    let mut all = vec![Sum::default(); subjects.len()];
+    chunks(8 + distance as u64, rays, judge, |sums| {
+        for (all, Sum { count, error }) in all.iter_mut().zip(sums) {
             all.count += count;
             all.error.mean_m += error.mean_m;
             all.error.mean_ulp += error.mean_ulp;
             all.error.largest_m = all.error.largest_m.max(error.largest_m);
             all.error.largest_ulp = all.error.largest_ulp.max(error.largest_ulp);
         }
-        let count = all.count.max(1) as f64;
-        DepthError { mean_m: all.error.mean_m / count, mean_ulp: all.error.mean_ulp / count, ..all.error }
+    });
+    let mean = |Sum { count, error }: Sum| {
+        let count = count.max(1) as f64;
+        DepthError { mean_m: error.mean_m / count, mean_ulp: error.mean_ulp / count, ..error }
     };
-    (0..subjects.len()).map(of_row).collect()
+    all.into_iter().map(mean).collect()
 }
 
 /// A ray, and a triangle that it hits about `distance` away.
@@ -322,7 +339,7 @@ fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
         let (scene, exact) = (&scenes[side], &tracers[side]);
         let method = subject.0.map(|m| m.tracer(exact));
         let mesh = &scene.meshes[0];
-        let counted = chunks(16 + aim as u64, rays, |random, count| {
+        let cast = |random: &mut Random, count: u64| {
             let mut leaks = 0;
             let (mut directions, mut hits) = (Vec::new(), Vec::new());
             for first in (0..count).step_by(64) {
@@ -345,8 +362,10 @@ fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
                 leaks += hits.iter().filter(|hit| hit.is_none()).count() as u64;
             }
             leaks
-        });
-        counted.iter().sum::<u64>() as f64 * 1e8 / rays as f64
+        };
+        let mut all = 0;
+        chunks(16 + aim as u64, rays, cast, |leaks| all += leaks);
+        all as f64 * 1e8 / rays as f64
     };
     subjects.iter().map(of_subject).collect()
 }
@@ -355,7 +374,7 @@ fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
 const PAIRS: usize = 4096;
 
 /// Samples of each time, taken in turns, and passes over the pairs in each.
-const SAMPLES: usize = 25;
+const SAMPLES: usize = 41;
 const PASSES: usize = 32;
 
 /// By row: nanoseconds a test.
@@ -376,7 +395,7 @@ fn times(subjects: &[Subject]) -> Vec<[f64; 3]> {
             }
         }
     }
-    samples.iter_mut().map(|of_row| of_row.each_mut().map(|samples| median(samples))).collect()
+    samples.iter().map(|of_row| of_row.each_ref().map(|samples| least(samples))).collect()
 }
 
 fn batch(subject: Subject, pairs: &[Pair]) -> Box<dyn Fn() -> usize> {
@@ -418,7 +437,7 @@ fn pairs(subject: Subject, ratio: f64) -> Vec<Pair> {
 }
 
 /// Scans of each speed, taken in turns; one is enough for those who want few rays.
-const SCANS: usize = 9;
+const SCANS: usize = 15;
 
 /// By row: millions of rays a second, on one thread.
 fn speeds(
@@ -441,10 +460,11 @@ fn speeds(
                     pool.install(|| scan_time(scene, &tracer, sensor, pose))
                 }
             };
-            samples.push(sensor.pattern.rays() as f64 / seconds / 1e6);
+            samples.push(seconds);
         }
     }
-    Ok(samples.iter_mut().map(|samples| median(samples)).collect())
+    let rays = sensor.pattern.rays() as f64;
+    Ok(samples.iter().map(|samples| rays / least(samples) / 1e6).collect())
 }
 
 /// The seconds of a scan, the second of two: what is worked out once an origin is there.
@@ -456,8 +476,7 @@ fn scan_time(scene: &Scene, tracer: &impl Cast, sensor: &Sensor, pose: &Pose) ->
     start.elapsed().as_secs_f64()
 }
 
-/// The middle of an odd number of samples.
-fn median(samples: &mut [f64]) -> f64 {
-    samples.sort_by(f64::total_cmp);
-    samples[samples.len() / 2]
+/// The least of a time's samples: whatever else the machine does only adds to it.
+fn least(samples: &[f64]) -> f64 {
+    samples.iter().copied().fold(f64::INFINITY, f64::min)
 }

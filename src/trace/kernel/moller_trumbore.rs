@@ -10,7 +10,7 @@
 
 use glam::Vec3;
 
-use super::{About, Crossing, Culling, Edges, Kernel, Ray};
+use super::{About, Crossing, Culling, Edges, Kernel, Ray, depth};
 
 /// See the [module](self). Sees both sides.
 #[derive(Debug)]
@@ -66,7 +66,7 @@ impl Triangle {
         } else {
             return None;
         }
-        Crossing::over(a, self.e2.dot(q) / a, u, v)
+        Crossing::over(a, depth(self.e2.dot(q), a)?, u, v)
     }
 }
 

@@ -9,7 +9,8 @@
 //!
 //! Three forms:
 //! - **segment**: the plane first, t = N·(A−o) / (N·d), P = o + t·d; then the volumes as seen from P − d, towards P + d.
-//!   The corners are then seen from nearby, which keeps the volumes accurate however far the sensor is.
+//!   The corners are then seen from nearby, which keeps the volumes accurate however far the sensor is; but the segment is
+//!   as long as the direction is, and triangles a million times larger or smaller than that escape it.
 //! - **ray**: the volumes as seen from the ray's origin, two cross products and three dot products: E_C = b·(d×a),
 //!   E_B = −c·(d×a), E_A = c·(d×b).
 //! - **precomputed**: b×c, c×a and a×b depend on the origin only: kept for all rays that leave from one point, they leave

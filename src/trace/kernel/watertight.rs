@@ -15,7 +15,7 @@
 
 use glam::Vec3;
 
-use super::{About, Crossing, Culling, Edges, Kernel, Ray, same_sign};
+use super::{About, Crossing, Culling, Edges, Kernel, Ray, depth, same_sign};
 
 /// See the [module](self).
 #[derive(Debug)]
@@ -75,7 +75,7 @@ impl Kernel for Watertight {
             (u, v, w) = (exact(cx, by, cy, bx), exact(ax, cy, ay, cx), exact(bx, ay, by, ax));
         }
         let weights = same_sign(u, v, w)?;
-        let t = (u * az + v * bz + w * cz) / (u + v + w);
+        let t = depth(u * az + v * bz + w * cz, u + v + w)?;
         Crossing::finite(t, weights.0, weights.1)
     }
 }
