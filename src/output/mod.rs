@@ -1,10 +1,12 @@
-//! Frames to files: one writer a format, one trait. A miss is encoded here and nowhere else.
+//! Frames to files: one writer a format, one trait; and back, in [`recorded`]. A miss is encoded here and nowhere else.
 
 mod exr;
 mod files;
+mod image;
 mod manifest;
 mod ply;
 mod png;
+pub mod recorded;
 
 use glam::{DQuat, DVec3};
 
@@ -13,6 +15,7 @@ use crate::scan::Frame;
 use crate::sensor::Sensor;
 
 pub use files::{Destination, WrittenFile};
+pub use image::{Channel, Image, Samples};
 pub use manifest::Manifest;
 
 /// The range and depth (metres) of a pixel with no return. All its other channels are 0.
