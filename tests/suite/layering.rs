@@ -16,7 +16,8 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("scan", &["frame", "scene", "sensor", "trace"]),
     ("output", &["error", "frame", "scan", "scene", "sensor"]),
     ("config", &["angle", "error", "frame", "output", "sensor", "trace"]),
-    ("cli", &["angle", "config", "error", "frame", "output", "scan", "scene", "sensor", "trace"]),
+    ("check", &["angle", "frame", "output", "scan", "scene", "sensor", "trace"]),
+    ("cli", &["angle", "check", "config", "error", "frame", "output", "scan", "scene", "sensor", "trace"]),
     ("main", &["cli"]),
 ];
 

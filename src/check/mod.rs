@@ -1,0 +1,3 @@
+//! Judging what a sensor sees: against closed forms.
+
+pub mod selftest;
