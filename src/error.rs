@@ -26,6 +26,9 @@ pub enum Error {
         /// What is wrong with it, and what would be right.
         problem: String,
     },
+    /// What was to be checked does not hold. The details have been told on stdout.
+    #[error("{0}")]
+    Failed(String),
     /// An output can't be written.
     #[error("{}: {problem}", path.display())]
     Output {
@@ -53,9 +56,10 @@ impl Error {
         Self::Output { path: path.as_ref().to_path_buf(), problem: problem.to_string() }
     }
 
-    /// The process's exit code: 2 usage or configuration, 3 scene or input, 4 output, 128 + the signal's number.
+    /// The process's exit code: 1 a difference or a failed check, 2 usage or configuration, 3 scene or input, 4 output, 128 + the signal's number.
     pub fn exit_code(&self) -> u8 {
         match self {
+            Self::Failed(_) => 1,
             Self::Config(_) | Self::Usage(_) => 2,
             Self::Scene(_) | Self::Input { .. } => 3,
             Self::Output { .. } => 4,

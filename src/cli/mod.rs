@@ -7,6 +7,7 @@ mod kernels;
 pub mod lint;
 mod pipeline;
 mod scan;
+mod selftest;
 mod terminal;
 
 use std::process::ExitCode;
@@ -35,6 +36,8 @@ enum Command {
     Lint(lint::Args),
     /// Time a job: loading, building and casting apart
     Bench(bench::Args),
+    /// Cast sensors' own patterns at planes, box, wedge and ball, and hold the ranges against closed forms
+    Selftest(selftest::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
     Kernels(kernels::Args),
 }
@@ -57,6 +60,7 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Scan(args) => scan::run(args, terminal),
         Command::Lint(args) => lint::run(args, terminal.color()),
         Command::Bench(args) => bench::run(args, terminal),
+        Command::Selftest(args) => selftest::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
     }
 }

@@ -121,6 +121,26 @@ pub fn load_sensor(path: &Path) -> Result<SensorFile, Error> {
     into_sensor(report, path, &table)
 }
 
+/// The sensor files that come with beamcast: name and text.
+pub const SHIPPED_SENSORS: &[(&str, &str)] = &[
+    ("depth_camera", include_str!("../../configs/sensors/depth_camera.toml")),
+    ("lidar_128", include_str!("../../configs/sensors/lidar_128.toml")),
+    ("velodyne_vlp16", include_str!("../../configs/sensors/velodyne_vlp16.toml")),
+];
+
+/// Reads the text of a sensor file. `path` is what errors call it.
+///
+/// # Errors
+/// [`Error::Config`] as for [`load_sensor`].
+pub fn parse_sensor(path: &Path, text: &str) -> Result<SensorFile, Error> {
+    let mut report = Report::default();
+    let source = report.add(path, text.to_owned(), Layer::Main);
+    match tree::parse(&report, source) {
+        Some(table) => into_sensor(report, path, &table),
+        None => Err(Error::Config(report.into_diagnostics())),
+    }
+}
+
 /// Reads a job or a sensor file, whichever it is: a sensor file has a pattern, and no key of a job.
 ///
 /// # Errors

@@ -10,6 +10,7 @@ mod mistakes;
 mod open3d;
 mod outputs;
 mod scenes;
+mod selftest;
 mod shapes;
 mod trace;
 mod truth;

@@ -67,6 +67,9 @@ impl Report {
 pub struct ShapeResult {
     /// The shape.
     pub shape: &'static str,
+    /// Whether its facets only stand for a curved surface, so that they lie inside the ideal shape by up to a few thousandths
+    /// of its radius, seen straight on.
+    pub tessellated: bool,
     /// Metres from the sensor to its walls (rooms) or its middle (the others).
     pub distance_m: f64,
     /// Rays that must hit, and do.
@@ -79,7 +82,7 @@ pub struct ShapeResult {
     pub wrong: usize,
     /// Against the planes of the facets that were hit.
     pub facet_error: Errors,
-    /// Against the ideal shape. A ball's facets lie inside of it, by up to a few thousandths of its radius.
+    /// Against the ideal shape.
     pub ideal_error: Errors,
     /// The largest part of what it may be off by the ideal shape that any ray is off, 0 to 1.
     pub allowance_used: f64,
@@ -311,6 +314,7 @@ fn expected(stage: &Stage, origin: DVec3, d: DVec3, range: &RangeLimits) -> Expe
 fn judge(target: &Target, stage: &Stage, sensor: &Sensor, frame: &Frame, pose: &Pose) -> ShapeResult {
     let mut result = ShapeResult {
         shape: target.name,
+        tessellated: matches!(stage.solid, Solid::Ball { .. }),
         distance_m: target.distance_m,
         hits: 0,
         misses: 0,
