@@ -15,6 +15,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
     ("output", &["error", "frame", "scan", "scene", "sensor"]),
+    ("check", &["output"]),
     ("config", &["angle", "error", "frame", "output", "sensor", "trace"]),
     ("cli", &["angle", "config", "error", "frame", "output", "scan", "scene", "sensor", "trace"]),
     ("main", &["cli"]),
