@@ -2,10 +2,23 @@
 //!
 //! ```text
 //! compare      two images, channel by channel: how many pixels differ, by how much, where
+//! pixels       a channel in few bytes
+//! baseline     what a job gave when it was accepted: hashes, and some of the pixels
+//! changes      what changed since: keys of the job, beams, the scene, the tool
+//! judge        a frame against its baseline, in words (words)
 //! outcome      what came of a check, as plain data that reports are written from
 //! ```
 
+mod baseline;
+mod changes;
 pub mod compare;
+mod judge;
 mod outcome;
+mod pixels;
+mod words;
 
+pub use baseline::{Baseline, Kept, MAX_PIXEL_BYTES, SceneRecord, SensorRecord, Taken};
+pub use changes::Changes;
+pub use compare::Tolerance;
+pub use judge::{Settings, judge};
 pub use outcome::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
