@@ -6,12 +6,14 @@
 //! baseline     what a job gave when it was accepted: hashes, and some of the pixels
 //! changes      what changed since: keys of the job, beams, the scene, the tool
 //! judge        a frame against its baseline, in words (words)
+//! expect       what a rig should see, and whether it does
 //! outcome      what came of a check, as plain data that reports are written from
 //! ```
 
 mod baseline;
 mod changes;
 pub mod compare;
+pub mod expect;
 mod judge;
 mod outcome;
 mod pixels;
