@@ -1,3 +1,28 @@
-//! Judging what a sensor sees: against closed forms.
+//! Regression of sensor configurations: frames against what they were, and against what they should be.
+//!
+//! ```text
+//! compare      two images, channel by channel: how many pixels differ, by how much, where
+//! pixels       a channel in few bytes
+//! baseline     what a job gave when it was accepted: hashes, and some of the pixels
+//! changes      what changed since: keys of the job, beams, the scene, the tool
+//! judge        a frame against its baseline, in words (words)
+//! expect       what a rig should see, and whether it does
+//! outcome      what came of a check, as plain data that reports are written from
+//! selftest     a sensor's own pattern against closed forms, without any baseline
+//! ```
 
+mod baseline;
+mod changes;
+pub mod compare;
+pub mod expect;
+mod judge;
+mod outcome;
+mod pixels;
 pub mod selftest;
+mod words;
+
+pub use baseline::{Baseline, Kept, MAX_PIXEL_BYTES, SceneRecord, SensorRecord, Taken};
+pub use changes::Changes;
+pub use compare::Tolerance;
+pub use judge::{Settings, judge};
+pub use outcome::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};

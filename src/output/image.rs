@@ -5,6 +5,20 @@ use crate::frame::BODY_FROM_OPTICAL;
 use crate::scan::Return;
 use crate::sensor::{Pattern, Pinhole};
 
+/// The channels of frames, sorted; `Y` aside, which repeats another.
+pub const CHANNELS: [&str; 10] = [
+    "Z",
+    "id.instance",
+    "id.semantic",
+    "id.triangle",
+    "intensity",
+    "normal.X",
+    "normal.Y",
+    "normal.Z",
+    "range",
+    "time",
+];
+
 /// A range image: channels of the same size. The README's table says what each means.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {

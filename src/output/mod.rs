@@ -15,7 +15,7 @@ use crate::scan::Frame;
 use crate::sensor::Sensor;
 
 pub use files::{Destination, WrittenFile};
-pub use image::{Channel, Image, Samples};
+pub use image::{CHANNELS, Channel, Image, Samples};
 pub use manifest::Manifest;
 
 /// The range and depth (metres) of a pixel with no return. All its other channels are 0.

@@ -15,8 +15,8 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
     ("output", &["error", "frame", "scan", "scene", "sensor"]),
-    ("config", &["angle", "error", "frame", "output", "sensor", "trace"]),
     ("check", &["angle", "frame", "output", "scan", "scene", "sensor", "trace"]),
+    ("config", &["angle", "check", "error", "frame", "output", "sensor", "trace"]),
     ("cli", &["angle", "check", "config", "error", "frame", "output", "scan", "scene", "sensor", "trace"]),
     ("main", &["cli"]),
 ];
