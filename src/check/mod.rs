@@ -8,6 +8,7 @@
 //! judge        a frame against its baseline, in words (words)
 //! expect       what a rig should see, and whether it does
 //! outcome      what came of a check, as plain data that reports are written from
+//! page         frames and outcomes as one HTML page
 //! selftest     a sensor's own pattern against closed forms, without any baseline
 //! ```
 
@@ -17,6 +18,7 @@ pub mod compare;
 pub mod expect;
 mod judge;
 mod outcome;
+pub mod page;
 mod pixels;
 pub mod selftest;
 mod words;

@@ -9,6 +9,7 @@ mod pipeline;
 mod scan;
 mod selftest;
 mod terminal;
+mod view;
 
 use std::process::ExitCode;
 
@@ -38,6 +39,8 @@ enum Command {
     Bench(bench::Args),
     /// Cast sensors' own patterns at planes, box, wedge and ball, and hold the ranges against closed forms
     Selftest(selftest::Args),
+    /// Show frames as one HTML page: range images, and a cloud to turn
+    View(view::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
     Kernels(kernels::Args),
 }
@@ -61,6 +64,7 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Lint(args) => lint::run(args, terminal.color()),
         Command::Bench(args) => bench::run(args, terminal),
         Command::Selftest(args) => selftest::run(args, terminal),
+        Command::View(args) => view::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
     }
 }

@@ -1,0 +1,434 @@
+//! One HTML page that needs nothing else: range images, a cloud to turn, and tables.
+//!
+//! The page holds its data, its style and its script, and its content security policy allows just these two, by their
+//! hashes: no network, no plugin, no other script, whatever a scene's names say. All text is escaped here and set as text by
+//! the script.
+//!
+//! Ranges and other measurements are exact (32 bits); what is only for the eye is rounded: intensities to 1/65535,
+//! normals to 1/127, points to 1/65535 of the cloud's box.
+
+mod pack;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+use serde_json::{Value, json};
+
+use super::compare::main_depth;
+use super::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
+use crate::output::{Image, NO_RETURN_M, Samples};
+
+const SCRIPT: &str = include_str!("page.js");
+const STYLE: &str = include_str!("page.css");
+
+/// The largest picture that every browser draws, in pixels each way.
+const MAX_PICTURE: usize = 16_384;
+
+/// A frame to show.
+#[derive(Clone, Debug)]
+pub struct View<'a> {
+    /// What it is called: its sensor, its file.
+    pub name: String,
+    /// Its channels.
+    pub image: &'a Image,
+    /// What it was before: the channels that are known, and how finely ([`super::compare::ChannelDifference::resolution`]).
+    pub baseline: Option<(&'a Image, BTreeMap<String, f64>)>,
+    /// Where the pixels with a return are, in their order: metres, x forward, y left, z up. Or why that isn't known.
+    pub points: Result<Vec<[f32; 3]>, String>,
+    /// Names of instances, by id.
+    pub instances: BTreeMap<u32, String>,
+}
+
+/// A page that shows frames.
+pub fn of_views(title: &str, note: &str, views: &[View]) -> String {
+    let mut body = String::new();
+    if !note.is_empty() {
+        let _ = write!(body, "<p>{}</p>", escape(note));
+    }
+    for view in views {
+        body += &section(view);
+    }
+    document(title, &body)
+}
+
+/// The page of a check. `details` has, for each outcome and each of its sensors, the points of the run as
+/// [`View::points`] has them, and the names of its instances.
+pub fn of_outcomes(outcomes: &[Outcome], details: &[Vec<Details>]) -> String {
+    let failed = outcomes.iter().filter(|o| !passed(o)).count();
+    let mut body = String::new();
+    let said = match (outcomes.len(), failed) {
+        (1, 0) => "The job passed.".to_owned(),
+        (jobs, 0) => format!("All {jobs} jobs passed."),
+        (jobs, failed) => format!("{failed} of {jobs} jobs failed."),
+    };
+    let _ = write!(body, "<p class=\"lead\">{said}</p>");
+    if outcomes.len() > 1 {
+        let rows = outcomes.iter().enumerate().map(|(i, o)| {
+            vec![
+                Cell::Link(format!("#job{i}"), o.job.clone()),
+                Cell::Verdict(passed(o), verdict(o.verdict)),
+                Cell::Text(met(&o.expectations)),
+            ]
+        });
+        body += &table("Jobs", &["job", "verdict", "expectations met"], rows);
+    }
+    for (index, outcome) in outcomes.iter().enumerate() {
+        let _ = write!(
+            body,
+            "<section id=\"job{index}\" class=\"job\"><h2><bdi>{}</bdi> <span class=\"verdict {}\">{}</span></h2>",
+            escape(&outcome.job),
+            if passed(outcome) { "good" } else { "bad" },
+            verdict(outcome.verdict)
+        );
+        body += &sentences(&outcome.problems);
+        let differences = outcome.sensors.iter().flat_map(|s| s.differences.iter().cloned());
+        body += &sentences(&differences.collect::<Vec<_>>());
+        body += &expectations(&outcome.expectations);
+        body += &changes(&outcome.changes);
+        body += &statistics(&outcome.sensors);
+        let of_job = details.get(index).map_or(&[][..], Vec::as_slice);
+        for (i, sensor) in outcome.sensors.iter().enumerate() {
+            let details = of_job.get(i).cloned().unwrap_or_default();
+            body += &section(&View {
+                name: sensor.name.clone(),
+                image: &sensor.run,
+                baseline: sensor.baseline.as_ref().map(|image| (image, resolutions(sensor))),
+                points: details.points.ok_or_else(|| "Where the points are is not known.".to_owned()),
+                instances: details.instances,
+            });
+        }
+        body += "</section>";
+    }
+    document("beamcast check", &body)
+}
+
+/// What the page of a check shows of a sensor beside its outcome.
+#[derive(Clone, Debug, Default)]
+pub struct Details {
+    /// As [`View::points`].
+    pub points: Option<Vec<[f32; 3]>>,
+    /// As [`View::instances`].
+    pub instances: BTreeMap<u32, String>,
+}
+
+fn resolutions(sensor: &SensorOutcome) -> BTreeMap<String, f64> {
+    sensor.channels.iter().map(|c| (c.channel.clone(), c.resolution)).collect()
+}
+
+fn passed(outcome: &Outcome) -> bool {
+    matches!(outcome.verdict, Verdict::Passed | Verdict::Accepted)
+}
+
+fn verdict(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Passed => "passed",
+        Verdict::Accepted => "accepted",
+        Verdict::Failed => "failed",
+        Verdict::Broken => "could not be run",
+    }
+}
+
+fn met(expectations: &[ExpectationOutcome]) -> String {
+    match expectations.len() {
+        0 => "none made".to_owned(),
+        all => format!("{} of {all}", expectations.iter().filter(|e| e.met).count()),
+    }
+}
+
+fn sentences(all: &[String]) -> String {
+    if all.is_empty() {
+        return String::new();
+    }
+    let items = all.iter().map(|s| format!("<li><bdi>{}</bdi></li>", escape(s)));
+    format!("<ul class=\"sentences\">{}</ul>", items.collect::<String>())
+}
+
+fn expectations(all: &[ExpectationOutcome]) -> String {
+    if all.is_empty() {
+        return String::new();
+    }
+    let rows = all.iter().map(|e| {
+        let text = |text: &str| Cell::Text(text.to_owned());
+        let verdict = Cell::Verdict(e.met, if e.met { "met" } else { "not met" });
+        vec![text(&e.name), verdict, text(&e.expected), text(&e.found), text(&e.place)]
+    });
+    table("Expectations", &["name", "", "expected", "found", "where"], rows)
+}
+
+fn changes(all: &[Change]) -> String {
+    if all.is_empty() {
+        return String::new();
+    }
+    let value = |value: &Option<String>| match value {
+        Some(value) => Cell::Code(value.clone()),
+        None => Cell::Text("not there".to_owned()),
+    };
+    let rows = all.iter().map(|c| vec![Cell::Code(c.what.clone()), value(&c.old), value(&c.new)]);
+    table("Changed since the baseline was accepted", &["what", "was", "is"], rows)
+}
+
+fn statistics(sensors: &[SensorOutcome]) -> String {
+    let number = |x: f64| Cell::Number(if x == 0.0 { "0".to_owned() } else { format!("{x:.3e}") });
+    let rows: Vec<Vec<Cell>> = sensors
+        .iter()
+        .flat_map(|sensor| sensor.channels.iter().map(move |channel| (sensor, channel)))
+        .map(|(sensor, c)| {
+            let least = if c.differing.exact { "" } else { "at least " };
+            let mut row = vec![
+                Cell::Text(sensor.name.clone()),
+                Cell::Code(c.channel.clone()),
+                Cell::Number(format!("{least}{}", c.differing.count)),
+            ];
+            row.extend(match c.statistics {
+                Some(s) => [s.max, s.mean, s.rms, s.p99].map(number),
+                None => [(); 4].map(|()| Cell::Number("–".to_owned())),
+            });
+            row.push(Cell::Verdict(c.within_tolerance, if c.within_tolerance { "yes" } else { "no" }));
+            row
+        })
+        .collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let head = ["sensor", "channel", "pixels that differ", "max", "mean", "RMS", "99 %", "within tolerance"];
+    table("Differences from the baseline", &head, rows)
+}
+
+enum Cell {
+    Text(String),
+    Code(String),
+    Number(String),
+    Link(String, String),
+    Verdict(bool, &'static str),
+}
+
+fn table(caption: &str, head: &[&str], rows: impl IntoIterator<Item = Vec<Cell>>) -> String {
+    let mut html =
+        format!("<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{caption}\"><table>");
+    let _ = write!(html, "<caption>{caption}</caption><thead><tr>");
+    for name in head {
+        let _ = write!(html, "<th scope=\"col\">{name}</th>");
+    }
+    html += "</tr></thead><tbody>";
+    for row in rows {
+        html += "<tr>";
+        for cell in row {
+            let _ = match cell {
+                Cell::Text(text) => write!(html, "<td><bdi>{}</bdi></td>", escape(&text)),
+                Cell::Code(text) => write!(html, "<td><code><bdi>{}</bdi></code></td>", escape(&text)),
+                Cell::Number(text) => write!(html, "<td class=\"number\">{}</td>", escape(&text)),
+                Cell::Link(to, text) => {
+                    write!(html, "<td><a href=\"{to}\"><bdi>{}</bdi></a></td>", escape(&text))
+                }
+                Cell::Verdict(good, text) => {
+                    let class = if good { "good" } else { "bad" };
+                    write!(html, "<td><span class=\"verdict {class}\">{text}</span></td>")
+                }
+            };
+        }
+        html += "</tr>";
+    }
+    html + "</tbody></table></div>"
+}
+
+/// A frame: controls, pictures, cloud, and the numbers behind them. The script fills it when it comes into sight.
+fn section(view: &View) -> String {
+    let name = escape(&view.name);
+    let image = view.image;
+    let (rows, columns) = (image.rows, image.columns);
+    let fits = rows <= MAX_PICTURE && columns <= MAX_PICTURE;
+    let is_picture = fits && rows > 1 && columns > 1;
+    let (size, stretch) = (format!("{rows} × {columns}"), stretch(image));
+    let wide = columns > 2 * rows * stretch;
+    let mut pictures = String::new();
+    if is_picture {
+        let mut captions = vec!["run"];
+        if view.baseline.is_some() {
+            captions = vec!["baseline", "run", "difference"];
+        }
+        let class = if wide { "pictures wide" } else { "pictures" };
+        let _ = write!(pictures, "<div class=\"{class}\">");
+        for caption in &captions {
+            let shown = if captions.len() == 1 {
+                String::new()
+            } else {
+                format!("<figcaption>{caption}</figcaption>")
+            };
+            let _ = write!(
+                pictures,
+                "<figure>{shown}<div class=\"picture\"><canvas data-picture=\"{caption}\" tabindex=\"0\" role=\"img\" \
+                 aria-label=\"{name}, {caption}: range image of {size} pixels. Arrow keys move from pixel to pixel.\">\
+                 </canvas><div class=\"marker\" hidden></div></div></figure>"
+            );
+        }
+        pictures += "</div><p class=\"hint\">Point at a pixel, or move with the arrow keys (Shift: by ten).</p>\
+                     <output class=\"values\"></output>";
+    } else if rows > 1 || !fits {
+        let _ =
+            write!(pictures, "<p class=\"hint\">An image of {size} pixels is too large for a picture.</p>");
+    }
+    let cloud = match &view.points {
+        Ok(points) => format!(
+            "<canvas class=\"cloud\" tabindex=\"0\" role=\"application\" aria-label=\"{name}: cloud of {} points. Arrow keys \
+             turn it, plus and minus zoom, Shift with arrow keys moves it, 0 shows all again.\"></canvas>\
+             <p class=\"hint cloud-hint\">Drag to turn, wheel or two fingers to zoom, Shift-drag or right button to move; arrow keys, \
+             + and −, 0 for the whole. Axes: x forward red, y left green, z up blue, one metre each.</p>\
+             <p class=\"hint no-webgl\" hidden>This browser shows no WebGL2, so there is no cloud to turn here. \
+             The pictures do not need it.</p>",
+            points.len()
+        ),
+        Err(why) => format!("<p class=\"hint\">{}</p>", escape(why)),
+    };
+    let data = json!({
+        "rows": rows,
+        "columns": columns,
+        "stretch": stretch,
+        "channels": channels(image, &BTreeMap::new()),
+        "baseline": view.baseline.as_ref().map(|(image, resolutions)| channels(image, resolutions)),
+        "points": view.points.as_ref().ok().map(|points| pack::points(points)),
+        "instances": names_of_seen(view),
+    });
+    format!(
+        "<section class=\"view\" aria-label=\"{name}\" aria-busy=\"true\"><h3><bdi>{name}</bdi> <small>{}</small></h3>\
+         <div class=\"controls\"></div>{pictures}<div class=\"legend\"></div>{cloud}\
+         <script type=\"application/json\">{}</script></section>",
+        if rows > 1 { format!("{size} pixels") } else { format!("{columns} points") },
+        // Inside of a script element only `<` can end it or begin a comment.
+        data.to_string().replace('<', "\\u003c")
+    )
+}
+
+/// How many times taller than wide a pixel is shown. A LiDAR has far fewer beams than firings: its image is made a tenth as
+/// tall as it is wide, or taller, which is what its field of view comes to for most.
+fn stretch(image: &Image) -> usize {
+    let is_camera = image.channel("Z").is_some();
+    if is_camera {
+        1
+    } else {
+        ((image.columns as f64 / (10 * image.rows.max(1)) as f64).round() as usize).clamp(1, 64)
+    }
+}
+
+fn names_of_seen(view: &View) -> BTreeMap<u32, String> {
+    let images = [Some(view.image), view.baseline.as_ref().map(|(image, _)| *image)];
+    let ids = images.into_iter().flatten().filter_map(|image| image.u32("id.instance")).flatten();
+    let seen: BTreeSet<u32> = ids.copied().collect();
+    let name = |id| view.instances.get(&id).filter(|name| !name.is_empty()).map(|name| (id, name.clone()));
+    seen.into_iter().filter_map(name).collect()
+}
+
+/// The channels in the order that people ask for them, each with what the script must know to show it.
+fn channels(image: &Image, resolutions: &BTreeMap<String, f64>) -> Value {
+    const FIRST: [&str; 7] = ["range", "Z", "intensity", "normal.X", "id.instance", "id.semantic", "time"];
+    // The same numbers as others (`Y`), too many to tell apart (triangles), or shown with their first (normals).
+    const LEFT_OUT: [&str; 4] = ["Y", "id.triangle", "normal.Y", "normal.Z"];
+    let first = FIRST.iter().filter_map(|name| Some((*name, image.channel(name)?)));
+    let has_main = image.channel("range").or(image.channel("Z")).is_some();
+    let others = image.channels.iter().map(|c| (c.name.as_str(), &c.samples)).filter(|(name, _)| {
+        let left_out = LEFT_OUT.contains(name) && !(*name == "Y" && !has_main);
+        !FIRST.contains(name) && !left_out
+    });
+    let depth = main_depth(image).map(|(_, depth)| depth);
+    let all =
+        first.chain(others).filter_map(|(name, samples)| channel(image, name, samples, depth, resolutions));
+    Value::Array(all.collect())
+}
+
+fn channel(
+    image: &Image,
+    name: &str,
+    samples: &Samples,
+    depth: Option<&[f32]>,
+    resolutions: &BTreeMap<String, f64>,
+) -> Option<Value> {
+    let columns = image.columns;
+    let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    let (label, unit, scale) = match name {
+        "range" => ("range", "m", "log"),
+        "Z" => ("depth", "m", "log"),
+        "Y" => ("Y", "m", "log"),
+        "intensity" => ("intensity", "", "linear"),
+        "normal.X" => ("normal", "", "normal"),
+        "id.instance" => ("instance", "", "id"),
+        "id.semantic" => ("label", "", "id"),
+        "time" => ("time", "s", "linear"),
+        other if matches!(samples, Samples::U32(_)) => (other, "", "id"),
+        other => (other, "", "linear"),
+    };
+    let packed = match (name, samples) {
+        ("normal.X", _) => {
+            let axes = ["normal.X", "normal.Y", "normal.Z"].map(|axis| image.f32(axis));
+            let [Some(x), Some(y), Some(z)] = axes else { return None };
+            let axis = |values: &[f32]| {
+                let rounded = values.iter().map(|v| (v.clamp(-1.0, 1.0) * 127.0).round() as i8 as u8);
+                pack::numbers("i8", &rounded.map(u32::from).collect::<Vec<_>>(), 1, columns)
+            };
+            json!([axis(x), axis(y), axis(z)])
+        }
+        ("intensity", Samples::F32(values)) if values.iter().all(|v| (0.0..=1.0).contains(v)) => {
+            let rounded: Vec<u32> = values.iter().map(|v| (v * 65535.0).round() as u32).collect();
+            json!([pack::numbers("u16", &rounded, 2, columns)])
+        }
+        // Of what does not return, nothing is known: a channel's 0 there would only cost bytes.
+        ("range" | "Z" | "Y", Samples::F32(values)) => {
+            let known = |v: &f32| if v.is_finite() { *v } else { NO_RETURN_M as f32 };
+            json!([pack::numbers("f32", &bits(&values.iter().map(known).collect::<Vec<_>>()), 4, columns)])
+        }
+        (_, Samples::F32(values)) => json!([pack::numbers("f32", &bits(values), 4, columns)]),
+        (_, Samples::U32(values)) => json!([pack::numbers("u32", values, 4, columns)]),
+    };
+    Some(json!({
+        "key": name,
+        "label": label,
+        "unit": unit,
+        "scale": scale,
+        "is_depth": depth.is_some_and(|depth| matches!(samples, Samples::F32(v) if std::ptr::eq(v.as_slice(), depth))),
+        "resolution": resolutions.get(name).copied().unwrap_or(0.0),
+        "packed": packed,
+    }))
+}
+
+fn document(title: &str, body: &str) -> String {
+    let hash = |text: &str| pack::base64(&hmac_sha256::Hash::hash(text.as_bytes()));
+    let turbo: Vec<u8> = (0..256)
+        .flat_map(|i| {
+            // Turbo's very ends are nearly black, and would look like a miss.
+            let colour = colorous::TURBO.eval_continuous(0.95 - 0.87 * f64::from(i) / 255.0);
+            [colour.r, colour.g, colour.b]
+        })
+        .collect();
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'sha256-{}'; \
+         style-src 'sha256-{}'; base-uri 'none'; form-action 'none'\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n\
+         <body data-turbo=\"{}\">\n<header><h1><bdi>{title}</bdi></h1>\
+         <label>Theme <select id=\"theme\"><option value=\"\">as the system</option><option value=\"light\">light</option>\
+         <option value=\"dark\">dark</option></select></label></header>\n\
+         <noscript><p>The pictures and clouds of this page are drawn by a script, and scripts are turned off.</p></noscript>\n\
+         <main>{body}</main>\n<script>{SCRIPT}</script>\n</body>\n</html>\n",
+        hash(SCRIPT),
+        hash(STYLE),
+        pack::base64(&turbo),
+        title = escape(title),
+    )
+}
+
+/// Text as HTML shows it, in content and in attributes. What would turn the text around it is left to `<bdi>`.
+fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => escaped += "&amp;",
+            '<' => escaped += "&lt;",
+            '>' => escaped += "&gt;",
+            '"' => escaped += "&quot;",
+            '\'' => escaped += "&#39;",
+            // HTML has no way to write a control character.
+            c if c.is_control() && !matches!(c, '\n' | '\t') => escaped.push('\u{fffd}'),
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}
