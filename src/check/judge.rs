@@ -168,7 +168,7 @@ impl Judgement<'_> {
             let mut rows: Vec<usize> = quiet.iter().flat_map(|c| self.region(&c.channel).rows).collect();
             rows.sort_unstable();
             rows.dedup();
-            let place = Region { rows, columns: vec![] }.words(&self.taken.record);
+            let place = Region { rows, columns: vec![] }.words(self.size());
             let too = if sentences.is_empty() { "" } else { " too" };
             let verb = if quiet.len() == 1 { "differs" } else { "differ" };
             let comma = if place.is_empty() { "" } else { ", " };
@@ -252,7 +252,11 @@ impl Judgement<'_> {
             &found.pixels,
             [(self.accepted, old.as_deref()), (&self.taken.record, new.as_deref())],
         );
-        [region.words(&self.taken.record), objects].into_iter().filter(|w| !w.is_empty()).collect()
+        [region.words(self.size()), objects].into_iter().filter(|w| !w.is_empty()).collect()
+    }
+
+    fn size(&self) -> (usize, usize) {
+        (self.taken.record.rows, self.taken.record.columns)
     }
 
     fn pixel(&self, pixel: u32) -> String {
