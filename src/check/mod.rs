@@ -7,24 +7,30 @@
 //! changes      what changed since: keys of the job, beams, the scene, the tool
 //! judge        a frame against its baseline, in words (words)
 //! expect       what a rig should see, and whether it does
-//! outcome      what came of a check, as plain data that reports are written from
+//! cloud        clouds of any layout, by Chamfer's distance
+//! map          pictures of ground that is covered and of differences
+//! outcome      what came of a check, as plain data; report writes it for people, CI servers and scripts
 //! page         frames and outcomes as one HTML page
 //! selftest     a sensor's own pattern against closed forms, without any baseline
 //! ```
 
 mod baseline;
 mod changes;
+pub mod cloud;
 pub mod compare;
 pub mod expect;
 mod judge;
+mod map;
 mod outcome;
 pub mod page;
 mod pixels;
+pub mod report;
 pub mod selftest;
-mod words;
+pub mod words;
 
 pub use baseline::{Baseline, Kept, MAX_PIXEL_BYTES, SceneRecord, SensorRecord, Taken};
 pub use changes::Changes;
 pub use compare::Tolerance;
 pub use judge::{Settings, judge};
+pub use map::{Picture, coverage_map, heat_map};
 pub use outcome::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};

@@ -27,9 +27,10 @@ impl Region {
     }
 
     /// `all in row 17`, `all in rows 3 to 9, columns 100 to 140`. Empty if it is everywhere.
-    pub fn words(&self, sensor: &SensorRecord) -> String {
-        let rows = run("row", &self.rows, sensor.rows);
-        let columns = run("column", &self.columns, sensor.columns);
+    /// The image has so many rows and columns.
+    pub fn words(&self, (rows, columns): (usize, usize)) -> String {
+        let rows = run("row", &self.rows, rows);
+        let columns = run("column", &self.columns, columns);
         match (rows, columns) {
             (Some(rows), Some(columns)) => format!("all in {rows}, {columns}"),
             (Some(one), None) | (None, Some(one)) => format!("all in {one}"),
@@ -91,7 +92,7 @@ pub fn metres(value: f64) -> String {
     match value.abs() {
         0.0 => "0 m".to_owned(),
         v if !v.is_finite() => format!("{value} m"),
-        v if v < 0.01 => format!("{} mm", digits(value * 1e3)),
+        v if v < 0.1 => format!("{} mm", digits(value * 1e3)),
         _ => format!("{} m", digits(value)),
     }
 }
@@ -139,10 +140,9 @@ mod tests {
 
     #[test]
     fn regions_are_told_if_they_are_small() {
-        let sensor = SensorRecord { rows: 128, columns: 2048, ..SensorRecord::default() };
         let words = |pixels: &[(u32, u32)]| {
             let numbers: Vec<u32> = pixels.iter().map(|(row, column)| row * 2048 + column).collect();
-            Region::of(&numbers, 2048).words(&sensor)
+            Region::of(&numbers, 2048).words((128, 2048))
         };
         assert_eq!(words(&[(17, 3), (17, 2000), (17, 9)]), "all in row 17");
         assert_eq!(words(&[(17, 3), (18, 3)]), "all in rows 17 and 18, column 3");

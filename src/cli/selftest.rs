@@ -38,7 +38,7 @@ struct Subject {
 /// Casts the patterns of sensors at planes, box, wedge and ball, and reports the errors against their closed forms.
 ///
 /// # Errors
-/// [`Error::Failed`] if a sensor fails; [`Error::Config`] with what is wrong in a file.
+/// [`Error::Difference`] if a sensor fails; [`Error::Config`] with what is wrong in a file.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
     let subjects = subjects(&args.paths, terminal)?;
@@ -65,7 +65,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         .filter(|(_, report)| !report.passed())
         .map(|(subject, _)| subject.name.as_str())
         .collect();
-    if failed.is_empty() { Ok(()) } else { Err(Error::Failed(format!("{} failed", failed.join(", ")))) }
+    if failed.is_empty() { Ok(()) } else { Err(Error::Difference(format!("{} failed", failed.join(", ")))) }
 }
 
 fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Error> {

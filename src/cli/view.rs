@@ -9,12 +9,13 @@ use super::interrupt::Interrupt;
 use super::pipeline::{self, Bytes, Plan};
 use super::terminal::Terminal;
 use crate::check::page::{self, View};
-use crate::config::{self, Config, Job};
+use crate::config::{self, Config, MountedSensor};
 use crate::error::Error;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
 use crate::output::{Capture, Channel, CloudFrame, Destination, Image, Samples};
-use crate::scan::Frame;
+use crate::scan::{Frame, Return};
+use crate::scene::Scene;
 use crate::sensor::Pinhole;
 use crate::trace::kernel::Caster;
 
@@ -35,14 +36,6 @@ pub struct Args {
 /// The frames of a folder that one page shows; browsers bear no more.
 const MAX_FRAMES: usize = 16;
 
-/// A frame to show, with all that a [`View`] borrows.
-struct Seen {
-    name: String,
-    image: Image,
-    points: Result<Vec<[f32; 3]>, String>,
-    instances: BTreeMap<u32, String>,
-}
-
 /// Makes a page of what there is at a path.
 ///
 /// # Errors
@@ -60,7 +53,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         false => Some(Destination::check(folder, vec![name.clone()], args.overwrite)?),
     };
     let is_job = args.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let (seen, note) = match is_job {
+    let (views, note) = match is_job {
         true => (of_job(&args.path, &interrupt, terminal)?, String::new()),
         false => of_recording(&args.path)?,
     };
@@ -68,16 +61,6 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     if !note.is_empty() {
         terminal.warn(&note);
     }
-    let views: Vec<View> = seen
-        .iter()
-        .map(|s| View {
-            name: s.name.clone(),
-            image: &s.image,
-            baseline: None,
-            points: s.points.clone(),
-            instances: s.instances.clone(),
-        })
-        .collect();
     let title =
         args.path.file_name().map_or_else(|| args.path.to_string_lossy(), |name| name.to_string_lossy());
     let page = page::of_views(&title, &note, &views);
@@ -99,7 +82,7 @@ fn default_name(path: &Path) -> PathBuf {
     PathBuf::from(stem.unwrap_or("view".as_ref())).with_added_extension("html")
 }
 
-fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec<Seen>, Error> {
+fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec<View>, Error> {
     let job = match config::load(path)? {
         Config::Job(job) => *job,
         Config::Sensor(_) => {
@@ -114,27 +97,17 @@ fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec
     let scene = pipeline::load_scene(&job, terminal)?;
     interrupt.check()?;
     let tracer = Caster::build(&scene, job.kernel);
-    let instances: BTreeMap<u32, String> =
-        (0..).zip(scene.instances.iter().map(|instance| instance.name.clone())).collect();
     let cast = || {
-        let mut seen = Vec::new();
-        for (index, mounted) in job.sensors.iter().enumerate() {
-            if let Some(frame) = pipeline::cast(&job, mounted, &scene, &tracer, interrupt.progress()) {
-                let (image, points) = picture(&job, index, &frame);
-                let (name, instances) = (mounted.name.clone(), instances.clone());
-                seen.push(Seen { name, image, points: Ok(points), instances });
-            }
-        }
-        seen
+        let frame = |mounted| pipeline::cast(&job, mounted, &scene, &tracer, interrupt.progress());
+        job.sensors.iter().filter_map(|mounted| Some(of_frame(mounted, &frame(mounted)?, &scene))).collect()
     };
-    let seen = terminal.with_progress(plan.rays, interrupt.progress(), cast);
+    let views = terminal.with_progress(plan.rays, interrupt.progress(), cast);
     interrupt.check()?;
-    Ok(seen)
+    Ok(views)
 }
 
-/// The image of a sensor's frame, and the points of its returns in the sensor's body frame.
-pub fn picture(job: &Job, sensor: usize, frame: &Frame) -> (Image, Vec<[f32; 3]>) {
-    let mounted = &job.sensors[sensor];
+/// A frame just cast. Its points are in the sensor's body frame.
+pub fn of_frame(mounted: &MountedSensor, frame: &Frame, scene: &Scene) -> View {
     let capture = Capture {
         frame,
         sensor: &mounted.sensor,
@@ -144,13 +117,18 @@ pub fn picture(job: &Job, sensor: usize, frame: &Frame) -> (Image, Vec<[f32; 3]>
         cloud_frame: CloudFrame::Body,
     };
     let returns = frame.returns.iter().enumerate().filter_map(|(i, hit)| Some((i, hit.as_ref()?)));
-    let point = |(i, hit): (usize, &crate::scan::Return)| {
+    let point = |(i, hit): (usize, &Return)| {
         capture.point(i / frame.columns, i % frame.columns, hit.range).as_vec3().to_array()
     };
-    (Image::of(&capture), returns.map(point).collect())
+    View {
+        name: mounted.name.clone(),
+        image: Image::of(&capture),
+        points: Ok(returns.map(point).collect()),
+        instances: (0..).zip(scene.instances.iter().map(|instance| instance.name.clone())).collect(),
+    }
 }
 
-fn of_recording(path: &Path) -> Result<(Vec<Seen>, String), Error> {
+fn of_recording(path: &Path) -> Result<(Vec<View>, String), Error> {
     match Recorded::open(path)? {
         Recorded::Exr(parts) => {
             let beside = path.with_extension("ply");
@@ -170,7 +148,7 @@ fn of_recording(path: &Path) -> Result<(Vec<Seen>, String), Error> {
 }
 
 /// The frames of a scan's folder: each from its EXR with the points of its PLY, or from the one that there is.
-fn of_folder(folder: &Folder) -> Result<(Vec<Seen>, String), Error> {
+fn of_folder(folder: &Folder) -> Result<(Vec<View>, String), Error> {
     let mut frames: BTreeMap<&str, [bool; 2]> = BTreeMap::new();
     for output in &folder.outputs {
         let Some((stem, extension)) = output.rsplit_once('.') else { continue };
@@ -213,7 +191,8 @@ fn of_folder(folder: &Folder) -> Result<(Vec<Seen>, String), Error> {
 
 /// The names of a manifest's instances.
 fn instances_of(manifest: &Value) -> BTreeMap<u32, String> {
-    let all = manifest.pointer("/scene/instances").and_then(Value::as_array).into_iter().flatten().enumerate();
+    let all =
+        manifest.pointer("/scene/instances").and_then(Value::as_array).into_iter().flatten().enumerate();
     let name = |(index, instance): (usize, &Value)| {
         let id = instance.get("id").and_then(Value::as_u64).unwrap_or(index as u64);
         Some((u32::try_from(id).ok()?, instance.get("name")?.as_str()?.to_owned()))
@@ -227,7 +206,7 @@ fn of_exr(
     parts: Vec<Part>,
     cloud: Option<&Cloud>,
     instances: &BTreeMap<u32, String>,
-) -> Vec<Seen> {
+) -> Vec<View> {
     let several = parts.len() > 1;
     let part = |(index, part): (usize, Part)| {
         let name = if several { format!("{name}, {}", part.name) } else { name.to_owned() };
@@ -246,7 +225,7 @@ fn of_exr(
             Ok(points) if points.len() != returns => Err("The cloud does not fit the image.".to_owned()),
             other => other,
         };
-        Seen { name, image: part.image, points, instances: instances.clone() }
+        View { name, image: part.image, points, instances: instances.clone() }
     };
     parts.into_iter().enumerate().map(part).collect()
 }
@@ -279,7 +258,7 @@ fn positions(cloud: &Cloud) -> Option<Vec<(usize, [f32; 3])>> {
 }
 
 /// A cloud without an image: an image of one row, a pixel a point, is all that can be said.
-fn of_cloud(name: &str, cloud: &Cloud, instances: &BTreeMap<u32, String>) -> Seen {
+fn of_cloud(name: &str, cloud: &Cloud, instances: &BTreeMap<u32, String>) -> View {
     let positions = positions(cloud).unwrap_or_default();
     let kept = |values: &[f64]| positions.iter().map(|&(i, _)| values[i]).collect::<Vec<f64>>();
     let mut channels = Vec::new();
@@ -304,5 +283,5 @@ fn of_cloud(name: &str, cloud: &Cloud, instances: &BTreeMap<u32, String>) -> See
     channels.dedup_by(|a, b| a.name == b.name);
     let image = Image { rows: 1, columns: positions.len(), channels };
     let points = positions.into_iter().map(|(_, p)| p).collect();
-    Seen { name: name.to_owned(), image, points: Ok(points), instances: instances.clone() }
+    View { name: name.to_owned(), image, points: Ok(points), instances: instances.clone() }
 }

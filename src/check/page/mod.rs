@@ -26,13 +26,11 @@ const MAX_PICTURE: usize = 16_384;
 
 /// A frame to show.
 #[derive(Clone, Debug)]
-pub struct View<'a> {
+pub struct View {
     /// What it is called: its sensor, its file.
     pub name: String,
     /// Its channels.
-    pub image: &'a Image,
-    /// What it was before: the channels that are known, and how finely ([`super::compare::ChannelDifference::resolution`]).
-    pub baseline: Option<(&'a Image, BTreeMap<String, f64>)>,
+    pub image: Image,
     /// Where the pixels with a return are, in their order: metres, x forward, y left, z up. Or why that isn't known.
     pub points: Result<Vec<[f32; 3]>, String>,
     /// Names of instances, by id.
@@ -46,15 +44,14 @@ pub fn of_views(title: &str, note: &str, views: &[View]) -> String {
         let _ = write!(body, "<p>{}</p>", escape(note));
     }
     for view in views {
-        body += &section(view);
+        body += &section(view, None);
     }
     document(title, &body)
 }
 
-/// The page of a check. `details` has, for each outcome and each of its sensors, the points of the run as
-/// [`View::points`] has them, and the names of its instances.
-pub fn of_outcomes(outcomes: &[Outcome], details: &[Vec<Details>]) -> String {
-    let failed = outcomes.iter().filter(|o| !passed(o)).count();
+/// The page of a check. `views` has what each outcome's sensors saw; of a job that could not be run, nothing.
+pub fn of_outcomes(outcomes: &[Outcome], views: &[Vec<View>]) -> String {
+    let failed = outcomes.iter().filter(|o| !o.verdict.is_fine()).count();
     let mut body = String::new();
     let said = match (outcomes.len(), failed) {
         (1, 0) => "The job passed.".to_owned(),
@@ -66,7 +63,7 @@ pub fn of_outcomes(outcomes: &[Outcome], details: &[Vec<Details>]) -> String {
         let rows = outcomes.iter().enumerate().map(|(i, o)| {
             vec![
                 Cell::Link(format!("#job{i}"), o.job.clone()),
-                Cell::Verdict(passed(o), verdict(o.verdict)),
+                Cell::Verdict(o.verdict.is_fine(), verdict(o.verdict)),
                 Cell::Text(met(&o.expectations)),
             ]
         });
@@ -77,7 +74,7 @@ pub fn of_outcomes(outcomes: &[Outcome], details: &[Vec<Details>]) -> String {
             body,
             "<section id=\"job{index}\" class=\"job\"><h2><bdi>{}</bdi> <span class=\"verdict {}\">{}</span></h2>",
             escape(&outcome.job),
-            if passed(outcome) { "good" } else { "bad" },
+            if outcome.verdict.is_fine() { "good" } else { "bad" },
             verdict(outcome.verdict)
         );
         body += &sentences(&outcome.problems);
@@ -86,37 +83,12 @@ pub fn of_outcomes(outcomes: &[Outcome], details: &[Vec<Details>]) -> String {
         body += &expectations(&outcome.expectations);
         body += &changes(&outcome.changes);
         body += &statistics(&outcome.sensors);
-        let of_job = details.get(index).map_or(&[][..], Vec::as_slice);
-        for (i, sensor) in outcome.sensors.iter().enumerate() {
-            let details = of_job.get(i).cloned().unwrap_or_default();
-            body += &section(&View {
-                name: sensor.name.clone(),
-                image: &sensor.run,
-                baseline: sensor.baseline.as_ref().map(|image| (image, resolutions(sensor))),
-                points: details.points.ok_or_else(|| "Where the points are is not known.".to_owned()),
-                instances: details.instances,
-            });
+        for view in views.get(index).into_iter().flatten() {
+            body += &section(view, outcome.sensors.iter().find(|sensor| sensor.name == view.name));
         }
         body += "</section>";
     }
     document("beamcast check", &body)
-}
-
-/// What the page of a check shows of a sensor beside its outcome.
-#[derive(Clone, Debug, Default)]
-pub struct Details {
-    /// As [`View::points`].
-    pub points: Option<Vec<[f32; 3]>>,
-    /// As [`View::instances`].
-    pub instances: BTreeMap<u32, String>,
-}
-
-fn resolutions(sensor: &SensorOutcome) -> BTreeMap<String, f64> {
-    sensor.channels.iter().map(|c| (c.channel.clone(), c.resolution)).collect()
-}
-
-fn passed(outcome: &Outcome) -> bool {
-    matches!(outcome.verdict, Verdict::Passed | Verdict::Accepted)
 }
 
 fn verdict(verdict: Verdict) -> &'static str {
@@ -232,9 +204,15 @@ fn table(caption: &str, head: &[&str], rows: impl IntoIterator<Item = Vec<Cell>>
 }
 
 /// A frame: controls, pictures, cloud, and the numbers behind them. The script fills it when it comes into sight.
-fn section(view: &View) -> String {
+/// `compared` is what came of comparing it with its baseline.
+fn section(view: &View, compared: Option<&SensorOutcome>) -> String {
     let name = escape(&view.name);
-    let image = view.image;
+    let image = &view.image;
+    let baseline = compared.and_then(|sensor| sensor.baseline.as_ref());
+    let resolution = |channel: &str| {
+        let all = compared.map_or(&[][..], |sensor| &sensor.channels);
+        all.iter().find(|c| c.channel == channel).map_or(0.0, |c| c.resolution)
+    };
     let (rows, columns) = (image.rows, image.columns);
     let fits = rows <= MAX_PICTURE && columns <= MAX_PICTURE;
     let is_picture = fits && rows > 1 && columns > 1;
@@ -243,7 +221,7 @@ fn section(view: &View) -> String {
     let mut pictures = String::new();
     if is_picture {
         let mut captions = vec!["run"];
-        if view.baseline.is_some() {
+        if baseline.is_some() {
             captions = vec!["baseline", "run", "difference"];
         }
         let class = if wide { "pictures wide" } else { "pictures" };
@@ -283,10 +261,10 @@ fn section(view: &View) -> String {
         "rows": rows,
         "columns": columns,
         "stretch": stretch,
-        "channels": channels(image, &BTreeMap::new()),
-        "baseline": view.baseline.as_ref().map(|(image, resolutions)| channels(image, resolutions)),
+        "channels": channels(image, &|_| 0.0),
+        "baseline": baseline.map(|image| channels(image, &resolution)),
         "points": view.points.as_ref().ok().map(|points| pack::points(points)),
-        "instances": names_of_seen(view),
+        "instances": names_of_seen(view, baseline),
     });
     format!(
         "<section class=\"view\" aria-label=\"{name}\" aria-busy=\"true\"><h3><bdi>{name}</bdi> <small>{}</small></h3>\
@@ -309,8 +287,8 @@ fn stretch(image: &Image) -> usize {
     }
 }
 
-fn names_of_seen(view: &View) -> BTreeMap<u32, String> {
-    let images = [Some(view.image), view.baseline.as_ref().map(|(image, _)| *image)];
+fn names_of_seen(view: &View, baseline: Option<&Image>) -> BTreeMap<u32, String> {
+    let images = [Some(&view.image), baseline];
     let ids = images.into_iter().flatten().filter_map(|image| image.u32("id.instance")).flatten();
     let seen: BTreeSet<u32> = ids.copied().collect();
     let name = |id| view.instances.get(&id).filter(|name| !name.is_empty()).map(|name| (id, name.clone()));
@@ -318,7 +296,7 @@ fn names_of_seen(view: &View) -> BTreeMap<u32, String> {
 }
 
 /// The channels in the order that people ask for them, each with what the script must know to show it.
-fn channels(image: &Image, resolutions: &BTreeMap<String, f64>) -> Value {
+fn channels(image: &Image, resolution: &dyn Fn(&str) -> f64) -> Value {
     const FIRST: [&str; 7] = ["range", "Z", "intensity", "normal.X", "id.instance", "id.semantic", "time"];
     // The same numbers as others (`Y`), too many to tell apart (triangles), or shown with their first (normals).
     const LEFT_OUT: [&str; 4] = ["Y", "id.triangle", "normal.Y", "normal.Z"];
@@ -330,7 +308,7 @@ fn channels(image: &Image, resolutions: &BTreeMap<String, f64>) -> Value {
     });
     let depth = main_depth(image).map(|(_, depth)| depth);
     let all =
-        first.chain(others).filter_map(|(name, samples)| channel(image, name, samples, depth, resolutions));
+        first.chain(others).filter_map(|(name, samples)| channel(image, name, samples, depth, resolution));
     Value::Array(all.collect())
 }
 
@@ -339,7 +317,7 @@ fn channel(
     name: &str,
     samples: &Samples,
     depth: Option<&[f32]>,
-    resolutions: &BTreeMap<String, f64>,
+    resolution: &dyn Fn(&str) -> f64,
 ) -> Option<Value> {
     let columns = image.columns;
     let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
@@ -383,7 +361,7 @@ fn channel(
         "unit": unit,
         "scale": scale,
         "is_depth": depth.is_some_and(|depth| matches!(samples, Samples::F32(v) if std::ptr::eq(v.as_slice(), depth))),
-        "resolution": resolutions.get(name).copied().unwrap_or(0.0),
+        "resolution": resolution(name),
         "packed": packed,
     }))
 }
