@@ -13,7 +13,7 @@ use crate::config::{self, Config, MountedSensor};
 use crate::error::Error;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
-use crate::output::{Capture, Channel, CloudFrame, Destination, Image, Samples};
+use crate::output::{Capture, Channel, CloudFrame, Destination, Image, Samples, write_file};
 use crate::scan::{Frame, Return};
 use crate::scene::Scene;
 use crate::sensor::Pinhole;
@@ -48,10 +48,9 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let Some(name) = target.file_name().and_then(|name| name.to_str()).map(str::to_owned) else {
         return Err(Error::output(&target, "is no name for a page"));
     };
-    let destination = match to_stdout {
-        true => None,
-        false => Some(Destination::check(folder, vec![name.clone()], args.overwrite)?),
-    };
+    if !to_stdout {
+        Destination::check(folder, vec![name], args.overwrite)?;
+    }
     let is_job = args.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     let (views, note) = match is_job {
         true => (of_job(&args.path, &interrupt, terminal)?, String::new()),
@@ -64,15 +63,12 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let title =
         args.path.file_name().map_or_else(|| args.path.to_string_lossy(), |name| name.to_string_lossy());
     let page = page::of_views(&title, &note, &views);
-    match destination {
-        None => terminal.data(&page),
-        Some(destination) => {
-            interrupt.check()?;
-            interrupt.uncut(|| destination.write(&name, page.as_bytes()))?;
-            terminal.say(format_args!("wrote {} ({})", target.display(), Bytes(page.len() as u64)));
-            Ok(())
-        }
+    if to_stdout {
+        return terminal.data(&page);
     }
+    interrupt.uncut(|| write_file(&target, page.as_bytes()))?;
+    terminal.say(format_args!("wrote {} ({})", target.display(), Bytes(page.len() as u64)));
+    Ok(())
 }
 
 /// `street.html` for `out/street/` and `configs/street.toml`.

@@ -14,3 +14,4 @@ mod selftest;
 mod shapes;
 mod trace;
 mod truth;
+mod view;

@@ -15,6 +15,7 @@ use std::fmt::Write as _;
 use serde_json::{Value, json};
 
 use super::compare::main_depth;
+use super::words::digits;
 use super::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
 use crate::output::{Image, NO_RETURN_M, Samples};
 
@@ -140,7 +141,7 @@ fn changes(all: &[Change]) -> String {
 }
 
 fn statistics(sensors: &[SensorOutcome]) -> String {
-    let number = |x: f64| Cell::Number(if x == 0.0 { "0".to_owned() } else { format!("{x:.3e}") });
+    let number = |x: f64| Cell::Number(digits(x));
     let rows: Vec<Vec<Cell>> = sensors
         .iter()
         .flat_map(|sensor| sensor.channels.iter().map(move |channel| (sensor, channel)))
@@ -291,7 +292,7 @@ fn names_of_seen(view: &View, baseline: Option<&Image>) -> BTreeMap<u32, String>
     let images = [Some(&view.image), baseline];
     let ids = images.into_iter().flatten().filter_map(|image| image.u32("id.instance")).flatten();
     let seen: BTreeSet<u32> = ids.copied().collect();
-    let name = |id| view.instances.get(&id).filter(|name| !name.is_empty()).map(|name| (id, name.clone()));
+    let name = |id| view.instances.get(&id).filter(|name| !name.is_empty()).map(|name| (id, plain(name)));
     seen.into_iter().filter_map(name).collect()
 }
 
@@ -393,20 +394,167 @@ fn document(title: &str, body: &str) -> String {
     )
 }
 
-/// Text as HTML shows it, in content and in attributes. What would turn the text around it is left to `<bdi>`.
+/// Text as HTML shows it, in content and in attributes.
 fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
-    for c in text.chars() {
+    for c in plain(text).chars() {
         match c {
             '&' => escaped += "&amp;",
             '<' => escaped += "&lt;",
             '>' => escaped += "&gt;",
             '"' => escaped += "&quot;",
             '\'' => escaped += "&#39;",
-            // HTML has no way to write a control character.
-            c if c.is_control() && !matches!(c, '\n' | '\t') => escaped.push('\u{fffd}'),
             c => escaped.push(c),
         }
     }
     escaped
+}
+
+/// Text without characters that control: those that can't be in HTML, and those that turn what follows around. They are
+/// shown by their numbers, as in messages. Languages that are written from the right need none, and `<bdi>` keeps them apart.
+fn plain(text: &str) -> String {
+    let controls = |c: char| {
+        (c.is_control() && c != '\n')
+            || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    text.chars().map(|c| if controls(c) { c.escape_default().to_string() } else { c.to_string() }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::Channel;
+
+    const HOSTILE: &str = "</script><img src=x onerror=alert(1)> \u{202e}\u{7}\"'&";
+
+    /// An image of 2 × 3 pixels, one of which has no return.
+    fn view() -> View {
+        let channel = |name: &str, samples| Channel { name: name.to_owned(), samples };
+        let image = Image {
+            rows: 2,
+            columns: 3,
+            channels: vec![
+                channel("id.instance", Samples::U32(vec![0, 1, 1, 0, 0, 7])),
+                channel("intensity", Samples::F32(vec![0.0, 0.5, 1.0, 0.0, 0.25, 0.125])),
+                channel("range", Samples::F32(vec![1.0, 2.0, 3.0, f32::INFINITY, 5.0, 6.0])),
+            ],
+        };
+        let points = (0..5).map(|i| [i as f32, 0.0, 1.0]).collect();
+        let instances = BTreeMap::from([(1, HOSTILE.to_owned()), (2, "not seen".to_owned())]);
+        View { name: HOSTILE.to_owned(), image, points: Ok(points), instances }
+    }
+
+    /// What a section's data say.
+    fn data(page: &str) -> Value {
+        let (_, rest) = page.split_once("<script type=\"application/json\">").unwrap();
+        serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
+    }
+
+    #[test]
+    fn names_stay_text() {
+        let page = of_views(HOSTILE, HOSTILE, &[view()]);
+        assert!(!page.contains("<img") && !page.contains('\u{202e}') && !page.contains('\u{7}'));
+        // One script of data, and the page's own.
+        assert_eq!((page.matches("<script").count(), page.matches("</script>").count()), (2, 2));
+        let data = data(&page);
+        assert_eq!(data["instances"]["1"], plain(HOSTILE));
+        assert_eq!(data["instances"].as_object().unwrap().len(), 1, "only what is seen is named");
+        assert_eq!(plain("שלום \u{202e}x\u{0}"), "שלום \\u{202e}x\\u{0}");
+    }
+
+    #[test]
+    fn the_policy_allows_the_page_itself_and_nothing_else() {
+        let page = of_views("a", "", &[view()]);
+        let (_, policy) = page.split_once("Content-Security-Policy\" content=\"").unwrap();
+        let policy = policy.split_once('"').unwrap().0;
+        let parts: Vec<&str> = policy.split("; ").collect();
+        assert_eq!(parts[0], "default-src 'none'");
+        assert!(parts[1].starts_with("script-src 'sha256-") && parts[2].starts_with("style-src 'sha256-"));
+        assert_eq!(parts[3..], ["base-uri 'none'", "form-action 'none'"]);
+        // What is hashed is what stands between the tags, so neither may hold its own end.
+        assert!(page.contains(&format!("<script>{SCRIPT}</script>")) && !SCRIPT.contains("</script"));
+        assert!(page.contains(&format!("<style>{STYLE}</style>")) && !STYLE.contains("</style"));
+        for forbidden in ["http:", "https:", "src=", " style=", "onclick", "url("] {
+            assert!(!page.contains(forbidden), "{forbidden}");
+        }
+    }
+
+    #[test]
+    fn a_check_tells_verdict_changes_expectations_and_differences() {
+        let mut run = view();
+        run.name = "top".to_owned();
+        let sensor = SensorOutcome {
+            name: "top".to_owned(),
+            differences: vec!["sensor top: 1 of 6 ranges differs".to_owned()],
+            channels: vec![super::super::compare::ChannelDifference {
+                channel: "range".to_owned(),
+                resolution: 0.25,
+                ..Default::default()
+            }],
+            run: run.image.clone(),
+            baseline: Some(run.image.clone()),
+        };
+        let change = Change { what: "seed <i>".to_owned(), old: Some("1".to_owned()), new: None };
+        let expectation = ExpectationOutcome {
+            name: "enough".to_owned(),
+            met: false,
+            expected: "at least 7 points".to_owned(),
+            found: "5 points".to_owned(),
+            place: "sensor top".to_owned(),
+        };
+        let outcome = Outcome {
+            job: "a.toml".to_owned(),
+            verdict: Verdict::Failed,
+            changes: vec![change],
+            sensors: vec![sensor],
+            expectations: vec![expectation],
+            ..Outcome::default()
+        };
+        let broken = Outcome {
+            job: "b.toml".to_owned(),
+            verdict: Verdict::Broken,
+            problems: vec!["there is no scene".to_owned()],
+            ..Outcome::default()
+        };
+        let page = of_outcomes(&[outcome, broken], &[vec![run], vec![]]);
+        for part in [
+            "2 of 2 jobs failed.",
+            "a.toml</bdi> <span class=\"verdict bad\">failed",
+            "could not be run",
+            "there is no scene",
+            "1 of 6 ranges differs",
+            "seed &lt;i&gt;",
+            "not there",
+            "at least 7 points",
+            "not met",
+            "data-picture=\"baseline\"",
+            "data-picture=\"difference\"",
+        ] {
+            assert!(page.contains(part), "{part}");
+        }
+        let data = data(&page);
+        let range = data["baseline"].as_array().unwrap().iter().find(|c| c["key"] == "range").unwrap();
+        assert_eq!((&range["resolution"], &range["is_depth"]), (&json!(0.25), &json!(true)));
+    }
+
+    #[test]
+    fn what_is_no_picture_is_no_picture() {
+        let mut lone = view();
+        (lone.image.rows, lone.image.columns) = (1, 6);
+        assert!(!of_views("a", "", &[lone]).contains("data-picture"));
+        let mut dark = view();
+        dark.points = Err("no beams".to_owned());
+        let page = of_views("a", "", &[dark]);
+        assert!(
+            page.contains("no beams")
+                && !page.contains("class=\"cloud\"")
+                && page.contains("data-picture=\"run\"")
+        );
+        assert_eq!(data(&page)["points"], Value::Null);
+    }
+
+    #[test]
+    fn the_same_frames_give_the_same_page() {
+        assert_eq!(of_views("a", "", &[view()]), of_views("a", "", &[view()]));
+    }
 }
