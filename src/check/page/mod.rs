@@ -56,6 +56,7 @@ pub fn of_outcomes(outcomes: &[Outcome], views: &[Vec<View>]) -> String {
     let mut body = String::new();
     let said = match (outcomes.len(), failed) {
         (1, 0) => "The job passed.".to_owned(),
+        (1, _) => "The job failed.".to_owned(),
         (jobs, 0) => format!("All {jobs} jobs passed."),
         (jobs, failed) => format!("{failed} of {jobs} jobs failed."),
     };

@@ -237,7 +237,7 @@
         const grid = new Uint16Array(3 * count);
         for (let i = 0; i < count; i++) for (let k = 0; k < 3; k++) grid[3 * i + k] = axes[k].values[i];
         const at = (i, k) => low[k] + axes[k].step * axes[k].values[i];
-        // Half of the points are nearer to the target than the eye starts from it.
+        // The eye starts behind and a little to the left, twice as far away as three quarters of the points.
         const middle = [0, 1, 2].map((k) => quantile(axes[k].values, () => true, 0.5) * axes[k].step + low[k]);
         const distances = [];
         for (let i = 0; i < count; i += Math.max(1, Math.floor(count / 20000))) {
@@ -245,7 +245,7 @@
         }
         distances.sort((a, b) => a - b);
         const radius = Math.max(distances[Math.floor(0.75 * distances.length)] ?? 1, 0.1);
-        const start = () => ({ yaw: Math.PI, pitch: 0.5, distance: 2 * radius, target: [...middle] });
+        const start = () => ({ yaw: 0.92 * Math.PI, pitch: 0.5, distance: 2 * radius, target: [...middle] });
         let eye = start(), waiting = false, colours = new Uint8Array(4 * count), buffers;
 
         const upload = () => {
@@ -273,7 +273,7 @@
             ];
             const near = distance / 200, far = distance * 200, f = 1.6;
             const lens = [f * Math.min(1, height / width), 0, 0, 0, 0, f * Math.min(1, width / height), 0, 0, 0, 0, -(far + near) / (far - near), -1, 0, 0, -2 * far * near / (far - near), 0];
-            tool.paint(width, height, times(lens, look), 1.2 * scale * radius, [
+            tool.paint(width, height, times(lens, look), 2 * scale * radius * Math.min(2.5, Math.max(0.6, Math.sqrt(60000 / count))), [
                 { low, size, grid: buffers.grid, kind: gl.UNSIGNED_SHORT, colour: buffers.colour, count },
                 { low: [0, 0, 0], size: [1, 1, 1], grid: buffers.cross, kind: gl.FLOAT, colour: buffers.paints, count: 6, lines: true },
             ]);
