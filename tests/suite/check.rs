@@ -602,3 +602,30 @@ fn outputs_are_compared_channel_by_channel() {
     assert_eq!(code, 3);
     has(&err, &["which is not in its folder"]);
 }
+
+/// The blocks of a kind on the page.
+fn blocks(page: &str, kind: &str) -> Vec<String> {
+    let fence = format!("```{kind}\n");
+    page.split(&fence).skip(1).map(|block| block.split("```").next().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn the_page_says_what_the_program_does() {
+    let page = fs::read_to_string(shipped("docs/regress-in-ci.md")).unwrap();
+    let copy = Copy::room();
+    copy.replace(SENSOR, "-3.0,", "-3.05,");
+    let (_, out, err) = copy.run(&["check", "configs"]);
+    assert_eq!(blocks(&page, "console"), [format!("$ beamcast check configs\n{out}{err}")]);
+
+    // All its keys and expectations are such, and met.
+    let copy = Copy::room();
+    for block in blocks(&page, "toml") {
+        copy.append(ROOM, &format!("\n{block}"));
+    }
+    copy.accept();
+    let (code, out, err) = copy.run(&["check", "configs"]);
+    assert_eq!((code, out.as_str()), (0, "configs/room_vlp16.toml: passed, 9 expectations met\n"), "{err}");
+
+    let workflow = fs::read_to_string(shipped(".github/workflows/sensor-regression.yml")).unwrap();
+    assert!(workflow.ends_with(&blocks(&page, "yaml")[0]), "the page and the workflow differ");
+}
