@@ -221,7 +221,7 @@ fn expected(report: &Report, s: &Section<'_>) -> Option<Expected> {
             let ground = ground(&s);
             let (x_m, y_m, cell) = (x_m?, y_m?, cell?);
             let cells = ((x_m[1] - x_m[0]) / cell.value).ceil() * ((y_m[1] - y_m[0]) / cell.value).ceil();
-            if !(cells <= MAX_CELLS) {
+            if cells.is_nan() || cells > MAX_CELLS {
                 let message = format!("a zone of {cells:e} cells");
                 report.error(cell.place, message, format!("expected at most {MAX_CELLS:e}"), None);
                 return None;
