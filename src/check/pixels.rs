@@ -90,7 +90,7 @@ fn quantise(samples: &Samples, index: usize, step: f64) -> i64 {
 /// What a pixel probably is, from those before it.
 fn predict(values: &[i64], mask: &[bool], columns: usize, index: usize, is_id: bool) -> i64 {
     let at = |is_inside: bool, back: usize| (is_inside && mask[index - back]).then(|| values[index - back]);
-    let (not_first_row, not_first_column) = (index >= columns, index % columns > 0);
+    let (not_first_row, not_first_column) = (index >= columns, !index.is_multiple_of(columns));
     let left = at(not_first_column, 1);
     let up = at(not_first_row, columns);
     let corner = at(not_first_row && not_first_column, columns + 1);

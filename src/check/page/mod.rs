@@ -305,7 +305,7 @@ fn channels(image: &Image, resolution: &dyn Fn(&str) -> f64) -> Value {
     let first = FIRST.iter().filter_map(|name| Some((*name, image.channel(name)?)));
     let has_main = image.channel("range").or(image.channel("Z")).is_some();
     let others = image.channels.iter().map(|c| (c.name.as_str(), &c.samples)).filter(|(name, _)| {
-        let left_out = LEFT_OUT.contains(name) && !(*name == "Y" && !has_main);
+        let left_out = LEFT_OUT.contains(name) && (has_main || *name != "Y");
         !FIRST.contains(name) && !left_out
     });
     let depth = main_depth(image).map(|(_, depth)| depth);

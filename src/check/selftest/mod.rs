@@ -356,8 +356,8 @@ fn judge(target: &Target, stage: &Stage, sensor: &Sensor, frame: &Frame, pose: &
             facet.add(hit.range - t);
             let reference = 12.0 * U * (t.abs() + h.abs()) / cos.abs();
             let allowed = range_tolerance(t).max(reference);
-            // A NaN must not pass.
-            if !((hit.range - t).abs() <= allowed) {
+            let is_near = (hit.range - t).abs() <= allowed; // NaN is not
+            if !is_near {
                 right = false;
                 expected_m = expected_m.or(Some((t - allowed, t + allowed)));
             }
