@@ -86,7 +86,7 @@ mod tests {
         let ramp: Vec<u32> = (0..600).map(|i| 65_000 + i).map(|v| v & 0xffff).collect();
         let packed = numbers("u16", &ramp, 2, 7);
         assert_eq!((unpack(&packed, 2), &packed["neighbour"]), (ramp, &json!(1)));
-        assert_eq!(unpack(&numbers("f32", &[], 4, 5), 4), []);
+        assert!(unpack(&numbers("f32", &[], 4, 5), 4).is_empty());
     }
 
     #[test]
