@@ -465,7 +465,8 @@ mod tests {
 
     #[test]
     fn the_policy_allows_the_page_itself_and_nothing_else() {
-        let page = of_views("a", "", &[view()]);
+        let page =
+            of_views("a", "", &[View { name: "top".to_owned(), instances: BTreeMap::new(), ..view() }]);
         let (_, policy) = page.split_once("Content-Security-Policy\" content=\"").unwrap();
         let policy = policy.split_once('"').unwrap().0;
         let parts: Vec<&str> = policy.split("; ").collect();
@@ -542,7 +543,7 @@ mod tests {
     fn what_is_no_picture_is_no_picture() {
         let mut lone = view();
         (lone.image.rows, lone.image.columns) = (1, 6);
-        assert!(!of_views("a", "", &[lone]).contains("data-picture"));
+        assert!(!of_views("a", "", &[lone]).contains("canvas data-picture"));
         let mut dark = view();
         dark.points = Err("no beams".to_owned());
         let page = of_views("a", "", &[dark]);

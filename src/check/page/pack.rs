@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn numbers_come_back() {
-        let rows: Vec<u32> = (0..600).map(|i| (i % 20) * 1_000_003).collect();
+        let rows: Vec<u32> = (0..600).map(|i| ((i % 20) * 2_654_435_761_u64 + i * i % 7) as u32).collect();
         let packed = numbers("u32", &rows, 4, 20);
         assert_eq!((unpack(&packed, 4), &packed["neighbour"]), (rows.clone(), &json!(20)));
         let ramp: Vec<u32> = (0..600).map(|i| 65_000 + i).map(|v| v & 0xffff).collect();
