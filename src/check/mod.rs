@@ -26,7 +26,7 @@ pub mod page;
 mod pixels;
 pub mod report;
 pub mod selftest;
-pub mod words;
+pub(crate) mod words;
 
 pub use baseline::{Baseline, Kept, MAX_PIXEL_BYTES, SceneRecord, SensorRecord, Taken};
 pub use changes::Changes;

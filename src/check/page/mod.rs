@@ -493,8 +493,8 @@ mod tests {
                 resolution: 0.25,
                 ..Default::default()
             }],
-            run: run.image.clone(),
             baseline: Some(run.image.clone()),
+            ..SensorOutcome::default()
         };
         let change = Change { what: "seed <i>".to_owned(), old: Some("1".to_owned()), new: None };
         let expectation = ExpectationOutcome {
