@@ -276,13 +276,13 @@ impl Judgement<'_> {
 /// How many changes are told as the reason.
 pub const MOST_REASONS: usize = 3;
 
-/// What probably made the difference, before a colon; empty if nothing is known to have changed.
+/// What probably made the difference, as the beginning of the sentence that tells it.
 fn why(sensor: &str, changes: &Changes) -> String {
     let own = changes.of_sensor.get(sensor).map_or(&[][..], Vec::as_slice);
     let all: Vec<&Change> = own.iter().chain(&changes.of_job).collect();
     let prefix = format!("sensor {sensor}: ");
     if all.is_empty() {
-        return prefix;
+        return format!("{prefix}neither the job nor the scene nor the version changed, and yet ");
     }
     let own_words = |change: &&Change| {
         let text = change.to_string();

@@ -334,6 +334,14 @@ fn a_baseline_that_is_missing_or_of_another_job_is_a_failure_with_the_way_out() 
     copy.append(ROOM, "\n[check]\n");
     has(&copy.caught(), &["there is no configs/room_vlp16.baseline/baseline.json", way_out]);
 
+    // The program gave something else, and nothing that it is known by changed.
+    let copy = Copy::room();
+    copy.replace("configs/room_vlp16.baseline/baseline.json", "\"range\": \"aba769", "\"range\": \"bba769");
+    has(
+        &copy.caught(),
+        &["sensor vlp16: neither the job nor the scene nor the version changed, and yet at least 0 of"],
+    );
+
     // Pixels that were tampered with are no reason to crash, and needed only if something differs.
     let copy = Copy::room();
     let pixels = copy.path("configs/room_vlp16.baseline/vlp16.pixels");
