@@ -243,7 +243,7 @@ fn section(view: &View, compared: Option<&SensorOutcome>) -> String {
         }
         pictures += "</div><p class=\"hint\">Point at a pixel, or move with the arrow keys (Shift: by ten).</p>\
                      <output class=\"values\"></output>";
-    } else if rows > 1 || !fits {
+    } else if rows > 1 {
         let _ =
             write!(pictures, "<p class=\"hint\">An image of {size} pixels is too large for a picture.</p>");
     }

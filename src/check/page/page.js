@@ -436,7 +436,7 @@
                 const number = (v) => Number(v.toPrecision(4)) + (channel.unit ? " " + channel.unit : "");
                 legend.append(number(scale.low), bar, number(scale.high) + (channel.scale === "log" ? " (logarithmic)" : ""));
             }
-            if (depth) legend.append(swatch(NOTHING, "no return"));
+            if (depth && pictures.length) legend.append(swatch(NOTHING, "no return"));
             const difference = view.baseline && differ(view, channel.key);
             if (difference) {
                 legend.append("Difference:", swatch(SAME, "the same"));
