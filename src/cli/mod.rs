@@ -7,6 +7,8 @@ mod kernels;
 pub mod lint;
 mod pipeline;
 mod scan;
+mod schema;
+mod shell;
 mod terminal;
 
 use std::process::ExitCode;
@@ -37,6 +39,12 @@ enum Command {
     Bench(bench::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
     Kernels(kernels::Args),
+    /// Print the JSON Schema of jobs or sensor files, by which editors complete and check them
+    Schema(schema::Args),
+    /// Print a shell's completion script
+    Completions(shell::CompletionsArgs),
+    /// Print the manual page
+    Man,
 }
 
 /// Runs the tool on the process's arguments.
@@ -58,5 +66,8 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Lint(args) => lint::run(args, terminal.color()),
         Command::Bench(args) => bench::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
+        Command::Schema(args) => schema::run(args, terminal),
+        Command::Completions(args) => shell::completions(args, terminal),
+        Command::Man => shell::man(terminal),
     }
 }

@@ -2,6 +2,7 @@
 
 mod job;
 mod near;
+mod schema;
 mod section;
 mod sensor;
 mod text;
@@ -17,6 +18,7 @@ use crate::sensor::Sensor;
 use crate::trace::kernel::Method;
 
 pub(crate) use near::{is_unprintable, missing_file_help, quoted};
+pub use schema::{Document, schema};
 use text::{Layer, Place, Report, Unreadable};
 use tree::Table;
 

@@ -14,7 +14,7 @@ pub(super) struct Shape {
 macro_rules! shapes {
     ($($name:ident = $title:literal [$($key:literal),*];)*) => {
         $(pub(super) const $name: Shape = Shape { title: $title, keys: &[$($key),*] };)*
-        const SHAPES: &[Shape] = &[$($name),*];
+        pub(super) const SHAPES: &[Shape] = &[$($name),*];
     };
 }
 shapes! {

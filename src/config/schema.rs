@@ -1,0 +1,317 @@
+//! The keys of jobs and sensor files as JSON Schema (draft-07), for editors that complete and check TOML by it.
+//!
+//! The tables and their keys are those that the reader knows, by construction. What a key's value may be the reader says in
+//! code, and this page once more; `tests/schema/check.py` holds the two against each other. The schema never refuses what
+//! the reader takes, and the reader finds more: lists whose lengths differ, files that aren't there.
+
+use serde_json::{Map, Value, json};
+
+use super::section::{self, Shape};
+use crate::trace::kernel::METHODS;
+
+/// What a schema describes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Document {
+    /// A job.
+    Job,
+    /// A sensor file.
+    Sensor,
+}
+
+/// The JSON Schema of a kind of file.
+pub fn schema(document: Document) -> Value {
+    let (root, title) = match document {
+        Document::Job => (&section::JOB, "beamcast job"),
+        Document::Sensor => (&section::SENSOR_FILE, "beamcast sensor file"),
+    };
+    let mut schema = Map::new();
+    schema.insert("$schema".into(), "http://json-schema.org/draft-07/schema#".into());
+    schema.insert("title".into(), title.into());
+    schema.extend(table(root));
+    if document == Document::Sensor {
+        schema.extend(complete_sensor());
+    }
+    Value::Object(schema)
+}
+
+/// A key of a table.
+struct Key {
+    name: &'static str,
+    kind: Kind,
+    about: &'static str,
+    /// As JSON has it.
+    default: Option<&'static str>,
+}
+
+/// What a key's value may be.
+enum Kind {
+    Text,
+    /// Of a sensor, which names its folder.
+    Name,
+    Choice(&'static [&'static str]),
+    /// A list of different words, at least one.
+    Choices(&'static [&'static str]),
+    Kernel,
+    Integer(u64, u64),
+    Number,
+    Positive,
+    NotNegative,
+    /// Strictly between.
+    Between(f64, f64),
+    /// A list of any length.
+    Numbers,
+    Vector(usize),
+    /// A list with an elevation a beam, or evenly spaced ones.
+    Elevations,
+    /// By name, whole numbers of 32 bits.
+    Labels,
+    Table(&'static Shape),
+    /// A list of at least one.
+    Tables(&'static Shape),
+}
+
+const fn key(name: &'static str, kind: Kind, about: &'static str) -> Key {
+    Key { name, kind, about, default: None }
+}
+
+impl Key {
+    const fn or(self, default: &'static str) -> Self {
+        Self { default: Some(default), ..self }
+    }
+}
+
+/// Each table with the keys that it must have, and all that it may.
+const TABLES: &[(&Shape, &[&str], &[Key])] = &[
+    (
+        &section::JOB,
+        &["scene", "sensor", "output"],
+        &[
+            key("scene", Kind::Text, "The glTF scene, .glb or .gltf, relative to this file."),
+            key("scene_name", Kind::Text, "Which of the file's scenes, by name; left out: its default scene."),
+            key("up", Kind::Choice(&["z", "y"]), "The world's upward axis: \"z\" turns glTF's axes so that z is up, \"y\" keeps them.").or("\"z\""),
+            key("seed", Kind::Integer(0, u64::MAX), "Everything random follows from this number.").or("0"),
+            key("labels", Kind::Labels, "Semantic labels by the names of nodes or materials, such as wall = 3."),
+            key("sensor", Kind::Tables(&section::SENSOR), "The rig: one table a sensor."),
+            key("trajectory", Kind::Table(&section::TRAJECTORY), "Where the body stands in the world."),
+            key("trace", Kind::Table(&section::TRACE), "How the beams are cast."),
+            key("output", Kind::Table(&section::OUTPUT), "What to write, and where."),
+        ],
+    ),
+    (
+        &section::SENSOR,
+        &[],
+        &[
+            key("name", Kind::Name, "Names the sensor's output folder; a lone sensor needs none.").or("\"sensor\""),
+            key("preset", Kind::Text, "A sensor file, relative to this file; the tables here add to it or override its keys."),
+            key("pose", Kind::Table(&section::POSE), "body_from_sensor: where the sensor sits on the body."),
+            ROTATING,
+            PINHOLE,
+            RANGE,
+            RING,
+        ],
+    ),
+    (&section::SENSOR_FILE, &[], &[ROTATING, PINHOLE, RANGE, RING]),
+    (
+        &section::ROTATING,
+        &["elevations_deg", "columns", "rate_hz"],
+        &[
+            key("elevations_deg", Kind::Elevations, "One a beam, degrees, up positive: a list in any order, or evenly spaced ones."),
+            key("azimuth_offsets_deg", Kind::Numbers, "One a beam, degrees, counterclockwise seen from above: added to the column's azimuth; left out: 0."),
+            key("beam_times_us", Kind::Numbers, "One a beam, microseconds after the column's own time, 0 or more; left out: 0."),
+            key("columns", Kind::Integer(1, 1_000_000), "Firings in the sector."),
+            key("sector_deg", Kind::Table(&section::SECTOR), "Azimuths in degrees, counterclockwise from forward. A full turn has no repeated last column.").or("{\"from\": 180.0, \"to\": -180.0}"),
+            key("rate_hz", Kind::Positive, "Turns a second."),
+        ],
+    ),
+    (
+        &section::PINHOLE,
+        &["width_px", "height_px"],
+        &[
+            key("width_px", Kind::Integer(1, 1_000_000), "Columns of the image."),
+            key("height_px", Kind::Integer(1, 1_000_000), "Rows of the image."),
+            key("hfov_deg", Kind::Between(0.0, 180.0), "Field of view in degrees from the left edge of the image to the right; instead of fx_px to cy_px."),
+            key("fx_px", Kind::Positive, "Horizontal focal length in pixels; instead of hfov_deg."),
+            key("fy_px", Kind::Positive, "Vertical focal length in pixels; left out: fx_px."),
+            key("cx_px", Kind::Number, "Principal point; the centre of the top left pixel is at (0.5, 0.5). Left out: the image's middle."),
+            key("cy_px", Kind::Number, "Principal point; the centre of the top left pixel is at (0.5, 0.5). Left out: the image's middle."),
+            key("rate_hz", Kind::Positive, "Frames a second."),
+        ],
+    ),
+    (
+        &section::RANGE,
+        &[],
+        &[
+            key("min_m", Kind::NotNegative, "The least range in metres along the ray, included.").or("0.0"),
+            key("max_m", Kind::Positive, "The largest range in metres along the ray, included; left out: no limit."),
+        ],
+    ),
+    (&section::TRAJECTORY, &[], &[key("pose", Kind::Table(&section::POSE), "world_from_body.")]),
+    (
+        &section::TRACE,
+        &[],
+        &[key("kernel", Kind::Kernel, "The ray-triangle method that decides what a beam hits: the exact definition, or a published method to compare with.").or("\"exact\"")],
+    ),
+    (
+        &section::OUTPUT,
+        &["dir"],
+        &[
+            key("dir", Kind::Text, "The folder to write to, relative to this file."),
+            key("formats", Kind::Choices(&["exr", "ply", "png"]), "Range images with all channels (exr), clouds (ply), previews (png).").or("[\"exr\", \"ply\", \"png\"]"),
+            key("frame", Kind::Choice(&["sensor", "body", "world"]), "The frame of the clouds; \"sensor\" is a camera's optical frame.").or("\"sensor\""),
+        ],
+    ),
+    (
+        &section::POSE,
+        &[],
+        &[
+            key("position_m", Kind::Vector(3), "x (forward), y (left), z (up) in metres.").or("[0.0, 0.0, 0.0]"),
+            key("rpy_deg", Kind::Vector(3), "Roll, pitch, yaw in degrees: R = Rz(yaw) Ry(pitch) Rx(roll); a positive pitch looks down.").or("[0.0, 0.0, 0.0]"),
+            key("quaternion_xyzw", Kind::Vector(4), "The rotation as a unit quaternion, instead of rpy_deg."),
+        ],
+    ),
+    (
+        &section::ELEVATIONS,
+        &["from", "to", "count"],
+        &[
+            key("from", Kind::Number, "The first beam's elevation in degrees, -90 to 90."),
+            key("to", Kind::Number, "The last beam's elevation in degrees, -90 to 90."),
+            key("count", Kind::Integer(1, 1_000_000), "The number of beams."),
+        ],
+    ),
+    (
+        &section::SECTOR,
+        &["from", "to"],
+        &[
+            key("from", Kind::Number, "The azimuth of the first column in degrees."),
+            key("to", Kind::Number, "The azimuth where the sector ends in degrees: at most 360 from its start."),
+        ],
+    ),
+];
+
+const ROTATING: Key = key("rotating", Kind::Table(&section::ROTATING), "A LiDAR with a turning head.");
+const PINHOLE: Key = key("pinhole", Kind::Table(&section::PINHOLE), "A depth camera.");
+const RANGE: Key = key("range", Kind::Table(&section::RANGE), "What is nearer or farther gives no return.");
+const RING: Key = key(
+    "ring",
+    Kind::Choice(&["row", "bottom_up", "file"]),
+    "What a cloud's ring counts: the image's rows from the top, from the bottom, or the order of the beam table.",
+)
+.or("\"row\"");
+
+/// The tables of a sensor of which one is its pattern.
+const PATTERNS: &[&Shape] = &[&section::ROTATING, &section::PINHOLE];
+
+/// A table's properties. What it must have is left out for what a preset can give: the parts of a sensor.
+fn table(shape: &Shape) -> Map<String, Value> {
+    let (_, required, keys) = TABLES.iter().find(|(s, _, _)| *s == shape).expect("every shape has a table");
+    let property = |name: &&'static str| {
+        let key = keys.iter().find(|key| key.name == *name).expect("every key of a shape is in its table");
+        let mut value = value_of(&key.kind);
+        value.insert("description".into(), key.about.into());
+        if let Some(default) = key.default {
+            value.insert("default".into(), serde_json::from_str(default).expect("defaults are JSON"));
+        }
+        ((*name).to_owned(), Value::Object(value))
+    };
+    let properties: Map<String, Value> = shape.keys.iter().map(property).collect();
+    let mut table = Map::new();
+    table.insert("type".into(), "object".into());
+    table.insert("properties".into(), properties.into());
+    table.insert("additionalProperties".into(), false.into());
+    if !required.is_empty() && !PATTERNS.contains(&shape) {
+        table.insert("required".into(), json!(required));
+    }
+    if *shape == section::SENSOR {
+        table.insert("if".into(), json!({ "not": { "required": ["preset"] } }));
+        table.insert("then".into(), complete_sensor().into());
+    }
+    table
+}
+
+/// What holds of a sensor that has no preset: it has one pattern, and that has all it needs.
+fn complete_sensor() -> Map<String, Value> {
+    let whole = |pattern: &&Shape| {
+        let (_, required, _) = TABLES.iter().find(|(s, _, _)| s == pattern).expect("every shape has a table");
+        let name = pattern.title.trim_matches(['`', '[', ']']);
+        json!({ "required": [name], "properties": { name: { "required": required } } })
+    };
+    Map::from_iter([("oneOf".to_owned(), PATTERNS.iter().map(whole).collect())])
+}
+
+fn value_of(kind: &Kind) -> Map<String, Value> {
+    let value = match kind {
+        Kind::Text => json!({ "type": "string", "minLength": 1 }),
+        Kind::Name => {
+            json!({ "type": "string", "pattern": "^[A-Za-z0-9_-]([A-Za-z0-9._-]{0,62}[A-Za-z0-9_-])?$" })
+        }
+        Kind::Choice(words) => json!({ "type": "string", "enum": words }),
+        Kind::Choices(words) => json!({
+            "type": "array", "items": { "type": "string", "enum": words }, "minItems": 1, "uniqueItems": true,
+        }),
+        Kind::Kernel => {
+            let words: Vec<_> = ["exact"].into_iter().chain(METHODS.iter().map(|m| m.about.name)).collect();
+            json!({ "type": "string", "enum": words })
+        }
+        Kind::Integer(least, most) => json!({ "type": "integer", "minimum": least, "maximum": most }),
+        Kind::Number => json!({ "type": "number" }),
+        Kind::Positive => json!({ "type": "number", "exclusiveMinimum": 0 }),
+        Kind::NotNegative => json!({ "type": "number", "minimum": 0 }),
+        Kind::Between(low, high) => {
+            json!({ "type": "number", "exclusiveMinimum": low, "exclusiveMaximum": high })
+        }
+        Kind::Numbers => json!({ "type": "array", "items": { "type": "number" } }),
+        Kind::Vector(n) => {
+            json!({ "type": "array", "items": { "type": "number" }, "minItems": n, "maxItems": n })
+        }
+        Kind::Elevations => json!({
+            "anyOf": [
+                { "type": "array", "items": { "type": "number", "minimum": -90, "maximum": 90 }, "minItems": 1 },
+                table(&section::ELEVATIONS),
+            ],
+        }),
+        Kind::Labels => json!({
+            "type": "object",
+            "additionalProperties": { "type": "integer", "minimum": 0, "maximum": u32::MAX },
+        }),
+        Kind::Table(shape) => Value::Object(table(shape)),
+        Kind::Tables(shape) => json!({ "type": "array", "items": table(shape), "minItems": 1 }),
+    };
+    match value {
+        Value::Object(value) => value,
+        _ => unreachable!("each of them is an object"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::section::SHAPES;
+    use super::*;
+
+    #[test]
+    fn each_table_of_the_reader_is_told_with_all_its_keys_and_no_others() {
+        for shape in SHAPES {
+            let told: Vec<_> = TABLES.iter().filter(|(s, _, _)| *s == shape).collect();
+            let [(_, required, keys)] = told[..] else {
+                panic!("{} is told {} times", shape.title, told.len())
+            };
+            let names: Vec<_> = keys.iter().map(|key| key.name).collect();
+            assert_eq!(names, shape.keys, "{}", shape.title);
+            assert!(required.iter().all(|key| names.contains(key)), "{}", shape.title);
+            assert!(keys.iter().all(|key| key.about.ends_with('.')), "{}", shape.title);
+        }
+        assert_eq!(TABLES.len(), SHAPES.len());
+    }
+
+    #[test]
+    fn the_files_for_editors_are_these() {
+        for (name, document) in [("job", Document::Job), ("sensor", Document::Sensor)] {
+            let path = format!("{}/configs/schema/{name}.json", env!("CARGO_MANIFEST_DIR"));
+            let made = format!("{:#}\n", schema(document));
+            let kept = std::fs::read_to_string(&path).unwrap_or_default();
+            assert!(
+                kept == made,
+                "configs/schema/{name}.json: beamcast schema {name} > configs/schema/{name}.json"
+            );
+        }
+    }
+}
