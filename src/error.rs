@@ -18,6 +18,14 @@ pub enum Error {
     /// A scene can't be read.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// A file that was given to be looked at can't be read.
+    #[error("{}: {problem}", path.display())]
+    Input {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong with it, and what would be right.
+        problem: String,
+    },
     /// An output can't be written.
     #[error("{}: {problem}", path.display())]
     Output {
@@ -26,6 +34,9 @@ pub enum Error {
         /// What is wrong with it, and what would be right.
         problem: String,
     },
+    /// Everything ran, and what was found is not as it should be. What it is has been told.
+    #[error("{0}")]
+    Difference(String),
     /// A signal asked to stop. Nothing is half-written.
     #[error("stopped by signal {signal}")]
     Interrupted {
@@ -35,16 +46,22 @@ pub enum Error {
 }
 
 impl Error {
+    /// An [`Error::Input`] about `path`.
+    pub fn input(path: impl AsRef<Path>, problem: impl fmt::Display) -> Self {
+        Self::Input { path: path.as_ref().to_path_buf(), problem: problem.to_string() }
+    }
+
     /// An [`Error::Output`] about `path`.
     pub fn output(path: impl AsRef<Path>, problem: impl fmt::Display) -> Self {
         Self::Output { path: path.as_ref().to_path_buf(), problem: problem.to_string() }
     }
 
-    /// The process's exit code: 2 usage or configuration, 3 scene or input, 4 output, 128 + the signal's number.
+    /// The process's exit code: 1 a difference, 2 usage or configuration, 3 scene or input, 4 output, 128 + the signal's number.
     pub fn exit_code(&self) -> u8 {
         match self {
+            Self::Difference(_) => 1,
             Self::Config(_) | Self::Usage(_) => 2,
-            Self::Scene(_) => 3,
+            Self::Scene(_) | Self::Input { .. } => 3,
             Self::Output { .. } => 4,
             Self::Interrupted { signal } => 128 + *signal as u8,
         }

@@ -59,6 +59,7 @@
 //! ```
 
 pub mod angle;
+pub mod check;
 pub mod cli;
 pub mod config;
 pub mod error;

@@ -61,7 +61,7 @@ fn examine(paths: &[PathBuf]) -> (Vec<FileFacts>, Vec<Diagnostic>) {
     let mut facts = Vec::new();
     let mut diagnostics = Vec::new();
     for path in paths {
-        let files = if path.is_dir() { configs_in(path) } else { vec![path.clone()] };
+        let files = if path.is_dir() { pipeline::configs_in(path) } else { vec![path.clone()] };
         if files.is_empty() {
             let help = "name a folder that has some, or a file";
             diagnostics.push(about_file(path, "the folder has no *.toml files".into(), Some(help.into())));
@@ -153,28 +153,6 @@ fn about_scene(error: SceneError) -> Diagnostic {
         format!("{}: {}", error.element, error.problem)
     };
     about_file(&error.path, message, error.help)
-}
-
-/// The TOML files in a folder and the folders in it, in alphabetical order. Hidden folders are left out, and links to
-/// folders, which may lead round in a circle.
-fn configs_in(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    let mut folders = vec![folder.to_path_buf()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
-            let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
-            let path = entry.path();
-            if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-                if !is_hidden {
-                    folders.push(path);
-                }
-            } else if path.extension().is_some_and(|e| e == "toml") {
-                found.push(path);
-            }
-        }
-    }
-    found.sort();
-    found
 }
 
 const ALL_FORMATS: [Format; 3] = [Format::Exr, Format::Ply, Format::Png];

@@ -1,7 +1,9 @@
 //! The command line: one file a subcommand. stdout carries data, stderr people.
 
 mod bench;
+mod check;
 pub mod diagnostics;
+mod diff;
 mod interrupt;
 mod kernels;
 pub mod lint;
@@ -35,6 +37,10 @@ enum Command {
     Scan(scan::Args),
     /// Check jobs, sensor files and scenes without running them, and say what follows from them
     Lint(lint::Args),
+    /// Run jobs, and hold what they give to their baselines and expectations
+    Check(check::Args),
+    /// Compare two outputs, channel by channel: images, clouds, folders, or jobs, which are run
+    Diff(diff::Args),
     /// Time a job: loading, building and casting apart
     Bench(bench::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
@@ -64,6 +70,8 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
     match command {
         Command::Scan(args) => scan::run(args, terminal),
         Command::Lint(args) => lint::run(args, terminal.color()),
+        Command::Check(args) => check::run(args, terminal),
+        Command::Diff(args) => diff::run(args, terminal),
         Command::Bench(args) => bench::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
         Command::Schema(args) => schema::run(args, terminal),

@@ -6,12 +6,22 @@ use std::path::{Component, Path, PathBuf};
 use crate::config::{self, Job, MountedSensor, missing_file_help};
 use crate::error::{Error, SceneError};
 use crate::frame::Pose;
-use crate::output::{CloudFrame, Format, Manifest};
+use crate::output::{Capture, CloudFrame, Format, Manifest};
 use crate::scan::{self, Frame, Progress, Return};
 use crate::scene::{Scene, gltf};
 use crate::trace::kernel::Caster;
 
 use super::terminal::Terminal;
+
+/// Sets the number of threads that all work of the process is shared among.
+///
+/// # Errors
+/// [`Error::Usage`] if there can't be so many.
+pub fn set_threads(threads: Option<u16>) -> Result<(), Error> {
+    let Some(threads) = threads else { return Ok(()) };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
+    pool.build_global().map_err(|e| Error::Usage(format!("{threads} threads can't be had: {e}")))
+}
 
 /// Which job, and what is changed of it. The flags that every subcommand that runs jobs has.
 #[derive(Debug, clap::Args)]
@@ -38,10 +48,7 @@ impl JobArgs {
     /// # Errors
     /// [`Error::Config`] with all that is wrong with the job, [`Error::Usage`] if there can't be so many threads.
     pub fn load(&self, terminal: &Terminal) -> Result<Job, Error> {
-        if let Some(threads) = self.threads {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
-            pool.build_global().map_err(|e| Error::Usage(format!("{threads} threads can't be had: {e}")))?;
-        }
+        set_threads(self.threads)?;
         let job = config::load_job(&self.job, &self.overrides)?;
         terminal.warn_of(&job.warnings);
         Ok(job)
@@ -80,6 +87,28 @@ pub fn open_scene(
     })
 }
 
+/// The TOML files in a folder and the folders in it, in alphabetical order. Hidden folders are left out, and links to
+/// folders, which may lead round in a circle.
+pub fn configs_in(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let is_hidden = entry.file_name().to_string_lossy().starts_with('.');
+            let path = entry.path();
+            if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+                if !is_hidden {
+                    folders.push(path);
+                }
+            } else if path.extension().is_some_and(|e| e == "toml") {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
 /// Casts a frame of a sensor. `None` when `progress` was cancelled.
 pub fn cast(
     job: &Job,
@@ -90,6 +119,18 @@ pub fn cast(
 ) -> Option<Frame> {
     let world_from_sensor = job.world_from_body * sensor.body_from_sensor;
     scan::scan(scene, tracer, &sensor.sensor, &world_from_sensor, progress)
+}
+
+/// A sensor's frame with all that is known about where it came from.
+pub fn capture<'a>(job: &Job, mounted: &'a MountedSensor, frame: &'a Frame) -> Capture<'a> {
+    Capture {
+        frame,
+        sensor: &mounted.sensor,
+        name: &mounted.name,
+        body_from_sensor: mounted.body_from_sensor,
+        world_from_body: job.world_from_body,
+        cloud_frame: job.output.cloud_frame,
+    }
 }
 
 /// What a job will take, found before any of it is done.

@@ -12,7 +12,7 @@ use super::pipeline::{self, Bytes, JobArgs, Plan, output_name};
 use super::terminal::Terminal;
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::{Capture, Destination, Manifest, WrittenFile};
+use crate::output::{Destination, Manifest, WrittenFile};
 use crate::scan::Frame;
 use crate::scene::{Scene, SourceFile};
 use crate::trace::kernel::Caster;
@@ -122,14 +122,7 @@ fn cast_and_write(
         interrupt.check()?;
         let Some(frame) = frame else { continue };
         seen.push(Statistics::of(&frame));
-        let capture = Capture {
-            frame: &frame,
-            sensor: &mounted.sensor,
-            name: &mounted.name,
-            body_from_sensor: mounted.body_from_sensor,
-            world_from_body: job.world_from_body,
-            cloud_frame: job.output.cloud_frame,
-        };
+        let capture = pipeline::capture(job, mounted, &frame);
         let start = Instant::now();
         for &format in &job.output.formats {
             let name = output_name(&mounted.name, format);

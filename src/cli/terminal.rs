@@ -122,6 +122,14 @@ impl Terminal {
         }
     }
 
+    /// Prints a result in words on stdout: data, with names in it that are anything.
+    ///
+    /// # Errors
+    /// As [`Terminal::data`].
+    pub fn print(&self, text: &str) -> Result<(), Error> {
+        self.data(&printable(text))
+    }
+
     /// Works with a progress bar over `rays`, on a terminal only.
     pub fn with_progress<T>(&self, rays: u64, progress: &Progress, work: impl FnOnce() -> T) -> T {
         if self.quiet || !io::stderr().is_terminal() {

@@ -9,7 +9,7 @@ use super::near::{missing_file_help, quoted};
 use super::section::{self, At, Section};
 use super::text::{Layer, Place, Report, Unreadable};
 use super::tree::{self, Entry, Node, Table, Value};
-use super::{Job, MountedSensor, OutputSettings, sensor};
+use super::{Job, MountedSensor, OutputSettings, check, sensor};
 use crate::angle::Angle;
 use crate::frame::{Pose, UpAxis};
 use crate::output::{CloudFrame, Format};
@@ -61,6 +61,9 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
     let kernel = top.section("trace", &section::TRACE).and_then(|s| kernel(&s));
     let output = top.section("output", &section::OUTPUT).and_then(|s| output(&s, folder));
     let sensors = sensors(report, &top, &lost);
+    let check = check::settings(report, &top);
+    let names: Vec<String> = sensors.iter().map(|sensor| sensor.name.clone()).collect();
+    let expectations = check::expectations(report, &top, &names);
     if report.has_errors() {
         return None;
     }
@@ -77,6 +80,8 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
         sensors,
         world_from_body,
         output: output?,
+        check,
+        expectations,
         sensor_files: presets
             .into_iter()
             .map(|p| (portable(&p.as_written), report.text(p.source).to_owned()))

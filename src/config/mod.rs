@@ -1,5 +1,6 @@
 //! Jobs and sensor files: TOML → domain types. How the TOML is read stays private; every error points into the file.
 
+mod check;
 mod job;
 mod near;
 mod schema;
@@ -11,6 +12,8 @@ mod tree;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use crate::check::Settings;
+use crate::check::expect::Expectation;
 use crate::error::{Diagnostic, Error};
 use crate::frame::{Pose, UpAxis};
 use crate::output::{CloudFrame, Format};
@@ -47,6 +50,10 @@ pub struct Job {
     pub world_from_body: Pose,
     /// What to write.
     pub output: OutputSettings,
+    /// What of its frames is held to the baseline, and how closely: `None` if the job has no `[check]`.
+    pub check: Option<Settings>,
+    /// What its sensors should see.
+    pub expectations: Vec<Expectation>,
     /// Sensor files that were read, each once: its name as the job writes it (an absolute path's last part), and its
     /// whole text.
     pub sensor_files: Vec<(String, String)>,

@@ -18,7 +18,8 @@ macro_rules! shapes {
     };
 }
 shapes! {
-    JOB = "a job" ["scene", "scene_name", "up", "seed", "labels", "sensor", "trajectory", "trace", "output"];
+    JOB = "a job" ["scene", "scene_name", "up", "seed", "labels", "sensor", "trajectory", "trace", "output",
+        "check", "expect"];
     SENSOR = "`[[sensor]]`" ["name", "preset", "pose", "rotating", "pinhole", "range", "ring"];
     SENSOR_FILE = "a sensor file" ["rotating", "pinhole", "range", "ring"];
     ROTATING = "`[rotating]`"
@@ -32,6 +33,22 @@ shapes! {
     POSE = "`pose`" ["position_m", "rpy_deg", "quaternion_xyzw"];
     ELEVATIONS = "`elevations_deg`" ["from", "to", "count"];
     SECTOR = "`sector_deg`" ["from", "to"];
+    CHECK = "`[check]`" ["channels", "tolerance"];
+    TOLERANCE = "a tolerance" ["absolute", "relative", "pixels"];
+    EXPECT = "`[[expect]]`"
+        ["name", "sensor", "points", "plane", "resolution", "coverage", "blind_zone", "returns", "unobstructed",
+         "points_per_s", "speed"];
+    EXPECT_POINTS = "`points`" ["object", "label", "at_least", "at_most", "min_range_m", "max_range_m"];
+    EXPECT_PLANE = "`plane`" ["object", "label", "normal", "offset_m", "max_error_m"];
+    EXPECT_RESOLUTION = "`resolution`" ["object", "label", "max_horizontal_deg", "max_vertical_deg"];
+    EXPECT_COVERAGE = "`coverage`"
+        ["object", "label", "x_m", "y_m", "cell_m", "at_least", "ground_z_m", "ground_tolerance_m"];
+    EXPECT_BLIND_ZONE = "`blind_zone`"
+        ["object", "label", "at_most_m", "sector_deg", "ground_z_m", "ground_tolerance_m"];
+    EXPECT_RETURNS = "`returns`" ["at_least", "at_most"];
+    EXPECT_UNOBSTRUCTED = "`unobstructed`" ["object", "label", "at_most"];
+    EXPECT_POINTS_PER_S = "`points_per_s`" ["at_least", "at_most"];
+    EXPECT_SPEED = "`speed`" ["at_least_rays_per_s"];
 }
 
 /// The units that a key's last part may name.
@@ -201,16 +218,17 @@ impl<'a> Section<'a> {
         }
     }
 
-    fn finite(&self, key: &str, node: &Node) -> Option<At<f64>> {
-        let kind = if to_f64(&node.value).is_some() { "a finite number" } else { "a number" };
-        let expected = match unit(key) {
-            Some(unit) => format!("{kind} of {unit}"),
-            None => kind.to_owned(),
-        };
-        match to_f64(&node.value) {
-            Some(value) if value.is_finite() => Some(At { value, place: node.place }),
-            _ => self.expected(key, node, &expected),
+    /// A part of a whole, from 0 to 1.
+    pub fn share(&self, key: &str) -> Option<At<f64>> {
+        let number = self.number(key)?;
+        if (0.0..=1.0).contains(&number.value) {
+            return Some(number);
         }
+        self.expected(key, self.get(key)?, "a part of the whole, from 0 to 1")
+    }
+
+    fn finite(&self, key: &str, node: &Node) -> Option<At<f64>> {
+        finite(self.report, key, node)
     }
 
     /// A list of finite numbers.
@@ -245,6 +263,23 @@ impl<'a> Section<'a> {
         match &node.value {
             Value::Table(table) => Some(Section::new(self.report, shape, table, node.place)),
             _ => self.expected(key, node, &format!("a table of {}", list(shape.keys.iter().copied(), "and"))),
+        }
+    }
+}
+
+/// A finite number.
+pub(super) fn finite(report: &Report, key: &str, node: &Node) -> Option<At<f64>> {
+    let kind = if to_f64(&node.value).is_some() { "a finite number" } else { "a number" };
+    let expected = match unit(key) {
+        Some(unit) => format!("{kind} of {unit}"),
+        None => kind.to_owned(),
+    };
+    match to_f64(&node.value) {
+        Some(value) if value.is_finite() => Some(At { value, place: node.place }),
+        _ => {
+            let message = format!("`{key}` is {}", describe(&node.value));
+            report.error(node.place, message, format!("expected {expected}"), None);
+            None
         }
     }
 }

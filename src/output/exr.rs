@@ -7,15 +7,14 @@ use exr::block::chunk::Chunk;
 use exr::block::writer::ChunksWriter;
 use exr::block::{UncompressedBlock, enumerate_ordered_header_block_indices};
 use exr::image::write::layers::{LayersWriter, WritableLayers};
-use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer};
+use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer};
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::LayerAttributes;
 use rayon::prelude::*;
 
-use super::{Capture, EncodeError, Encoder, NO_RETURN_M, pose_as_toml};
+use super::{Capture, EncodeError, Encoder, Image, Samples, pose_as_toml};
 use crate::frame::BODY_FROM_OPTICAL;
-use crate::scan::Return;
-use crate::sensor::{Pattern, Pinhole, Sensor};
+use crate::sensor::{Pattern, Sensor};
 
 /// What the attribute `beamcast:no_return` says.
 const NO_RETURN: &str = "+inf in range, Z and Y; 0 in all other channels";
@@ -44,8 +43,9 @@ impl Encoder for RangeImage {
 
     fn encode(&self, capture: &Capture) -> Result<Vec<u8>, EncodeError> {
         let size = (capture.frame.columns, capture.frame.rows);
-        let layer = Layer::new(size, attributes(capture), Encoding::SMALL_LOSSLESS, channels(capture));
-        let mut file = compress(&Image::from_layer(layer))
+        let channels = channels(Image::of(capture));
+        let layer = Layer::new(size, attributes(capture), Encoding::SMALL_LOSSLESS, channels);
+        let mut file = compress(&exr::image::Image::from_layer(layer))
             .map_err(|e| EncodeError(format!("it can't be made an EXR: {e}")))?;
         sort_attributes(&mut file);
         Ok(file)
@@ -55,7 +55,7 @@ impl Encoder for RangeImage {
 type RangeLayer = Layer<AnyChannels<FlatSamples>>;
 
 /// The blocks are compressed in the pool that casts, not in one of the library's own, so that `--threads` holds.
-fn compress(image: &Image<RangeLayer>) -> exr::error::Result<Vec<u8>> {
+fn compress(image: &exr::image::Image<RangeLayer>) -> exr::error::Result<Vec<u8>> {
     let headers = image.layer_data.infer_headers(&image.attributes);
     let layers = image.layer_data.create_writer(&headers);
     let mut file = Vec::new();
@@ -76,59 +76,15 @@ fn compress(image: &Image<RangeLayer>) -> exr::error::Result<Vec<u8>> {
     Ok(file)
 }
 
-fn channels(capture: &Capture) -> AnyChannels<FlatSamples> {
-    let Capture { frame, sensor, .. } = capture;
-    let per_pixel = |f: &dyn Fn(usize, usize, &Return) -> f64, no_return: f64| {
-        let pixels = frame.returns.iter().enumerate();
-        let values = pixels.map(|(i, hit)| match hit {
-            Some(hit) => f(i / frame.columns, i % frame.columns, hit) as f32,
-            None => no_return as f32,
-        });
-        FlatSamples::F32(values.collect())
-    };
-    let id = |f: &dyn Fn(&Return) -> u32| {
-        FlatSamples::U32(frame.returns.iter().map(|hit| hit.as_ref().map_or(0, f)).collect())
-    };
-    let normal = |axis: usize| {
-        per_pixel(
-            &|_, _, hit| match sensor.pattern {
-                // Axes are only swapped and negated: nothing is rounded.
-                Pattern::Pinhole(_) => {
-                    (BODY_FROM_OPTICAL.rotation.transpose() * hit.normal.as_dvec3())[axis] + 0.0
-                }
-                Pattern::Rotating(_) => f64::from(hit.normal[axis]),
-            },
-            0.0,
-        )
-    };
-
-    let range = per_pixel(&|_, _, hit| hit.range, NO_RETURN_M);
-    let mut list = vec![
-        AnyChannel::new("intensity", per_pixel(&|_, _, hit| f64::from(hit.intensity), 0.0)),
-        AnyChannel::new("normal.X", normal(0)),
-        AnyChannel::new("normal.Y", normal(1)),
-        AnyChannel::new("normal.Z", normal(2)),
-        AnyChannel::new("time", per_pixel(&|row, column, _| sensor.pattern.pulse(row, column).time_s, 0.0)),
-        AnyChannel::new("id.instance", id(&|hit| hit.instance)),
-        AnyChannel::new("id.semantic", id(&|hit| hit.label)),
-        AnyChannel::new("id.triangle", id(&|hit| hit.triangle)),
-    ];
-    // `Y` repeats the main depth: OpenCV reads it, and nothing of the other names.
-    match &sensor.pattern {
-        Pattern::Rotating(_) => list.push(AnyChannel::new("Y", range.clone())),
-        Pattern::Pinhole(camera) => {
-            let depth = per_pixel(&|row, column, hit| planar_depth(camera, row, column, hit), NO_RETURN_M);
-            list.push(AnyChannel::new("Y", depth.clone()));
-            list.push(AnyChannel::new("Z", depth));
-        }
-    }
-    list.push(AnyChannel::new("range", range));
-    AnyChannels::sort(list.into())
-}
-
-/// Depth along the optical axis, from the range along the ray.
-fn planar_depth(camera: &Pinhole, row: usize, column: usize, hit: &Return) -> f64 {
-    hit.range * camera.optical_direction(row, column).z
+fn channels(image: Image) -> AnyChannels<FlatSamples> {
+    let channels = image.channels.into_iter().map(|channel| {
+        let samples = match channel.samples {
+            Samples::F32(values) => FlatSamples::F32(values),
+            Samples::U32(values) => FlatSamples::U32(values),
+        };
+        AnyChannel::new(channel.name.as_str(), samples)
+    });
+    AnyChannels::sort(channels.collect())
 }
 
 fn attributes(capture: &Capture) -> LayerAttributes {

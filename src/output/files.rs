@@ -100,6 +100,16 @@ impl Destination {
     }
 }
 
+/// Writes a file that belongs to no run, such as a report: whole or not at all. Makes its folder if need be.
+///
+/// # Errors
+/// [`Error::Output`] about the file. An older file of that name is still there then.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Error> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    fs::create_dir_all(here_if_empty(folder)).map_err(|e| in_the_way(folder, &e))?;
+    write_whole(path, content).map_err(|e| in_the_way(path, &e))
+}
+
 fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
     let mut file = temporary_in(path.parent().unwrap_or(Path::new("")))?;
     file.write_all(content)?;

@@ -1,10 +1,12 @@
-//! Frames to files: one writer a format, one trait. A miss is encoded here and nowhere else.
+//! Frames to files: one writer a format, one trait; and back, in [`recorded`]. A miss is encoded here and nowhere else.
 
 mod exr;
 mod files;
+mod image;
 mod manifest;
 mod ply;
 mod png;
+pub mod recorded;
 
 use glam::{DQuat, DVec3};
 
@@ -12,7 +14,8 @@ use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::scan::Frame;
 use crate::sensor::Sensor;
 
-pub use files::{Destination, WrittenFile};
+pub use files::{Destination, WrittenFile, write_file};
+pub use image::{CHANNELS, Channel, Image, Samples};
 pub use manifest::Manifest;
 
 /// The range and depth (metres) of a pixel with no return. All its other channels are 0.
@@ -56,6 +59,14 @@ pub struct Capture<'a> {
     pub world_from_body: Pose,
     /// The frame of the cloud's points.
     pub cloud_frame: CloudFrame,
+}
+
+/// A PNG of a picture of 8 bits a colour: red, green, blue, row by row.
+///
+/// # Errors
+/// If a side is 0 or more than a PNG has room for.
+pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
+    png::write(width, height, pixels).map_err(|e| EncodeError(format!("it can't be made a PNG: {e}")))
 }
 
 /// Why a frame can't be had in a format.

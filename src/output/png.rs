@@ -41,15 +41,14 @@ impl Encoder for Preview {
                 pixels.extend_from_within(start..end);
             }
         }
-        write(frame.columns, frame.rows * stretch, &pixels)
-            .map_err(|e| EncodeError(format!("it can't be made a PNG: {e}")))
+        super::encode_png(frame.columns, frame.rows * stretch, &pixels)
     }
 }
 
-fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
+pub(super) fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
     let mut file = Vec::new();
-    // `check` has seen that both fit.
-    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+    let side = |n: usize| u32::try_from(n).unwrap_or(0); // which no side may be
+    let mut encoder = png::Encoder::new(&mut file, side(width), side(height));
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     let mut writer = encoder.write_header()?;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::frame::Pose;
 use crate::scene::Scene;
 use crate::sensor::Sensor;
-use crate::trace::{Cast, Hit, Rays};
+use crate::trace::{Cast, Hit, Origins, Rays};
 
 /// What a sensor saw in one turn or one image.
 #[derive(Clone, Debug, PartialEq)]
@@ -137,7 +137,7 @@ impl<C: Cast> Scanner<'_, C> {
         hits.clear();
         hits.resize(directions.len(), None);
         let rays = Rays {
-            origin: self.world_from_sensor.translation,
+            origins: Origins::Common(self.world_from_sensor.translation),
             directions,
             t_min: self.sensor.range.min_m,
             t_max: self.sensor.range.max_m,

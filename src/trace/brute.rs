@@ -17,14 +17,28 @@ pub struct BruteForce<'s>(
 impl Cast for BruteForce<'_> {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
         assert_eq!(rays.directions.len(), hits.len());
+        for (run, origin) in rays.runs() {
+            let directions = &rays.directions[run.clone()];
+            self.cast_run(origin - self.0.centre, directions, (rays.t_min, rays.t_max), &mut hits[run]);
+        }
+    }
+}
+
+impl BruteForce<'_> {
+    /// Rays of one origin, which is counted from the scene's centre.
+    fn cast_run(
+        &self,
+        origin: DVec3,
+        directions: &[DVec3],
+        (t_min, t_max): (f64, f64),
+        hits: &mut [Option<Hit>],
+    ) {
         let scene = self.0;
-        let origin = rays.origin - scene.centre;
         let mut nearest: Vec<Option<Candidate>> = vec![None; hits.len()];
         for (index, placement) in scene.placements.iter().enumerate() {
             let carried = |direction| LocalRay { origin, direction }.carried(placement);
             let local_origin = carried(DVec3::ZERO).origin; // wherever the ray goes
-            let local: Vec<_> = rays
-                .directions
+            let local: Vec<_> = directions
                 .iter()
                 .map(|&d| carried(d).direction)
                 .map(|direction| (direction, direction.try_normalize().unwrap_or(DVec3::NAN)))
@@ -39,14 +53,13 @@ impl Cast for BruteForce<'_> {
                     }
                     let t = corners.depth(direction);
                     let found = Candidate { t, placement: index as u32, triangle };
-                    if (rays.t_min..=rays.t_max).contains(&t) && best.is_none_or(|known| found.beats(&known))
-                    {
+                    if (t_min..=t_max).contains(&t) && best.is_none_or(|known| found.beats(&known)) {
                         *best = Some(found);
                     }
                 }
             }
         }
-        for ((&direction, best), hit) in rays.directions.iter().zip(nearest).zip(hits) {
+        for ((&direction, best), hit) in directions.iter().zip(nearest).zip(hits) {
             *hit = best.map(|found| {
                 let placement = &scene.placements[found.placement as usize];
                 let mesh = &scene.meshes[placement.mesh as usize];

@@ -5,7 +5,7 @@
 //! whole definition is the code of [`exact`]. [`BruteForce`] applies it to every triangle; [`Tracer`] finds the same hit,
 //! bit for bit, with a bounding volume hierarchy.
 //!
-//! Rays come in batches that share an origin: a tile of an image, the beams of a firing.
+//! Rays come in batches of neighbours: a tile of an image, the beams of a firing. They are fast where they share an origin.
 
 mod bounds;
 mod brute;
@@ -22,12 +22,12 @@ use glam::DVec3;
 pub use brute::BruteForce;
 pub use tracer::{Instructions, Tracer};
 
-/// Rays that leave from one point.
+/// Rays to cast together.
 #[derive(Clone, Copy, Debug)]
 pub struct Rays<'a> {
-    /// Where they start: world coordinates, metres.
-    pub origin: DVec3,
-    /// Unit directions in the world.
+    /// Where they start.
+    pub origins: Origins<'a>,
+    /// Directions in the world, of any length: depths and limits count in that length, so in metres if it is 1.
     pub directions: &'a [DVec3],
     /// Hits nearer than this are not seen, metres; 0 or more. Inclusive.
     pub t_min: f64,
@@ -35,10 +35,48 @@ pub struct Rays<'a> {
     pub t_max: f64,
 }
 
+/// Where rays start: world coordinates, metres.
+#[derive(Clone, Copy, Debug)]
+pub enum Origins<'a> {
+    /// All at one point.
+    Common(DVec3),
+    /// Each at a point of its own: as many as there are directions.
+    Each(&'a [DVec3]),
+}
+
+impl Rays<'_> {
+    /// Where ray number `ray` starts.
+    #[inline]
+    pub fn origin(&self, ray: usize) -> DVec3 {
+        match self.origins {
+            Origins::Common(origin) => origin,
+            Origins::Each(origins) => origins[ray],
+        }
+    }
+
+    /// The rays in runs of neighbours that start at the same point: the run's place, and the point.
+    fn runs(&self) -> impl Iterator<Item = (std::ops::Range<usize>, DVec3)> {
+        let mut start = 0;
+        std::iter::from_fn(move || {
+            let end = match self.origins {
+                _ if start == self.directions.len() => return None,
+                Origins::Common(_) => self.directions.len(),
+                Origins::Each(origins) => {
+                    let same = origins[start..].iter().take_while(|&&o| o == origins[start]);
+                    start + same.count().max(1) // NaN is not even itself
+                }
+            };
+            let run = start..end;
+            start = end;
+            Some((run.clone(), self.origin(run.start)))
+        })
+    }
+}
+
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Metres along the ray.
+    /// Along the ray, in lengths of its direction: metres if that is 1.
     pub t: f64,
     /// Barycentric weight of the triangle's second corner.
     pub u: f64,
@@ -57,6 +95,6 @@ pub trait Cast: Sync {
     /// Writes the nearest hit of each ray to `hits`, which is as long as `rays.directions`.
     ///
     /// # Panics
-    /// If the lengths differ.
+    /// If the lengths differ, those of each ray's origin included.
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]);
 }

@@ -7,7 +7,7 @@ use super::exact::{self, Candidate, Corners, Facet, LocalRay, Xyz};
 use super::lanes::{self, Doubles, Lanes, Portable, Work};
 use super::packet::{Nearest, RAYS, Tile, Visit};
 use super::wide::{self, Block, Child, Slot, Wide};
-use super::{Cast, Hit, Rays};
+use super::{Cast, Hit, Origins, Rays};
 use crate::scene::{Mesh, Placement, Scene};
 
 /// Finds the hits that [`BruteForce`](super::BruteForce) finds, bit for bit, and fast.
@@ -66,13 +66,13 @@ impl<'s> Tracer<'s> {
 
     /// The hits of a batch, by packets of any kind of lanes.
     #[inline(always)]
-    fn cast_packets<S: Lanes>(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
+    fn cast_packets<S: Lanes>(&self, rays: &Batch, hits: &mut [Option<Hit>]) {
         let mut room = Room::default();
         let mut pending: Vec<(usize, usize)> = Vec::new();
         for start in (0..rays.directions.len()).step_by(RAYS) {
             pending.push((start, (start + RAYS).min(rays.directions.len())));
             while let Some((from, to)) = pending.pop() {
-                let tile = Rays { directions: &rays.directions[from..to], ..*rays };
+                let tile = Batch { directions: &rays.directions[from..to], ..*rays };
                 let hits = &mut hits[from..to];
                 if self.cast_tile::<S>(&tile, hits, &mut room) {
                     continue;
@@ -90,7 +90,7 @@ impl<'s> Tracer<'s> {
 
     /// The hits of up to [`RAYS`] rays; false if they are no narrow pyramid.
     #[inline(always)]
-    fn cast_tile<S: Lanes>(&self, tile: &Rays, hits: &mut [Option<Hit>], room: &mut Room) -> bool {
+    fn cast_tile<S: Lanes>(&self, tile: &Batch, hits: &mut [Option<Hit>], room: &mut Room) -> bool {
         let mut nearest = Nearest::new(tile.t_max);
         let limits = (tile.t_min, tile.t_max);
         if self.top.nodes.is_empty() {
@@ -146,7 +146,7 @@ impl<'s> Tracer<'s> {
     #[inline(always)]
     fn finish_alike<D: Doubles>(
         &self,
-        tile: &Rays,
+        tile: &Batch,
         nearest: &Nearest,
         first: usize,
         hits: &mut [Option<Hit>],
@@ -199,7 +199,7 @@ impl<'s> Tracer<'s> {
     #[inline(always)]
     fn finish_four<D: Doubles>(
         &self,
-        tile: &Rays,
+        tile: &Batch,
         nearest: &Nearest,
         first: usize,
         hits: &mut [Option<Hit>],
@@ -277,7 +277,7 @@ impl<'s> Tracer<'s> {
 
     /// The hits of rays taken one by one.
     #[inline(never)]
-    fn cast_singly(&self, rays: &Rays, hits: &mut [Option<Hit>], room: &mut Room) {
+    fn cast_singly(&self, rays: &Batch, hits: &mut [Option<Hit>], room: &mut Room) {
         let limits = (rays.t_min, rays.t_max);
         let SingleRoom { top, mesh } = &mut room.single;
         for (&direction, hit) in rays.directions.iter().zip(hits) {
@@ -346,20 +346,33 @@ impl<'s> Tracer<'s> {
 impl Cast for Tracer<'_> {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
         assert_eq!(rays.directions.len(), hits.len());
-        let rays = Rays { origin: rays.origin - self.scene.centre, ..*rays };
-        let packets = Packets { tracer: self, rays, hits };
-        match self.instructions {
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Best if lanes::has_avx2() => lanes::with_avx2(packets),
-            Instructions::Best | Instructions::Portable => packets.run::<Portable>(),
-            Instructions::SingleRays => self.cast_singly(&packets.rays, packets.hits, &mut Room::default()),
+        if let Origins::Each(origins) = rays.origins {
+            assert_eq!(origins.len(), hits.len());
+        }
+        for (run, origin) in rays.runs() {
+            let rays = Batch {
+                origin: origin - self.scene.centre,
+                directions: &rays.directions[run.clone()],
+                t_min: rays.t_min,
+                t_max: rays.t_max,
+            };
+            let hits = &mut hits[run];
+            let packets = Packets { tracer: self, rays, hits };
+            match self.instructions {
+                #[cfg(target_arch = "x86_64")]
+                Instructions::Best if lanes::has_avx2() => lanes::with_avx2(packets),
+                Instructions::Best | Instructions::Portable => packets.run::<Portable>(),
+                Instructions::SingleRays => {
+                    self.cast_singly(&packets.rays, packets.hits, &mut Room::default())
+                }
+            }
         }
     }
 }
 
 struct Packets<'a, 's, 'r> {
     tracer: &'a Tracer<'s>,
-    rays: Rays<'r>,
+    rays: Batch<'r>,
     hits: &'a mut [Option<Hit>],
 }
 
@@ -384,6 +397,15 @@ fn store_xyz<D: Doubles>(x: Xyz<D>) -> [[f64; 4]; 3] {
     x.1.store(&mut to[1]);
     x.2.store(&mut to[2]);
     to
+}
+
+/// Rays of one origin, in the scene's space.
+#[derive(Clone, Copy)]
+struct Batch<'r> {
+    origin: DVec3,
+    directions: &'r [DVec3],
+    t_min: f64,
+    t_max: f64,
 }
 
 /// Where a ray's nearest hit lies.

@@ -13,7 +13,7 @@ use beamcast::sensor::{Beam, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use beamcast::trace::exact::LocalRay;
 use beamcast::trace::kernel::truth::{Passage, Truth};
 use beamcast::trace::kernel::{Caster, Crossing, Culling, Edges, METHODS, Method, Ray};
-use beamcast::trace::{Rays, Tracer};
+use beamcast::trace::{Origins, Rays, Tracer};
 use glam::{DAffine3, DVec3, Vec3};
 use serde_json::Value;
 
@@ -364,7 +364,12 @@ fn leaks(method: &Method, rays: usize) -> [usize; 3] {
             })
             .collect();
         // The second time from the same origin is by what was worked out for it: nothing changes.
-        let rays = Rays { origin, directions: &directions, t_min: 0.0, t_max: f64::INFINITY };
+        let rays = Rays {
+            origins: Origins::Common(origin),
+            directions: &directions,
+            t_min: 0.0,
+            t_max: f64::INFINITY,
+        };
         let (mut hits, mut again) = (vec![None; 32], vec![None; 32]);
         tracer.cast(&rays, &mut hits);
         tracer.cast(&rays, &mut again);
@@ -408,7 +413,7 @@ fn watertight_at_every_scale_and_from_afar() {
                 // A little within the silhouette, if seen from outside: f32 can't see its last bits from far away.
                 let p = (at(0) + (at(1) - at(0)) * [0.0, random.unit()][random.below(2)]) * 0.9;
                 let rays = Rays {
-                    origin: origin + scene.centre,
+                    origins: Origins::Common(origin + scene.centre),
                     directions: &[(p - origin).normalize()],
                     t_min: 0.0,
                     t_max: f64::INFINITY,

@@ -15,6 +15,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
     ("output", &["error", "frame", "scan", "scene", "sensor"]),
+    ("check", &["output"]),
     ("config", &["angle", "error", "frame", "output", "sensor", "trace"]),
     ("cli", &["angle", "config", "error", "frame", "output", "scan", "scene", "sensor", "trace"]),
     ("main", &["cli"]),
@@ -24,12 +25,19 @@ const IMPORTS: &[(&str, &[&str])] = &[
 const CONFINED: &[(&str, &[&str], &str)] = &[
     (
         "std::fs",
-        &["config/near.rs", "config/text.rs", "scene/gltf/files.rs", "output/files.rs", "cli/"],
+        &[
+            "config/near.rs",
+            "config/text.rs",
+            "scene/gltf/files.rs",
+            "output/files.rs",
+            "output/recorded/mod.rs",
+            "cli/",
+        ],
         "files are opened at the edges only",
     ),
     (
         "std::path",
-        &["error.rs", "config/", "scene/gltf/", "output/files.rs", "cli/"],
+        &["error.rs", "config/", "scene/gltf/", "output/files.rs", "output/recorded/mod.rs", "cli/"],
         "only what opens files knows their names",
     ),
     ("std::env", &["cli/"], "results depend on nothing but the inputs"),

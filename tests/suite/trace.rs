@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use beamcast::scene::{Scene, SourceMesh};
-use beamcast::trace::{BruteForce, Cast, Hit, Instructions, Rays, Tracer};
+use beamcast::trace::{BruteForce, Cast, Hit, Instructions, Origins, Rays, Tracer};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
@@ -26,7 +26,7 @@ fn tracers(scene: &Scene) -> Tracers<'_> {
 
 fn cast(tracer: &dyn Cast, origin: DVec3, directions: &[DVec3], t_min: f64, t_max: f64) -> Vec<Option<Hit>> {
     let mut hits = vec![None; directions.len()];
-    tracer.cast(&Rays { origin, directions, t_min, t_max }, &mut hits);
+    tracer.cast(&Rays { origins: Origins::Common(origin), directions, t_min, t_max }, &mut hits);
     hits
 }
 

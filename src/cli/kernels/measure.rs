@@ -18,7 +18,7 @@ use crate::sensor::{Beam, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use crate::trace::exact::{Corners, LocalRay};
 use crate::trace::kernel::truth::{Passage, Truth};
 use crate::trace::kernel::{Caster, Culling, METHODS, Method, Pair, Ray};
-use crate::trace::{Cast, Hit, Rays, Tracer};
+use crate::trace::{Cast, Hit, Origins, Rays, Tracer};
 
 /// Shares of hits among the tests that are timed.
 pub const HIT_RATIOS: [f64; 3] = [0.1, 0.5, 0.9];
@@ -164,7 +164,10 @@ fn targets(scene: &Scene, tracer: &Tracer, sensor: &Sensor, at: DVec3) -> Vec<Ta
     let pulses = (0..pattern.rows()).flat_map(|row| (0..pattern.columns()).map(move |column| (row, column)));
     let directions: Vec<_> = pulses.map(|(row, column)| pattern.pulse(row, column).direction).collect();
     let mut hits = vec![None; directions.len()];
-    tracer.cast(&Rays { origin: at, directions: &directions, t_min: 0.0, t_max: f64::INFINITY }, &mut hits);
+    tracer.cast(
+        &Rays { origins: Origins::Common(at), directions: &directions, t_min: 0.0, t_max: f64::INFINITY },
+        &mut hits,
+    );
     let seen = hits.into_iter().flatten().map(|hit: Hit| {
         let placement = &scene.placements[hit.placement as usize];
         let mesh = &scene.meshes[placement.mesh as usize];
@@ -354,7 +357,12 @@ fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
                 }));
                 hits.clear();
                 hits.resize(directions.len(), None);
-                let rays = Rays { origin, directions: &directions, t_min: 0.0, t_max: f64::INFINITY };
+                let rays = Rays {
+                    origins: Origins::Common(origin),
+                    directions: &directions,
+                    t_min: 0.0,
+                    t_max: f64::INFINITY,
+                };
                 match &method {
                     Some(tracer) => tracer.cast(&rays, &mut hits),
                     None => exact.cast(&rays, &mut hits),

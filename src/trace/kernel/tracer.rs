@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::{Kernel, Method, Ray};
 use crate::scene::Scene;
@@ -145,24 +145,26 @@ impl<K: Kernel> Cast for KernelTracer<'_, K> {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
         assert_eq!(rays.directions.len(), hits.len());
         let scene = self.exact.scene;
-        let origin: DVec3 = rays.origin - scene.centre;
         let limits = (rays.t_min, rays.t_max);
-        let seen = if K::ABOUT.common_origin { self.seen_from(origin.as_vec3()) } else { None };
-        let seen = seen.as_deref();
         let (mut top_stack, mut stack) = (Vec::new(), Vec::new());
-        for (&direction, hit) in rays.directions.iter().zip(hits) {
-            let ray = LocalRay { origin, direction };
-            let mut best = None;
-            if self.exact.top.nodes.is_empty() {
-                self.nearest_in(0, ray, limits, seen, &mut best, &mut stack);
-            } else {
-                self.exact.top.visit_near(&ray, limits, SLACK, &mut top_stack, |index| {
-                    let local = ray.carried(&scene.placements[index as usize]);
-                    self.nearest_in(index, local, limits, seen, &mut best, &mut stack);
-                    best.map_or(limits.1, |b| b.candidate.t)
-                });
+        for (run, origin) in rays.runs() {
+            let origin = origin - scene.centre;
+            let seen = if K::ABOUT.common_origin { self.seen_from(origin.as_vec3()) } else { None };
+            let seen = seen.as_deref();
+            for (&direction, hit) in rays.directions[run.clone()].iter().zip(&mut hits[run]) {
+                let ray = LocalRay { origin, direction };
+                let mut best = None;
+                if self.exact.top.nodes.is_empty() {
+                    self.nearest_in(0, ray, limits, seen, &mut best, &mut stack);
+                } else {
+                    self.exact.top.visit_near(&ray, limits, SLACK, &mut top_stack, |index| {
+                        let local = ray.carried(&scene.placements[index as usize]);
+                        self.nearest_in(index, local, limits, seen, &mut best, &mut stack);
+                        best.map_or(limits.1, |b| b.candidate.t)
+                    });
+                }
+                *hit = best.map(|best| self.finish(ray, &best));
             }
-            *hit = best.map(|best| self.finish(ray, &best));
         }
     }
 }

@@ -1,0 +1,370 @@
+//! Baselines: what a job gave when it was accepted, small enough for version control.
+//!
+//! A baseline is a folder with `baseline.json`, which people can read and compare, and a file of pixels a sensor. The JSON
+//! has the job as resolved, the beams, the hashes of the scene's files and a hash a channel: equal hashes are all that an
+//! unchanged job needs. The pixels are for telling what differs, and for tolerances: a hash a row of every channel and a
+//! column of the range, and the pixels of some channels: ids as they are, the range and what has a tolerance rounded.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::compare::{Tolerance, main_depth, mask};
+use super::pixels;
+use crate::output::{Capture, Channel, Image, Samples};
+use crate::scene::Scene;
+use crate::sensor::Pattern;
+
+/// The version of the format. A baseline of another one is to be accepted again.
+const FORMAT: u32 = 1;
+
+/// What a job gave: all but the pixels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Baseline {
+    format: u32,
+    /// The version of the tool.
+    pub tool: String,
+    /// The job as resolved, without what the frames do not depend on.
+    pub job: Value,
+    /// What was scanned.
+    pub scene: SceneRecord,
+    /// One a sensor, in the job's order.
+    pub sensors: Vec<SensorRecord>,
+}
+
+/// What was scanned.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SceneRecord {
+    /// The BLAKE3 of each of its files, by name.
+    pub files: BTreeMap<String, String>,
+    /// How many triangles it has.
+    pub triangles: u64,
+}
+
+/// What a sensor saw, in hashes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SensorRecord {
+    /// Its name.
+    pub name: String,
+    /// Rows of its image.
+    pub rows: usize,
+    /// Columns of its image.
+    pub columns: usize,
+    /// Pixels with a return.
+    pub returns: usize,
+    /// The BLAKE3 of each channel: of its rows' BLAKE3.
+    pub channels: BTreeMap<String, String>,
+    /// How finely the pixels of a channel are kept, in its unit; 0: exactly. Channels that are not here are kept as hashes.
+    pub kept: BTreeMap<String, f64>,
+    /// The names of the instances that are seen, by their ids.
+    pub instances: BTreeMap<u32, String>,
+    /// Elevation and azimuth offset in degrees and time in microseconds of each beam, row by row. Empty for a camera.
+    pub beams: Vec<[f64; 3]>,
+}
+
+/// A sensor's frame, ready to be compared or recorded.
+#[derive(Clone, Debug)]
+pub struct Taken {
+    /// In hashes.
+    pub record: SensorRecord,
+    /// The channels.
+    pub image: Image,
+    hashes: Hashes,
+}
+
+/// Where images differ, without their pixels.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Hashes {
+    /// The first 32 bits of the BLAKE3 of each row, by channel.
+    pub rows: BTreeMap<String, Vec<u32>>,
+    /// The same of each column of the main depth channel.
+    pub columns: Vec<u32>,
+}
+
+/// What a baseline keeps of a sensor's pixels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kept {
+    /// Where images differ.
+    pub hashes: Hashes,
+    /// The channels that are kept.
+    pub image: Image,
+}
+
+impl Baseline {
+    /// The name of the JSON in a baseline's folder.
+    pub const NAME: &'static str = "baseline.json";
+
+    /// Records what a job gave. `job` is the job as resolved.
+    pub fn of(job: &Value, scene: &Scene, sensors: Vec<SensorRecord>) -> Self {
+        let mut job = job.clone();
+        if let Some(keys) = job.as_object_mut() {
+            // Neither what is expected nor what is written changes a frame.
+            keys.retain(|key, _| !matches!(key.as_str(), "check" | "expect" | "output"));
+        }
+        let files = scene.files.iter().map(|f| (f.name.clone(), f.blake3.clone())).collect();
+        let scene = SceneRecord { files, triangles: scene.triangle_count() };
+        Self { format: FORMAT, tool: env!("CARGO_PKG_VERSION").to_owned(), job, scene, sensors }
+    }
+
+    /// The name of the file of a sensor's pixels, in the baseline's folder.
+    pub fn pixels_name(sensor: &str) -> String {
+        format!("{sensor}.pixels")
+    }
+
+    /// The content of [`Baseline::NAME`].
+    pub fn encode(&self) -> Vec<u8> {
+        let mut text = String::new();
+        // Numbers and texts only: it has no way to fail.
+        write_json(&serde_json::to_value(self).unwrap_or_default(), 0, &mut text);
+        text.push('\n');
+        text.into_bytes()
+    }
+
+    /// Reads the content of [`Baseline::NAME`].
+    ///
+    /// # Errors
+    /// What is wrong with it, in words that follow the file's name.
+    pub fn decode(bytes: &[u8]) -> Result<Self, String> {
+        let value: Value = serde_json::from_slice(bytes).map_err(|e| format!("is not valid JSON: {e}"))?;
+        match value.get("format").and_then(Value::as_u64) {
+            Some(format) if format == u64::from(FORMAT) => {}
+            Some(format) => return Err(format!("has format {format}, and this version reads {FORMAT}")),
+            None => return Err("is no baseline: it has no `format`".to_owned()),
+        }
+        serde_json::from_value(value).map_err(|e| format!("is no baseline: {e}"))
+    }
+}
+
+impl SensorRecord {
+    /// How many pixels the image has.
+    pub fn pixels(&self) -> usize {
+        self.rows * self.columns
+    }
+}
+
+impl Taken {
+    /// Takes down a capture of `scene`.
+    pub fn of(capture: &Capture, scene: &Scene) -> Self {
+        let mut image = Image::of(capture);
+        // It repeats another channel.
+        image.channels.retain(|channel| channel.name != "Y");
+        let mut hashes = Hashes::default();
+        let mut channels = BTreeMap::new();
+        for Channel { name, samples } in &image.channels {
+            let mut whole = blake3::Hasher::new();
+            let mut rows = Vec::with_capacity(image.rows);
+            for row in 0..image.rows {
+                let hash = hash_of(samples, row * image.columns..(row + 1) * image.columns, 1);
+                whole.update(hash.as_bytes());
+                rows.push(short(&hash));
+            }
+            channels.insert(name.clone(), whole.finalize().to_hex().to_string());
+            hashes.rows.insert(name.clone(), rows);
+        }
+        if let Some(depth) = main_depth(&image).and_then(|(name, _)| image.channel(name)) {
+            let of = |column| short(&hash_of(depth, column..image.pixels(), image.columns));
+            hashes.columns = (0..image.columns).map(of).collect();
+        }
+        let instances = match image.u32("id.instance") {
+            Some(ids) => {
+                let seen = ids.iter().zip(mask(&image)).filter(|(_, seen)| *seen).map(|(id, _)| *id);
+                let mut seen: Vec<u32> = seen.collect();
+                seen.sort_unstable();
+                seen.dedup();
+                let name = |id: u32| scene.instances.get(id as usize).map(|i| (id, i.name.clone()));
+                seen.into_iter().filter_map(name).collect()
+            }
+            None => BTreeMap::new(),
+        };
+        let record = SensorRecord {
+            name: capture.name.to_owned(),
+            rows: image.rows,
+            columns: image.columns,
+            returns: capture.frame.returns.iter().flatten().count(),
+            channels,
+            kept: BTreeMap::new(),
+            instances,
+            beams: beams(&capture.sensor.pattern),
+        };
+        Self { record, image, hashes }
+    }
+
+    /// The hashes of rows and columns.
+    pub fn hashes(&self) -> &Hashes {
+        &self.hashes
+    }
+
+    /// Packs what a baseline keeps of the pixels, and notes in the record what that is. What has no tolerance of its own is
+    /// kept as finely as [`MAX_PIXEL_BYTES`] allow.
+    pub fn pack(&mut self, tolerances: &BTreeMap<String, Tolerance>) -> Vec<u8> {
+        let mask = mask(&self.image);
+        let main = main_depth(&self.image).map(|(name, _)| name);
+        let mut head = Vec::new();
+        for rows in self.hashes.rows.values() {
+            head.extend(rows.iter().flat_map(|hash| hash.to_le_bytes()));
+        }
+        head.extend(self.hashes.columns.iter().flat_map(|hash| hash.to_le_bytes()));
+        section(&mut head, &pixels::pack_mask(&mask));
+
+        let step_of = |channel: &Channel| match &channel.samples {
+            Samples::U32(_) => 0.0,
+            Samples::F32(values) => tolerances.get(&channel.name).map_or(0.0, |t| step(t, values, &mask)),
+        };
+        let is_kept = |channel: &&Channel| {
+            let name = channel.name.as_str();
+            Some(name) == main
+                || matches!(name, "id.instance" | "id.semantic")
+                || tolerances.contains_key(name)
+        };
+        let kept: Vec<(&Channel, f64)> =
+            self.image.channels.iter().filter(is_kept).map(|c| (c, step_of(c))).collect();
+        // What has no step yet is given the finest that there is room for.
+        let mut coarsest = FINEST_STEP;
+        loop {
+            let mut file = head.clone();
+            let mut steps = BTreeMap::new();
+            let mut may_be_coarser = false;
+            for (channel, step) in &kept {
+                let is_id = matches!(channel.samples, Samples::U32(_));
+                may_be_coarser |= !is_id && *step == 0.0;
+                let step = if *step == 0.0 && !is_id { coarsest } else { *step };
+                section(&mut file, &pixels::pack(&channel.samples, &mask, self.image.columns, step));
+                steps.insert(channel.name.clone(), step);
+            }
+            if file.len() <= MAX_PIXEL_BYTES || !may_be_coarser || coarsest > COARSEST_STEP {
+                self.record.kept = steps;
+                return file;
+            }
+            coarsest *= 2.0;
+        }
+    }
+}
+
+/// A sensor's pixels take no more than this, if they may be coarser.
+pub const MAX_PIXEL_BYTES: usize = 150_000;
+
+/// The finest step that a range without a tolerance is kept in, in metres.
+const FINEST_STEP: f64 = 1e-3;
+
+/// A step from which on coarser ones save nothing more.
+const COARSEST_STEP: f64 = 100.0;
+
+/// The step that resolves a tolerance well; 0 if it has none but in pixels.
+fn step(tolerance: &Tolerance, values: &[f32], mask: &[bool]) -> f64 {
+    let seen = values.iter().zip(mask).filter(|(_, seen)| **seen).map(|(v, _)| f64::from(v.abs()));
+    let least = seen.filter(|v| *v > 0.0).fold(f64::INFINITY, f64::min);
+    let relative = if least.is_finite() { tolerance.relative * least } else { 0.0 };
+    (tolerance.absolute + relative) / 4.0
+}
+
+impl Kept {
+    /// Reads what [`Taken::pack`] packed for `record`. `None` if it is something else.
+    pub fn unpack(file: &[u8], record: &SensorRecord) -> Option<Self> {
+        let SensorRecord { rows, columns, .. } = *record;
+        let pixels = rows.checked_mul(columns)?;
+        // One byte of a file holds a thousand pixels at most.
+        if pixels == 0 || pixels / 8 / 1100 > file.len() {
+            return None;
+        }
+        let mut rest = file;
+        let mut numbers = |count: usize| -> Option<Vec<u32>> {
+            let (bytes, after) = rest.split_at_checked(count.checked_mul(4)?)?;
+            rest = after;
+            Some(bytes.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b)).collect())
+        };
+        let mut hashes = Hashes::default();
+        for name in record.channels.keys() {
+            hashes.rows.insert(name.clone(), numbers(rows)?);
+        }
+        hashes.columns = numbers(columns)?;
+        let mask = pixels::unpack_mask(next_section(&mut rest)?, pixels)?;
+        let mut channels = Vec::new();
+        for (name, &step) in &record.kept {
+            let packed = next_section(&mut rest)?;
+            let mut samples = pixels::unpack(packed, &mask, columns, step, step == 0.0)?;
+            if let Samples::F32(values) = &mut samples
+                && matches!(name.as_str(), "range" | "Z")
+            {
+                let missed = values.iter_mut().zip(&mask).filter(|(_, seen)| !**seen);
+                missed.for_each(|(value, _)| *value = f32::INFINITY);
+            }
+            channels.push(Channel { name: name.clone(), samples });
+        }
+        Some(Self { hashes, image: Image { rows, columns, channels } })
+    }
+}
+
+fn section(file: &mut Vec<u8>, bytes: &[u8]) {
+    file.extend((bytes.len() as u32).to_le_bytes());
+    file.extend(bytes);
+}
+
+fn next_section<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let (length, after) = rest.split_first_chunk::<4>()?;
+    let (section, after) = after.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+    *rest = after;
+    Some(section)
+}
+
+/// The hash of every `step`-th sample in a range of pixels.
+fn hash_of(samples: &Samples, pixels: std::ops::Range<usize>, step: usize) -> blake3::Hash {
+    let bytes: Vec<u8> = match samples {
+        Samples::F32(values) => pixels.step_by(step).flat_map(|i| values[i].to_le_bytes()).collect(),
+        Samples::U32(values) => pixels.step_by(step).flat_map(|i| values[i].to_le_bytes()).collect(),
+    };
+    blake3::hash(&bytes)
+}
+
+fn short(hash: &blake3::Hash) -> u32 {
+    let [a, b, c, d, ..] = *hash.as_bytes();
+    u32::from_le_bytes([a, b, c, d])
+}
+
+fn beams(pattern: &Pattern) -> Vec<[f64; 3]> {
+    let Pattern::Rotating(rotating) = pattern else { return Vec::new() };
+    // Through radians and back, a degree is no longer the number that was written; a billionth of one is.
+    let rounded = |value: f64| (value * 1e9).round() / 1e9;
+    let beam = |b: &crate::sensor::Beam| {
+        [b.elevation.degrees(), b.azimuth_offset.degrees(), b.time_s * 1e6].map(rounded)
+    };
+    rotating.beams().iter().map(beam).collect()
+}
+
+/// JSON for people and version control: a line a key, and short arrays on one line.
+fn write_json(value: &Value, indent: usize, text: &mut String) {
+    let is_leaf = |value: &Value| !value.is_object() && !value.is_array();
+    let new_line = |text: &mut String, indent: usize| {
+        text.push('\n');
+        text.extend(std::iter::repeat_n(' ', indent));
+    };
+    match value {
+        Value::Object(keys) if !keys.is_empty() => {
+            text.push('{');
+            for (index, (key, value)) in keys.iter().enumerate() {
+                text.push_str(if index > 0 { "," } else { "" });
+                new_line(text, indent + 2);
+                text.push_str(&Value::from(key.as_str()).to_string());
+                text.push_str(": ");
+                write_json(value, indent + 2, text);
+            }
+            new_line(text, indent);
+            text.push('}');
+        }
+        Value::Array(values) if !values.iter().all(is_leaf) => {
+            text.push('[');
+            for (index, value) in values.iter().enumerate() {
+                text.push_str(if index > 0 { "," } else { "" });
+                new_line(text, indent + 2);
+                write_json(value, indent + 2, text);
+            }
+            new_line(text, indent);
+            text.push(']');
+        }
+        Value::Array(values) => {
+            let values: Vec<String> = values.iter().map(Value::to_string).collect();
+            text.push_str(&format!("[{}]", values.join(", ")));
+        }
+        leaf => text.push_str(&leaf.to_string()),
+    }
+}

@@ -1,0 +1,244 @@
+//! What changed between two runs of a job: its keys, its beams, its scene, the tool.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Map, Value};
+
+use super::baseline::{Baseline, SensorRecord};
+use super::outcome::Change;
+
+/// How many changed elements of a list are told one by one.
+const MOST_ELEMENTS: usize = 4;
+
+/// What changed, sorted by what it is about.
+#[derive(Clone, Debug, Default)]
+pub struct Changes {
+    /// About one sensor, by its name.
+    pub of_sensor: BTreeMap<String, Vec<Change>>,
+    /// About the scene, the labels, the trajectory: all that every sensor depends on.
+    pub of_job: Vec<Change>,
+}
+
+impl Changes {
+    /// What differs between a baseline and a run.
+    pub fn between(old: &Baseline, new: &Baseline) -> Self {
+        let mut changes = Self::default();
+        let (old_sensors, new_sensors) = (sensors(&old.job), sensors(&new.job));
+        for (name, sensor) in &new_sensors {
+            let Some(before) = old_sensors.get(name) else { continue };
+            let prefix = format!("sensor {name}");
+            let mut found = beam_changes(&prefix, record(old, name), record(new, name));
+            let told = !found.is_empty();
+            let mut keys = Vec::new();
+            keys_of(&prefix, before, sensor, &mut keys);
+            // Beams tell better what their lists have to say.
+            keys.retain(|change| !(told && BEAM_KEYS.iter().any(|key| change.what.contains(key))));
+            found.extend(keys);
+            if !found.is_empty() {
+                changes.of_sensor.insert(name.clone(), found);
+            }
+        }
+        let rest = |job: &Value| match job {
+            Value::Object(keys) => {
+                Value::Object(keys.clone().into_iter().filter(|(key, _)| key != "sensor").collect())
+            }
+            other => other.clone(),
+        };
+        keys_of("", &rest(&old.job), &rest(&new.job), &mut changes.of_job);
+        scene_changes(old, new, &mut changes.of_job);
+        if old.tool != new.tool {
+            changes.of_job.push(Change {
+                what: "beamcast".into(),
+                old: Some(old.tool.clone()),
+                new: Some(new.tool.clone()),
+            });
+        }
+        changes
+    }
+
+    /// All of them.
+    pub fn all(&self) -> Vec<Change> {
+        self.of_sensor.values().flatten().chain(&self.of_job).cloned().collect()
+    }
+}
+
+/// Keys that say what the beams are.
+const BEAM_KEYS: [&str; 3] =
+    ["rotating.elevations_deg", "rotating.azimuth_offsets_deg", "rotating.beam_times_us"];
+
+/// A job's sensors by name. A lone one may have none, and is called `sensor`.
+fn sensors(job: &Value) -> BTreeMap<String, Value> {
+    let list = job.get("sensor").and_then(Value::as_array);
+    let named = list.into_iter().flatten().map(|sensor| {
+        let name = sensor.get("name").and_then(Value::as_str).unwrap_or("sensor");
+        (name.to_owned(), sensor.clone())
+    });
+    named.collect()
+}
+
+fn record<'a>(baseline: &'a Baseline, sensor: &str) -> Option<&'a SensorRecord> {
+    baseline.sensors.iter().find(|record| record.name == sensor)
+}
+
+/// What changed of single beams, if there are as many as before and only some changed.
+fn beam_changes(prefix: &str, old: Option<&SensorRecord>, new: Option<&SensorRecord>) -> Vec<Change> {
+    let (Some(old), Some(new)) = (old, new) else { return Vec::new() };
+    if old.beams.len() != new.beams.len() {
+        return Vec::new();
+    }
+    let mut changes = Vec::new();
+    for (index, (what, unit)) in
+        [("elevation", "°"), ("azimuth offset", "°"), ("time", " µs")].iter().enumerate()
+    {
+        let changed: Vec<usize> =
+            (0..old.beams.len()).filter(|&row| old.beams[row][index] != new.beams[row][index]).collect();
+        let shown = |row: usize, beams: &[[f64; 3]]| Some(format!("{}{unit}", number(beams[row][index])));
+        if changed.len() > MOST_ELEMENTS {
+            let by: Vec<f64> = changed.iter().map(|&r| new.beams[r][index] - old.beams[r][index]).collect();
+            let (least, most) =
+                by.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), d| (l.min(*d), m.max(*d)));
+            let by = if most - least < 1e-8 {
+                format!("all by {}{unit}", number(most))
+            } else {
+                format!("by {} to {}{unit}", number(least), number(most))
+            };
+            let what = format!("{prefix}: {what} of {} of {} beams, {by}", changed.len(), old.beams.len());
+            changes.push(Change { what, old: None, new: None });
+            continue;
+        }
+        for row in changed {
+            changes.push(Change {
+                what: format!("{prefix}: beam (row {row}) {what}"),
+                old: shown(row, &old.beams),
+                new: shown(row, &new.beams),
+            });
+        }
+    }
+    changes
+}
+
+/// A number with a true minus and no noise at its end.
+fn number(value: f64) -> String {
+    let rounded = (value * 1e9).round() / 1e9;
+    // Adding 0 makes a negative zero positive.
+    (rounded + 0.0).to_string().replace('-', "−")
+}
+
+/// The keys that differ between two values, each at its place.
+fn keys_of(path: &str, old: &Value, new: &Value, found: &mut Vec<Change>) {
+    if same(old, new) {
+        return;
+    }
+    match (old, new) {
+        (Value::Object(a), Value::Object(b)) => {
+            let keys = a.keys().chain(b.keys().filter(|key| !a.contains_key(*key)));
+            for key in keys {
+                let deeper = join(path, key);
+                match (a.get(key), b.get(key)) {
+                    (Some(old), Some(new)) => keys_of(&deeper, old, new, found),
+                    (old, new) => only_one(&deeper, old, new, found),
+                }
+            }
+        }
+        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
+            let changed: Vec<usize> = (0..a.len()).filter(|&i| !same(&a[i], &b[i])).collect();
+            if changed.len() > MOST_ELEMENTS {
+                let what = format!("{path}: {} of {} values", changed.len(), a.len());
+                found.push(Change { what, old: None, new: None });
+                return;
+            }
+            for index in changed {
+                keys_of(&format!("{path}[{index}]"), &a[index], &b[index], found);
+            }
+        }
+        _ => only_one(path, Some(old), Some(new), found),
+    }
+}
+
+/// A value that came, went or became another kind of value. Of a table that came or went, its keys are told.
+fn only_one(path: &str, old: Option<&Value>, new: Option<&Value>, found: &mut Vec<Change>) {
+    let empty = Value::Object(Map::new());
+    match (old, new) {
+        (Some(table @ Value::Object(keys)), None) if !keys.is_empty() => keys_of(path, table, &empty, found),
+        (None, Some(table @ Value::Object(keys))) if !keys.is_empty() => keys_of(path, &empty, table, found),
+        _ => found.push(Change { what: path.to_owned(), old: old.map(shown), new: new.map(shown) }),
+    }
+}
+
+fn join(path: &str, key: &str) -> String {
+    match path {
+        "" => key.to_owned(),
+        // A sensor's name is followed by its keys as a job would have them.
+        path if path.starts_with("sensor ") && !path.contains(": ") => format!("{path}: {key}"),
+        path => format!("{path}.{key}"),
+    }
+}
+
+/// A whole number is the same as the float.
+fn same(a: &Value, b: &Value) -> bool {
+    match (a.as_f64(), b.as_f64()) {
+        (Some(a), Some(b)) => a == b,
+        _ => a == b,
+    }
+}
+
+fn shown(value: &Value) -> String {
+    const LONGEST: usize = 60;
+    let text = match value {
+        Value::Number(n) => n.to_string().replace('-', "−"),
+        other => other.to_string(),
+    };
+    match text.char_indices().nth(LONGEST) {
+        Some((at, _)) => format!("{}…", &text[..at]),
+        None => text,
+    }
+}
+
+fn scene_changes(old: &Baseline, new: &Baseline, found: &mut Vec<Change>) {
+    let (a, b) = (&old.scene, &new.scene);
+    let short = |hash: &String| format!("BLAKE3 {}…", hash.get(..12).unwrap_or(hash));
+    let names = a.files.keys().chain(b.files.keys().filter(|name| !a.files.contains_key(*name)));
+    for name in names {
+        let (old, new) = (a.files.get(name), b.files.get(name));
+        if old != new {
+            found.push(Change { what: name.clone(), old: old.map(short), new: new.map(short) });
+        }
+    }
+    if a.triangles != b.triangles {
+        found.push(Change {
+            what: "triangles of the scene".into(),
+            old: Some(a.triangles.to_string()),
+            new: Some(b.triangles.to_string()),
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn between(old: Value, new: Value) -> Vec<String> {
+        let mut found = Vec::new();
+        keys_of("", &old, &new, &mut found);
+        found.iter().map(Change::to_string).collect()
+    }
+
+    #[test]
+    fn keys_are_told_with_their_old_and_new_values() {
+        let old =
+            json!({ "seed": 1, "labels": { "wall": 3 }, "pose": { "rpy_deg": [0, 0, 0.0] }, "up": "z" });
+        let new = json!({ "seed": 1.0, "pose": { "rpy_deg": [0.0, 0, -0.1] }, "up": "y", "trace": { "kernel": "a" } });
+        assert_eq!(
+            between(old, new),
+            [
+                "labels.wall: was 3, is gone",
+                "pose.rpy_deg[2]: 0.0 → −0.1",
+                "up: \"z\" → \"y\"",
+                "trace.kernel: \"a\" (was not there)"
+            ]
+        );
+        let many = |n: f64| json!({ "list": (0..9).map(|i| f64::from(i) * n).collect::<Vec<_>>() });
+        assert_eq!(between(many(1.0), many(2.0)), ["list: 8 of 9 values"]);
+    }
+}

@@ -1,0 +1,319 @@
+//! Two images of the same size, channel by channel: how many pixels differ, by how much, and where.
+
+use std::collections::BTreeMap;
+
+use crate::output::{Image, Samples};
+
+/// How much a channel may differ. The default is: not at all.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tolerance {
+    /// In the channel's unit: metres for ranges and depths, seconds for times.
+    pub absolute: f64,
+    /// As a part of the first image's value; added to `absolute`.
+    pub relative: f64,
+    /// The part of all pixels that may differ by more than that, 0 to 1.
+    pub pixels: f64,
+}
+
+impl Tolerance {
+    /// The greatest difference from `value` that is not one.
+    fn at(&self, value: f64) -> f64 {
+        self.absolute + self.relative * value.abs()
+    }
+}
+
+/// Which pixels have a return, in two images. The second is the newer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MaskAgreement {
+    /// In both.
+    pub both: usize,
+    /// In the second only.
+    pub appeared: usize,
+    /// In the first only.
+    pub vanished: usize,
+}
+
+impl MaskAgreement {
+    /// Intersection over union, 1 if they agree.
+    pub fn iou(&self) -> f64 {
+        let union = self.both + self.appeared + self.vanished;
+        if union == 0 { 1.0 } else { self.both as f64 / union as f64 }
+    }
+}
+
+/// What differs between two images of the same size.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImageDifference {
+    /// Which pixels have a return.
+    pub mask: MaskAgreement,
+    /// The channels that both have, sorted by name.
+    pub channels: Vec<ChannelDifference>,
+    /// Channels that only the first has.
+    pub missing: Vec<String>,
+    /// Channels that only the second has.
+    pub added: Vec<String>,
+    /// Pixels by label in the first image and in the second, where both have a return; only pairs that are not the same.
+    pub label_confusion: Vec<Confusion>,
+    /// Returns by label, in the first image and in the second.
+    pub points_per_label: BTreeMap<u32, [usize; 2]>,
+}
+
+/// How many pixels of one label have another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Confusion {
+    /// The label in the first image.
+    pub was: u32,
+    /// The label in the second.
+    pub is: u32,
+    /// How many pixels.
+    pub pixels: usize,
+}
+
+/// What differs in a channel.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ChannelDifference {
+    /// The channel's name.
+    pub channel: String,
+    /// Whether what differs is within the tolerance.
+    pub within_tolerance: bool,
+    /// The pixels that differ by more than the tolerance, by number, in order. In the main depth channel, pixels with a
+    /// return in one image only are among them; in other channels, only pixels with a return in both are looked at.
+    pub pixels: Vec<u32>,
+    /// All pixels that differ, where the first image is not known exactly: those of [`ChannelDifference::pixels`] at least.
+    pub differing: AtLeast,
+    /// Statistics of the absolute difference over the pixels with a return in both images; `None` for ids, and if it is
+    /// not known.
+    pub statistics: Option<Statistics>,
+    /// How finely the first image is known, in the channel's unit; 0: exactly.
+    pub resolution: f64,
+}
+
+/// A number of pixels that may be a lower bound.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AtLeast {
+    /// The number.
+    pub count: usize,
+    /// Whether it is exact.
+    pub exact: bool,
+}
+
+/// Of absolute differences, in the channel's unit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Statistics {
+    /// The greatest.
+    pub max: f64,
+    /// The pixel of the greatest; the first of equals.
+    pub worst: u32,
+    /// The mean.
+    pub mean: f64,
+    /// The root of the mean square.
+    pub rms: f64,
+    /// 99 % are not greater.
+    pub p99: f64,
+}
+
+/// Compares images of the same size. `tolerance` and `resolution` are asked by channel; `resolution` is how finely the first
+/// image is known, and 0 if it is exact.
+///
+/// # Panics
+/// If the sizes differ.
+pub fn compare(
+    first: &Image,
+    second: &Image,
+    tolerance: &dyn Fn(&str) -> Tolerance,
+    resolution: &dyn Fn(&str) -> f64,
+) -> ImageDifference {
+    assert_eq!((first.rows, first.columns), (second.rows, second.columns));
+    let masks = [mask(first), mask(second)];
+    let mut difference = ImageDifference { mask: agreement(&masks), ..ImageDifference::default() };
+    let main = main_depth(second).map(|(name, _)| name);
+    for channel in &first.channels {
+        let Some(other) = second.channel(&channel.name) else {
+            difference.missing.push(channel.name.clone());
+            continue;
+        };
+        let name = channel.name.as_str();
+        let (tolerance, resolution) = (tolerance(name), resolution(name));
+        let is_main = Some(name) == main;
+        let mut found = compare_channel(&channel.samples, other, &masks, is_main, tolerance, resolution);
+        found.channel = channel.name.clone();
+        difference.channels.push(found);
+    }
+    let is_new = |name: &String| first.channel(name).is_none();
+    difference.added = second.channels.iter().map(|c| c.name.clone()).filter(is_new).collect();
+    if let (Some(was), Some(is)) = (first.u32("id.semantic"), second.u32("id.semantic")) {
+        labels(was, is, &masks, &mut difference);
+    }
+    difference
+}
+
+/// The channel that says which pixels have a return: `range`, else `Z`, else `Y`.
+pub fn main_depth(image: &Image) -> Option<(&'static str, &[f32])> {
+    ["range", "Z", "Y"].into_iter().find_map(|name| Some((name, image.f32(name)?)))
+}
+
+/// Which pixels have a return; all of them in an image that has no depth.
+pub fn mask(image: &Image) -> Vec<bool> {
+    match main_depth(image) {
+        Some((_, depth)) => depth.iter().map(|d| d.is_finite()).collect(),
+        None => vec![true; image.pixels()],
+    }
+}
+
+fn agreement([first, second]: &[Vec<bool>; 2]) -> MaskAgreement {
+    let mut agreement = MaskAgreement::default();
+    for pair in first.iter().zip(second) {
+        match pair {
+            (true, true) => agreement.both += 1,
+            (false, true) => agreement.appeared += 1,
+            (true, false) => agreement.vanished += 1,
+            (false, false) => {}
+        }
+    }
+    agreement
+}
+
+fn compare_channel(
+    first: &Samples,
+    second: &Samples,
+    masks: &[Vec<bool>; 2],
+    is_main: bool,
+    tolerance: Tolerance,
+    resolution: f64,
+) -> ChannelDifference {
+    let are_ids = matches!((first, second), (Samples::U32(_), Samples::U32(_)));
+    let mut pixels = Vec::new();
+    let mut differences = Vec::new();
+    let mut worst = (0.0, 0);
+    for index in 0..first.len() {
+        let differs = match (masks[0][index], masks[1][index]) {
+            (true, true) => {
+                let (a, b) = (first.get(index), second.get(index));
+                // Not a number is the same as itself, and differs from all else.
+                let difference = if a.is_nan() && b.is_nan() { 0.0 } else { (a - b).abs() };
+                let difference = if difference.is_nan() { f64::INFINITY } else { difference };
+                if difference > worst.0 {
+                    worst = (difference, index as u32);
+                }
+                differences.push(difference);
+                difference > tolerance.at(a) + resolution / 2.0
+            }
+            (false, false) => false,
+            _ => is_main,
+        };
+        if differs {
+            pixels.push(index as u32);
+        }
+    }
+    ChannelDifference {
+        channel: String::new(),
+        within_tolerance: pixels.len() as f64 <= tolerance.pixels * first.len() as f64,
+        differing: AtLeast { count: pixels.len(), exact: resolution == 0.0 },
+        pixels,
+        statistics: if are_ids { None } else { statistics(differences, worst) },
+        resolution,
+    }
+}
+
+/// Of the absolute differences, `worst` being the greatest and its pixel.
+fn statistics(mut differences: Vec<f64>, worst: (f64, u32)) -> Option<Statistics> {
+    let count = differences.len();
+    if count == 0 {
+        return None;
+    }
+    let mean = differences.iter().sum::<f64>() / count as f64;
+    let rms = (differences.iter().map(|d| d * d).sum::<f64>() / count as f64).sqrt();
+    let (_, p99, _) = differences.select_nth_unstable_by((count - 1) * 99 / 100, f64::total_cmp);
+    Some(Statistics { max: worst.0, worst: worst.1, mean, rms, p99: *p99 })
+}
+
+fn labels(was: &[u32], is: &[u32], masks: &[Vec<bool>; 2], difference: &mut ImageDifference) {
+    let mut confusion: BTreeMap<(u32, u32), usize> = BTreeMap::new();
+    for index in 0..was.len() {
+        let (first, second) = (masks[0][index], masks[1][index]);
+        if first {
+            difference.points_per_label.entry(was[index]).or_default()[0] += 1;
+        }
+        if second {
+            difference.points_per_label.entry(is[index]).or_default()[1] += 1;
+        }
+        if first && second && was[index] != is[index] {
+            *confusion.entry((was[index], is[index])).or_default() += 1;
+        }
+    }
+    difference.label_confusion =
+        confusion.into_iter().map(|((was, is), pixels)| Confusion { was, is, pixels }).collect();
+    difference.label_confusion.sort_by_key(|c| std::cmp::Reverse(c.pixels));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::Channel;
+
+    /// An image of 2 × 2 pixels.
+    fn image(range: [f32; 4], labels: [u32; 4]) -> Image {
+        let channels = vec![
+            Channel { name: "id.semantic".into(), samples: Samples::U32(labels.to_vec()) },
+            Channel { name: "range".into(), samples: Samples::F32(range.to_vec()) },
+        ];
+        Image { rows: 2, columns: 2, channels }
+    }
+
+    const INF: f32 = f32::INFINITY;
+
+    fn at(absolute: f64, pixels: f64) -> impl Fn(&str) -> Tolerance {
+        move |name| match name {
+            "range" => Tolerance { absolute, relative: 0.0, pixels },
+            _ => Tolerance::default(),
+        }
+    }
+
+    #[test]
+    fn masks_values_and_labels_are_compared() {
+        let a = image([1.0, 2.0, INF, 4.0], [1, 1, 0, 2]);
+        let b = image([1.0, 2.5, 3.0, INF], [1, 5, 2, 0]);
+        let d = compare(&a, &b, &at(0.0, 0.0), &|_| 0.0);
+        assert_eq!(d.mask, MaskAgreement { both: 2, appeared: 1, vanished: 1 });
+        assert_eq!(d.mask.iou(), 0.5);
+        let [labels, range] = d.channels.as_slice() else { panic!("{d:?}") };
+        assert_eq!(range.pixels, [1, 2, 3], "what came and went differs in range");
+        assert_eq!(labels.pixels, [1], "and only there");
+        assert_eq!(labels.statistics, None, "ids have no distance");
+        let s = range.statistics.unwrap();
+        assert_eq!((s.max, s.worst, s.mean), (0.5, 1, 0.25));
+        assert!((s.rms - 0.125_f64.sqrt()).abs() < 1e-15);
+        assert_eq!(d.label_confusion, [Confusion { was: 1, is: 5, pixels: 1 }]);
+        assert_eq!(d.points_per_label, BTreeMap::from([(1, [2, 1]), (2, [1, 1]), (5, [0, 1])]));
+        assert!(!range.within_tolerance);
+    }
+
+    #[test]
+    fn tolerances_are_absolute_relative_and_by_share_of_pixels() {
+        let a = image([1.0, 2.0, 3.0, 100.0], [0; 4]);
+        let b = image([1.0, 2.01, 3.0, 101.0], [0; 4]);
+        let differing = |tolerance: Tolerance| {
+            let d = compare(&a, &b, &|_| tolerance, &|_| 0.0);
+            (d.channels[1].pixels.len(), d.channels[1].within_tolerance)
+        };
+        let tolerance = |absolute, relative, pixels| Tolerance { absolute, relative, pixels };
+        assert_eq!(differing(tolerance(0.0, 0.0, 0.0)), (2, false));
+        assert_eq!(differing(tolerance(0.011, 0.0, 0.0)), (1, false));
+        assert_eq!(differing(tolerance(0.0, 0.011, 0.0)), (0, true));
+        assert_eq!(differing(tolerance(0.011, 0.0, 0.25)), (1, true));
+        // A first image that is known to 4 cm only can't tell that 1 cm differs.
+        let d = compare(&a, &b, &at(0.0, 0.0), &|_| 0.04);
+        assert_eq!(d.channels[1].differing, AtLeast { count: 1, exact: false });
+    }
+
+    #[test]
+    fn what_only_one_has_is_named() {
+        let a = image([1.0; 4], [0; 4]);
+        let mut b = a.clone();
+        b.channels.remove(0);
+        let d = compare(&a, &b, &at(0.0, 0.0), &|_| 0.0);
+        assert_eq!((d.missing, d.added), (vec!["id.semantic".to_owned()], vec![]));
+        let d = compare(&b, &a, &at(0.0, 0.0), &|_| 0.0);
+        assert_eq!((d.missing, d.added), (vec![], vec!["id.semantic".to_owned()]));
+    }
+}

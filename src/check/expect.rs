@@ -1,0 +1,600 @@
+//! What a rig should see, and whether it does.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+use glam::DVec3;
+
+use super::outcome::ExpectationOutcome;
+use super::words::{counted, digits, list, metres};
+use crate::angle::Angle;
+use crate::output::Capture;
+use crate::scan::Return;
+use crate::scene::Scene;
+use crate::sensor::Pattern;
+
+/// An `[[expect]]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expectation {
+    /// Its name, unique in the job.
+    pub name: String,
+    /// The sensor that it is about; all of them together if absent.
+    pub sensor: Option<String>,
+    /// What should be.
+    pub what: Expected,
+}
+
+/// What should be.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Expected {
+    /// Points on a target.
+    Points {
+        /// What they should be on.
+        target: Target,
+        /// How many.
+        count: Bounds,
+        /// Only those at these ranges count, in metres.
+        range_m: Bounds,
+    },
+    /// Ranges against a plane n·p = offset in the world: the error is the range less that of the plane along the ray.
+    Plane {
+        /// The points that should be on the plane.
+        target: Target,
+        /// n, of length 1.
+        normal: DVec3,
+        /// In metres.
+        offset_m: f64,
+        /// The greatest error, in metres.
+        max_error_m: f64,
+    },
+    /// The angle between neighbouring beams that both hit a target, the greatest of all.
+    Resolution {
+        /// What they should hit.
+        target: Target,
+        /// From column to column.
+        horizontal: Option<Angle>,
+        /// From row to row.
+        vertical: Option<Angle>,
+    },
+    /// The part of a zone's cells in which the ground is hit.
+    Coverage {
+        /// Where.
+        zone: Zone,
+        /// The part, 0 to 1.
+        at_least: f64,
+    },
+    /// The distance from the body's origin, in the xy plane, within which some degree of azimuth sees no ground.
+    BlindZone {
+        /// What counts as ground.
+        ground: Ground,
+        /// In metres.
+        at_most_m: f64,
+        /// The azimuths that are looked at, from the first counter-clockwise to the second, in whole degrees.
+        sector_deg: (i32, i32),
+    },
+    /// The part of the rays that come back, 0 to 1, of each sensor.
+    Returns(Bounds),
+    /// The part of the rays that hit the vehicle itself, 0 to 1, of each sensor.
+    Unobstructed {
+        /// The vehicle.
+        body: Target,
+        /// The part.
+        at_most: f64,
+    },
+    /// Returns a second, of all sensors together.
+    PointsPerSecond(Bounds),
+    /// Rays a second that beamcast casts: a budget of time.
+    Speed {
+        /// Rays a second.
+        at_least: f64,
+    },
+}
+
+/// What a beam should hit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Target {
+    /// An instance of the scene by name; a `*` at the end stands for anything.
+    pub object: Option<String>,
+    /// A semantic label.
+    pub label: Option<u32>,
+}
+
+/// From the least to the most, each included; no limit where absent.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bounds {
+    /// The least.
+    pub at_least: Option<f64>,
+    /// The most.
+    pub at_most: Option<f64>,
+}
+
+/// What counts as ground: near a height of the body's frame and, if the target says so, on something.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ground {
+    /// Its height in metres.
+    pub z_m: f64,
+    /// How far from it a point may be, in metres.
+    pub tolerance_m: f64,
+    /// What it is; anything by default.
+    pub target: Target,
+}
+
+impl Default for Ground {
+    fn default() -> Self {
+        Self { z_m: 0.0, tolerance_m: 0.2, target: Target::default() }
+    }
+}
+
+/// A rectangle on the ground, in the body's frame, cut into square cells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Zone {
+    /// What counts as ground.
+    pub ground: Ground,
+    /// From and to, metres.
+    pub x_m: [f64; 2],
+    /// From and to, metres.
+    pub y_m: [f64; 2],
+    /// The side of a cell, metres.
+    pub cell_m: f64,
+}
+
+/// What there is to hold expectations against.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// What was scanned.
+    pub scene: &'a Scene,
+    /// What each sensor saw.
+    pub captures: &'a [Capture<'a>],
+    /// Rays that were cast a second, if that was measured.
+    pub rays_per_s: Option<f64>,
+}
+
+impl Target {
+    fn names(&self, name: &str) -> bool {
+        self.object.as_ref().is_none_or(|object| match object.strip_suffix('*') {
+            Some(start) => name.starts_with(start),
+            None => name == object,
+        })
+    }
+
+    fn is_hit(&self, hit: &Return, scene: &Scene) -> bool {
+        self.label.is_none_or(|label| label == hit.label)
+            && (self.object.is_none() || self.names(&scene.instances[hit.instance as usize].name))
+    }
+
+    /// If the scene has nothing of the target's name: what to say about it.
+    fn missing(&self, scene: &Scene) -> Option<String> {
+        let object = self.object.as_ref()?;
+        if scene.instances.iter().any(|instance| self.names(&instance.name)) {
+            return None;
+        }
+        let names: BTreeSet<&str> =
+            scene.instances.iter().map(|i| i.name.as_str()).filter(|n| !n.is_empty()).take(10_000).collect();
+        let near = names.into_iter().min_by_key(|name| strsim::osa_distance(name, object));
+        let help = near.map_or_else(String::new, |name| format!(": the nearest name is {name:?}"));
+        Some(format!("the scene has no object {object:?}{help}"))
+    }
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.object, self.label) {
+            (Some(object), Some(label)) => write!(f, "{object:?} with label {label}"),
+            (Some(object), None) => write!(f, "{object:?}"),
+            (None, Some(label)) => write!(f, "label {label}"),
+            (None, None) => f.write_str("anything"),
+        }
+    }
+}
+
+impl Bounds {
+    /// Whether a value lies between them.
+    pub fn hold(&self, value: f64) -> bool {
+        self.at_least.is_none_or(|least| value >= least) && self.at_most.is_none_or(|most| value <= most)
+    }
+
+    fn words(&self, shown: &dyn Fn(f64) -> String) -> String {
+        match (self.at_least, self.at_most) {
+            (Some(least), Some(most)) => format!("{} to {}", shown(least), shown(most)),
+            (Some(least), None) => format!("at least {}", shown(least)),
+            (None, Some(most)) => format!("at most {}", shown(most)),
+            (None, None) => "any".to_owned(),
+        }
+    }
+}
+
+/// A return and where it came from.
+struct Point<'a> {
+    capture: &'a Capture<'a>,
+    row: usize,
+    column: usize,
+    hit: &'a Return,
+}
+
+impl Point<'_> {
+    /// Unit direction of its beam in the sensor's frame.
+    fn direction(&self) -> DVec3 {
+        self.capture.sensor.pattern.pulse(self.row, self.column).direction
+    }
+
+    fn in_body(&self) -> DVec3 {
+        self.capture.body_from_sensor.point(self.direction() * self.hit.range)
+    }
+
+    fn place(&self) -> String {
+        format!("sensor {}, row {}, column {}", self.capture.name, self.row, self.column)
+    }
+}
+
+impl Expectation {
+    /// Holds it against what was seen.
+    pub fn examine(&self, seen: &Seen) -> ExpectationOutcome {
+        let mut captures: Vec<Capture> = seen.captures.to_vec();
+        if let Some(sensor) = &self.sensor {
+            captures.retain(|capture| capture.name == sensor);
+        }
+        let seen = Seen { captures: &captures, ..*seen };
+        let (expected, verdict) = self.what.examine(&seen);
+        let (met, found, place) = match verdict {
+            Verdict::Measured { met, found, place } => (met, found, place),
+            Verdict::Nothing(problem) => (false, problem, String::new()),
+        };
+        ExpectationOutcome { name: self.name.clone(), met, expected, found, place }
+    }
+}
+
+enum Verdict {
+    Measured {
+        met: bool,
+        found: String,
+        place: String,
+    },
+    /// There is nothing to measure.
+    Nothing(String),
+}
+
+impl Verdict {
+    fn new(met: bool, found: impl Into<String>, place: impl Into<String>) -> Self {
+        Self::Measured { met, found: found.into(), place: place.into() }
+    }
+}
+
+fn percent(share: f64) -> String {
+    format!("{} %", digits(100.0 * share))
+}
+
+impl Expected {
+    /// What is expected in words, and what was found.
+    fn examine(&self, seen: &Seen) -> (String, Verdict) {
+        match self {
+            Self::Points { target, count, range_m } => {
+                let at = if *range_m == Bounds::default() {
+                    String::new()
+                } else {
+                    format!(" at a range of {}", range_m.words(&metres))
+                };
+                let words = count.words(&|n| format!("{n}"));
+                (format!("{words} points on {target}{at}"), points(seen, target, count, range_m))
+            }
+            Self::Plane { target, normal, offset_m, max_error_m } => (
+                format!("{target} within {} of the plane {normal}·p = {offset_m} m", metres(*max_error_m)),
+                plane(seen, target, *normal, *offset_m, *max_error_m),
+            ),
+            Self::Resolution { target, horizontal, vertical } => {
+                let limit = |angle: &Option<Angle>, noun: &str| {
+                    angle.map(|a| format!("{}° {noun}", digits(a.degrees())))
+                };
+                let limits = [limit(horizontal, "from column to column"), limit(vertical, "from row to row")];
+                let limits: Vec<String> = limits.into_iter().flatten().collect();
+                let words = format!("beams on {target} at most {} apart", list(&limits));
+                (words, resolution(seen, target, *horizontal, *vertical))
+            }
+            Self::Coverage { zone, at_least } => {
+                let words = format!(
+                    "ground seen in at least {} of the cells of {} m from ({}, {}) to ({}, {}) m",
+                    percent(*at_least),
+                    zone.cell_m,
+                    zone.x_m[0],
+                    zone.y_m[0],
+                    zone.x_m[1],
+                    zone.y_m[1]
+                );
+                (words, coverage(seen, zone, *at_least))
+            }
+            Self::BlindZone { ground, at_most_m, sector_deg } => {
+                let words = format!("ground seen from a distance of {} on", metres(*at_most_m));
+                (words, blind_zone(seen, ground, *at_most_m, *sector_deg))
+            }
+            Self::Returns(bounds) => {
+                (format!("{} of the rays return", bounds.words(&percent)), returns(seen, bounds))
+            }
+            Self::Unobstructed { body, at_most } => {
+                let words = format!("at most {} of the rays hit {body}", percent(*at_most));
+                (words, unobstructed(seen, body, *at_most))
+            }
+            Self::PointsPerSecond(bounds) => {
+                let words = bounds.words(&|n| format!("{n}"));
+                (format!("{words} points a second"), points_per_second(seen, bounds))
+            }
+            Self::Speed { at_least } => {
+                let words = format!("at least {at_least} rays cast a second");
+                let verdict = match seen.rays_per_s {
+                    Some(speed) => Verdict::new(speed >= *at_least, format!("{speed:.0} rays a second"), ""),
+                    None => Verdict::Nothing("no speed was measured".to_owned()),
+                };
+                (words, verdict)
+            }
+        }
+    }
+}
+
+/// The returns of all captures that are on a target.
+fn on<'a>(seen: &'a Seen<'a>, target: &'a Target) -> impl Iterator<Item = Point<'a>> {
+    seen.captures.iter().flat_map(move |capture| {
+        let columns = capture.frame.columns;
+        capture.frame.returns.iter().enumerate().filter_map(move |(index, hit)| {
+            let hit = hit.as_ref().filter(|hit| target.is_hit(hit, seen.scene))?;
+            Some(Point { capture, row: index / columns, column: index % columns, hit })
+        })
+    })
+}
+
+fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bounds) -> Verdict {
+    if let Some(problem) = target.missing(seen.scene) {
+        return Verdict::Nothing(problem);
+    }
+    let mut by_sensor: BTreeMap<&str, (usize, f64, f64)> = BTreeMap::new();
+    let (mut inside, mut outside) = (0, 0);
+    for point in on(seen, target) {
+        if !range_m.hold(point.hit.range) {
+            outside += 1;
+            continue;
+        }
+        inside += 1;
+        let (n, near, far) =
+            by_sensor.entry(point.capture.name).or_insert((0, f64::INFINITY, f64::NEG_INFINITY));
+        (*n, *near, *far) = (*n + 1, near.min(point.hit.range), far.max(point.hit.range));
+    }
+    let elsewhere = if outside > 0 { format!(", {outside} at other ranges") } else { String::new() };
+    let place = by_sensor
+        .iter()
+        .map(|(name, (n, near, far))| format!("sensor {name}: {n} at {} to {}", metres(*near), metres(*far)));
+    let place = list(&place.collect::<Vec<_>>());
+    Verdict::new(count.hold(inside as f64), format!("{}{elsewhere}", counted(inside, "point")), place)
+}
+
+fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m: f64) -> Verdict {
+    if let Some(problem) = target.missing(seen.scene) {
+        return Verdict::Nothing(problem);
+    }
+    let mut worst: Option<(f64, String)> = None;
+    let (mut count, mut wrong) = (0, 0);
+    for point in on(seen, target) {
+        let world_from_sensor = point.capture.world_from_sensor();
+        let direction = world_from_sensor.direction(point.direction());
+        let ideal = (offset_m - normal.dot(world_from_sensor.translation)) / normal.dot(direction);
+        // A ray along the plane never meets it.
+        let error = if ideal.is_finite() { point.hit.range - ideal } else { f64::INFINITY };
+        count += 1;
+        wrong += usize::from(error.abs() > max_error_m);
+        if worst.as_ref().is_none_or(|(e, _)| error.abs() > e.abs()) {
+            worst = Some((error, point.place()));
+        }
+    }
+    match worst {
+        None => Verdict::Nothing(format!("no points on {target}")),
+        Some((error, place)) => {
+            let found = format!(
+                "{wrong} of {} are further off, the worst by {}",
+                counted(count, "point"),
+                metres(error)
+            );
+            Verdict::new(wrong == 0, found, place)
+        }
+    }
+}
+
+/// Angle between unit vectors, good for small ones too.
+fn angle_between(a: DVec3, b: DVec3) -> f64 {
+    libm::atan2(a.cross(b).length(), a.dot(b))
+}
+
+fn resolution(seen: &Seen, target: &Target, horizontal: Option<Angle>, vertical: Option<Angle>) -> Verdict {
+    if let Some(problem) = target.missing(seen.scene) {
+        return Verdict::Nothing(problem);
+    }
+    let mut worst: [Option<(f64, String)>; 2] = [None, None];
+    for point in on(seen, target) {
+        let Capture { frame, sensor, .. } = point.capture;
+        let wraps = matches!(&sensor.pattern, Pattern::Rotating(p) if p.is_full_turn());
+        let next_column = match point.column + 1 {
+            next if next < frame.columns => Some(next),
+            _ => wraps.then_some(0),
+        };
+        let neighbours = [
+            next_column.map(|column| (point.row, column)),
+            (point.row + 1 < frame.rows).then_some((point.row + 1, point.column)),
+        ];
+        for (worst, neighbour) in worst.iter_mut().zip(neighbours) {
+            let Some((row, column)) = neighbour else { continue };
+            if frame.get(row, column).is_some_and(|hit| target.is_hit(hit, seen.scene)) {
+                let angle = angle_between(point.direction(), sensor.pattern.pulse(row, column).direction);
+                if worst.as_ref().is_none_or(|(a, _)| angle > *a) {
+                    *worst = Some((angle, point.place()));
+                }
+            }
+        }
+    }
+    let (mut met, mut found, mut places) = (true, Vec::new(), Vec::new());
+    let [columns, rows] = worst;
+    for (limit, worst, noun) in [(horizontal, columns, "column"), (vertical, rows, "row")] {
+        let Some(limit) = limit else { continue };
+        match worst {
+            None => {
+                met = false;
+                found.push(format!("no two neighbours from {noun} to {noun}"));
+            }
+            Some((angle, place)) => {
+                let fine = angle <= limit.radians() * (1.0 + 1e-9);
+                met &= fine;
+                found.push(format!("{}° from {noun} to {noun}", digits(Angle::rad(angle).degrees())));
+                if !fine {
+                    places.push(place);
+                }
+            }
+        }
+    }
+    Verdict::new(met, list(&found), list(&places))
+}
+
+impl Ground {
+    /// Whether a point, in the body's frame, is on it.
+    fn has(&self, point: DVec3, hit: &Return, scene: &Scene) -> bool {
+        (point.z - self.z_m).abs() <= self.tolerance_m && self.target.is_hit(hit, scene)
+    }
+}
+
+impl Zone {
+    /// Cells along x and along y.
+    pub fn cells(&self) -> (usize, usize) {
+        let along = |[from, to]: [f64; 2]| ((to - from) / self.cell_m - 1e-9).ceil().max(1.0) as usize;
+        (along(self.x_m), along(self.y_m))
+    }
+
+    /// The middle of a cell.
+    fn middle(&self, x: usize, y: usize) -> (f64, f64) {
+        let at = |from: f64, i: usize| from + (i as f64 + 0.5) * self.cell_m;
+        (at(self.x_m[0], x), at(self.y_m[0], y))
+    }
+
+    /// Returns from the ground in each cell: x within y.
+    pub fn count(&self, seen: &Seen) -> Vec<u32> {
+        let (nx, ny) = self.cells();
+        let mut counts = vec![0_u32; nx * ny];
+        let anything = Target::default();
+        for point in on(seen, &anything) {
+            let p = point.in_body();
+            if !self.ground.has(p, point.hit, seen.scene) {
+                continue;
+            }
+            let x = ((p.x - self.x_m[0]) / self.cell_m).floor();
+            let y = ((p.y - self.y_m[0]) / self.cell_m).floor();
+            if (0.0..nx as f64).contains(&x) && (0.0..ny as f64).contains(&y) {
+                let count = &mut counts[y as usize * nx + x as usize];
+                *count = count.saturating_add(1);
+            }
+        }
+        counts
+    }
+}
+
+fn coverage(seen: &Seen, zone: &Zone, at_least: f64) -> Verdict {
+    if let Some(problem) = zone.ground.target.missing(seen.scene) {
+        return Verdict::Nothing(problem);
+    }
+    let counts = zone.count(seen);
+    let (nx, _) = zone.cells();
+    let hit = counts.iter().filter(|&&n| n > 0).count();
+    let share = hit as f64 / counts.len() as f64;
+    let distance = |index: usize| {
+        let (x, y) = zone.middle(index % nx, index / nx);
+        (x * x + y * y).sqrt()
+    };
+    let blind = (0..counts.len()).filter(|&i| counts[i] == 0);
+    let nearest = blind.min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
+    let place = nearest.map_or_else(String::new, |index| {
+        let (x, y) = zone.middle(index % nx, index / nx);
+        format!("the nearest cell unseen is at ({x:.2}, {y:.2}) m")
+    });
+    Verdict::new(share >= at_least, format!("{} of {} cells", percent(share), counts.len()), place)
+}
+
+fn blind_zone(seen: &Seen, ground: &Ground, at_most_m: f64, (from, to): (i32, i32)) -> Verdict {
+    if let Some(problem) = ground.target.missing(seen.scene) {
+        return Verdict::Nothing(problem);
+    }
+    let mut nearest = [f64::INFINITY; 360];
+    let anything = Target::default();
+    for point in on(seen, &anything) {
+        let p = point.in_body();
+        if ground.has(p, point.hit, seen.scene) {
+            let degree = Angle::rad(libm::atan2(p.y, p.x)).degrees().floor() as i32;
+            let nearest = &mut nearest[degree.rem_euclid(360) as usize];
+            *nearest = nearest.min((p.x * p.x + p.y * p.y).sqrt());
+        }
+    }
+    let looked_at = (from..to).map(|degree| (degree, nearest[degree.rem_euclid(360) as usize]));
+    let worst = looked_at.clone().max_by(|a, b| a.1.total_cmp(&b.1));
+    let Some((degree, distance)) = worst else { return Verdict::Nothing("no azimuth to look at".to_owned()) };
+    let blind = looked_at.filter(|(_, distance)| *distance > at_most_m).count();
+    let found = if distance.is_finite() {
+        format!("the ground begins at {}", metres(distance))
+    } else {
+        "no ground at all".to_owned()
+    };
+    let others =
+        if blind > 1 { format!(", and {} further degrees that are blind", blind - 1) } else { String::new() };
+    Verdict::new(distance <= at_most_m, found, format!("azimuth {degree}° to {}°{others}", degree + 1))
+}
+
+/// A share of each sensor's rays: all must be within the bounds, and the one furthest off is told.
+fn share_of_each(seen: &Seen, bounds: &Bounds, noun: &str, counts: &dyn Fn(&Return) -> bool) -> Verdict {
+    let off = |share: f64| {
+        let under = bounds.at_least.map_or(f64::NEG_INFINITY, |least| least - share);
+        under.max(bounds.at_most.map_or(f64::NEG_INFINITY, |most| share - most))
+    };
+    let shares = seen.captures.iter().map(|capture| {
+        let hits = capture.frame.returns.iter().flatten().filter(|hit| counts(hit)).count();
+        (hits as f64 / capture.frame.returns.len() as f64, capture.name)
+    });
+    match shares.max_by(|a, b| off(a.0).total_cmp(&off(b.0))) {
+        None => Verdict::Nothing("no sensor".to_owned()),
+        Some((share, name)) => {
+            Verdict::new(bounds.hold(share), format!("{} {noun}", percent(share)), format!("sensor {name}"))
+        }
+    }
+}
+
+fn returns(seen: &Seen, bounds: &Bounds) -> Verdict {
+    share_of_each(seen, bounds, "return", &|_| true)
+}
+
+fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Verdict {
+    if let Some(problem) = body.missing(seen.scene) {
+        return Verdict::Nothing(problem);
+    }
+    let bounds = Bounds { at_least: None, at_most: Some(at_most) };
+    let verdict = share_of_each(seen, &bounds, "hit it", &|hit| body.is_hit(hit, seen.scene));
+    let Verdict::Measured { met, found, place } = verdict else { return verdict };
+    // Where the sensor that sees most of it is obstructed.
+    let name = place.strip_prefix("sensor ").unwrap_or_default().to_owned();
+    let mut spans = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+    for point in on(seen, body).filter(|point| point.capture.name == name) {
+        let d = point.direction();
+        let angles = [libm::atan2(d.y, d.x), libm::asin(d.z.clamp(-1.0, 1.0))];
+        for (span, angle) in spans.iter_mut().zip(angles) {
+            let degrees = Angle::rad(angle).degrees();
+            *span = [span[0].min(degrees), span[1].max(degrees)];
+        }
+    }
+    let [azimuth, elevation] = spans;
+    if azimuth[0] > azimuth[1] {
+        return Verdict::Measured { met, found, place };
+    }
+    let place = format!(
+        "{place}: azimuth {:.1}° to {:.1}°, elevation {:.1}° to {:.1}°",
+        azimuth[0], azimuth[1], elevation[0], elevation[1]
+    );
+    Verdict::Measured { met, found, place }
+}
+
+fn points_per_second(seen: &Seen, bounds: &Bounds) -> Verdict {
+    let mut sum = 0.0;
+    for capture in seen.captures {
+        let Some(rate) = capture.sensor.pattern.rate_hz() else {
+            return Verdict::Nothing(format!("sensor {} has no rate_hz", capture.name));
+        };
+        sum += capture.frame.returns.iter().flatten().count() as f64 * rate;
+    }
+    Verdict::new(bounds.hold(sum), format!("{sum:.0} points a second"), "")
+}

@@ -1,0 +1,290 @@
+//! A sensor's frame against its baseline.
+
+use std::collections::BTreeMap;
+
+use super::baseline::{Kept, SensorRecord, Taken};
+use super::changes::Changes;
+use super::compare::{AtLeast, ChannelDifference, ImageDifference, Tolerance, compare, main_depth};
+use super::outcome::{Change, SensorOutcome};
+use super::words::{self, Region, counted, digits, list, metres};
+use crate::output::Image;
+
+/// What a job's `[check]` says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Settings {
+    /// The channels that are held to the baseline; all of them if absent.
+    pub channels: Option<Vec<String>>,
+    /// How much a channel may differ; not at all if it is not here.
+    pub tolerances: BTreeMap<String, Tolerance>,
+}
+
+impl Settings {
+    fn holds(&self, channel: &str) -> bool {
+        self.channels.as_ref().is_none_or(|channels| channels.iter().any(|c| c == channel))
+    }
+
+    /// How much a channel may differ.
+    pub fn tolerance(&self, channel: &str) -> Tolerance {
+        self.tolerances.get(channel).copied().unwrap_or_default()
+    }
+}
+
+/// Judges what was `taken` by what was accepted. `kept` reads the baseline's pixels, and is asked only if there is a
+/// difference; `accept` is the command that accepts the job as it is.
+pub fn judge(
+    taken: &Taken,
+    accepted: &SensorRecord,
+    kept: impl FnOnce() -> Result<Kept, String>,
+    settings: &Settings,
+    changes: &Changes,
+    accept: &str,
+) -> SensorOutcome {
+    let now = &taken.record;
+    let mut outcome =
+        SensorOutcome { name: now.name.clone(), run: taken.image.clone(), ..Default::default() };
+    let why = why(&now.name, changes);
+    if (now.rows, now.columns) != (accepted.rows, accepted.columns) {
+        let size = |r: &SensorRecord| format!("{} × {}", r.rows, r.columns);
+        outcome.differences.push(format!("{why}the image is {}, the baseline {}", size(now), size(accepted)));
+        return outcome;
+    }
+    let held: Vec<&String> = now.channels.keys().filter(|c| settings.holds(c)).collect();
+    let differing: Vec<&String> =
+        held.iter().copied().filter(|&c| now.channels.get(c) != accepted.channels.get(c)).collect();
+    let gone: Vec<String> = accepted
+        .channels
+        .keys()
+        .filter(|c| settings.holds(c) && !now.channels.contains_key(*c))
+        .cloned()
+        .collect();
+    if !gone.is_empty() {
+        outcome.differences.push(format!("{why}the run has no {}, the baseline does", list(&gone)));
+    }
+    if differing.is_empty() {
+        return outcome;
+    }
+    let kept = match kept() {
+        Ok(kept) => kept,
+        Err(problem) => {
+            outcome
+                .differences
+                .push(format!("{why}{} differ from the baseline, {problem}", names(&differing)));
+            return outcome;
+        }
+    };
+    let resolution = |channel: &str| accepted.kept.get(channel).copied().unwrap_or(0.0);
+    let difference = compare(&kept.image, &taken.image, &|c| settings.tolerance(c), &resolution);
+    let judgement = Judgement { taken, accepted, kept: &kept, settings, difference: &difference };
+    for name in differing {
+        let mut found = judgement.channel(name, accept, &mut outcome.differences);
+        found.channel = name.clone();
+        outcome.channels.push(found);
+    }
+    let sentences = judgement.sentences(&outcome.channels);
+    outcome.differences.extend(sentences.into_iter().map(|sentence| format!("{why}{sentence}")));
+    outcome.baseline = Some(kept.image);
+    outcome
+}
+
+struct Judgement<'a> {
+    taken: &'a Taken,
+    accepted: &'a SensorRecord,
+    kept: &'a Kept,
+    settings: &'a Settings,
+    difference: &'a ImageDifference,
+}
+
+impl Judgement<'_> {
+    /// What is known of a channel whose hash is another.
+    fn channel(&self, name: &str, accept: &str, problems: &mut Vec<String>) -> ChannelDifference {
+        let known = self.difference.channels.iter().find(|c| c.channel == name);
+        let has_tolerance = self.settings.tolerances.contains_key(name);
+        match known {
+            Some(known) if has_tolerance => known.clone(),
+            None if has_tolerance => {
+                problems.push(format!(
+                    "the baseline was accepted before {name} had a tolerance, and has no pixels of it: {accept}"
+                ));
+                ChannelDifference::default()
+            }
+            known => {
+                // Its hash says that it differs, however little.
+                let mut found = known.cloned().unwrap_or_default();
+                found.within_tolerance = false;
+                found.differing = self.count(name, found.pixels.len(), found.resolution);
+                found
+            }
+        }
+    }
+
+    /// How many pixels of a channel differ at all.
+    fn count(&self, name: &str, seen: usize, resolution: f64) -> AtLeast {
+        let region = self.region(name);
+        if self.accepted.kept.contains_key(name) && resolution == 0.0 {
+            return AtLeast { count: seen, exact: true };
+        }
+        // In a single row the columns count the pixels, and the other way round.
+        let count = seen.max(region.rows.len()).max(region.columns.len());
+        let exact = !region.columns.is_empty() && (region.rows.len() == 1 || region.columns.len() == 1);
+        AtLeast { count, exact }
+    }
+
+    /// The rows, and of the main depth the columns, whose hashes differ.
+    fn region(&self, name: &str) -> Region {
+        let differ = |old: &[u32], new: &[u32]| -> Vec<usize> {
+            (0..old.len().min(new.len())).filter(|&i| old[i] != new[i]).collect()
+        };
+        let (old, new) = (&self.kept.hashes, self.taken.hashes());
+        let rows = match (old.rows.get(name), new.rows.get(name)) {
+            (Some(old), Some(new)) => differ(old, new),
+            _ => Vec::new(),
+        };
+        let is_main = main_depth(&self.taken.image).is_some_and(|(main, _)| main == name);
+        let columns = if is_main { differ(&old.columns, &new.columns) } else { Vec::new() };
+        Region { rows, columns }
+    }
+
+    fn sentences(&self, channels: &[ChannelDifference]) -> Vec<String> {
+        let wrong: Vec<&ChannelDifference> =
+            channels.iter().filter(|c| !c.within_tolerance && !c.channel.is_empty()).collect();
+        let mut sentences = Vec::new();
+        let main = main_depth(&self.taken.image).map_or("", |(name, _)| name);
+        for found in &wrong {
+            match found.channel.as_str() {
+                name if name == main => sentences.push(self.range_sentence(found)),
+                "id.semantic" => sentences.extend(self.label_sentence(found)),
+                _ if found.statistics.is_some() => sentences.push(self.value_sentence(found)),
+                _ => {}
+            }
+        }
+        // What follows from the range is told in short, and what differs alone at length.
+        let quiet: Vec<&ChannelDifference> = wrong
+            .iter()
+            .copied()
+            .filter(|c| c.statistics.is_none() && c.channel != main && c.channel != "id.semantic")
+            .collect();
+        if !quiet.is_empty() {
+            let names = names(&quiet.iter().map(|c| &c.channel).collect::<Vec<_>>());
+            let mut rows: Vec<usize> = quiet.iter().flat_map(|c| self.region(&c.channel).rows).collect();
+            rows.sort_unstable();
+            rows.dedup();
+            let place = Region { rows, columns: vec![] }.words(self.size());
+            let too = if sentences.is_empty() { "" } else { " too" };
+            let verb = if quiet.len() == 1 { "differs" } else { "differ" };
+            let comma = if place.is_empty() { "" } else { ", " };
+            sentences.push(format!("{names} {verb}{too}{comma}{place}"));
+        }
+        sentences
+    }
+
+    /// `2048 of 262144 ranges differ, max 1.2 m, all in row 17`
+    fn range_sentence(&self, found: &ChannelDifference) -> String {
+        let mask = self.difference.mask;
+        let mut parts = vec![self.how_many(found, "ranges")];
+        if let Some(s) = found.statistics {
+            if s.max > found.resolution / 2.0 {
+                let at = self.pixel(s.worst);
+                parts.push(format!("max {} ({at})", metres(s.max)));
+            } else if mask.appeared + mask.vanished == 0 {
+                parts.push(format!("none by more than {}", metres(found.resolution)));
+            }
+        }
+        if mask.appeared > 0 {
+            parts.push(format!("{} appeared", counted(mask.appeared, "return")));
+        }
+        if mask.vanished > 0 {
+            parts.push(format!("{} vanished", counted(mask.vanished, "return")));
+        }
+        parts.extend(self.places(found));
+        parts.join(", ")
+    }
+
+    fn value_sentence(&self, found: &ChannelDifference) -> String {
+        let mut parts = vec![self.how_many(found, &format!("values of {}", found.channel))];
+        if let Some(s) = found.statistics.filter(|s| s.max > found.resolution / 2.0) {
+            parts.push(format!("max {} ({})", digits(s.max), self.pixel(s.worst)));
+        }
+        parts.extend(self.places(found));
+        parts.join(", ")
+    }
+
+    /// `534 of 28800 labels differ (label 3 → 0: 534), all on "crate_3"`
+    fn label_sentence(&self, found: &ChannelDifference) -> Option<String> {
+        if found.pixels.is_empty() {
+            return None; // the labels of what appeared and vanished, which is told
+        }
+        let mut parts = vec![self.how_many(found, "labels")];
+        let confusion = self.difference.label_confusion.iter().take(3);
+        let pairs: Vec<String> =
+            confusion.map(|c| format!("{} → {}: {} pixels", c.was, c.is, c.pixels)).collect();
+        parts.push(format!("label {}", pairs.join("; ")));
+        parts.extend(self.places(found));
+        Some(parts.join(", "))
+    }
+
+    fn how_many(&self, found: &ChannelDifference, noun: &str) -> String {
+        let AtLeast { count, exact } = found.differing;
+        let least = if exact { "" } else { "at least " };
+        let tolerance = self.settings.tolerance(&found.channel);
+        let by = match (tolerance.absolute > 0.0 || tolerance.relative > 0.0, tolerance.pixels > 0.0) {
+            (true, _) => " by more than the tolerance",
+            (false, true) => ", more than may",
+            (false, false) => "",
+        };
+        let verb = if count == 1 { "differs" } else { "differ" };
+        format!("{least}{count} of {} {noun} {verb}{by}", self.taken.record.pixels())
+    }
+
+    /// Where, and on what.
+    fn places(&self, found: &ChannelDifference) -> Vec<String> {
+        let region = match self.settings.tolerances.contains_key(&found.channel) {
+            true => Region::of(&found.pixels, self.taken.record.columns),
+            false => self.region(&found.channel),
+        };
+        let region = if region.columns.is_empty() && !found.pixels.is_empty() && found.resolution == 0.0 {
+            Region::of(&found.pixels, self.taken.record.columns)
+        } else {
+            region
+        };
+        let ids = |image: &'_ Image| image.u32("id.instance").map(<[u32]>::to_vec);
+        let (old, new) = (ids(&self.kept.image), ids(&self.taken.image));
+        let objects = words::objects(
+            &found.pixels,
+            [(self.accepted, old.as_deref()), (&self.taken.record, new.as_deref())],
+        );
+        [region.words(self.size()), objects].into_iter().filter(|w| !w.is_empty()).collect()
+    }
+
+    fn size(&self) -> (usize, usize) {
+        (self.taken.record.rows, self.taken.record.columns)
+    }
+
+    fn pixel(&self, pixel: u32) -> String {
+        let columns = self.taken.record.columns;
+        format!("row {}, column {}", pixel as usize / columns, pixel as usize % columns)
+    }
+}
+
+/// What probably made the difference, before a colon; empty if nothing is known to have changed.
+fn why(sensor: &str, changes: &Changes) -> String {
+    const MOST: usize = 3;
+    let own = changes.of_sensor.get(sensor).map_or(&[][..], Vec::as_slice);
+    let all: Vec<&Change> = own.iter().chain(&changes.of_job).collect();
+    let prefix = format!("sensor {sensor}: ");
+    if all.is_empty() {
+        return prefix;
+    }
+    let own_words = |change: &&Change| {
+        let text = change.to_string();
+        text.strip_prefix(&prefix).map_or(text.clone(), str::to_owned)
+    };
+    let mut told: Vec<String> = all.iter().take(MOST).map(own_words).collect();
+    if all.len() > MOST {
+        told.push(format!("{} more changes", all.len() - MOST));
+    }
+    format!("{prefix}{}: ", told.join("; "))
+}
+
+fn names(channels: &[&String]) -> String {
+    list(&channels.iter().map(|c| (*c).clone()).collect::<Vec<_>>())
+}

@@ -1,0 +1,289 @@
+//! Outcomes as people, CI servers and scripts want them.
+
+use std::fmt::Write as _;
+
+use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
+use serde_json::{Value, json};
+
+use super::compare::ChannelDifference;
+use super::outcome::{ExpectationOutcome, Outcome, SensorOutcome, Verdict};
+use super::words::counted;
+
+impl Verdict {
+    /// In a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Passed => "passed",
+            Self::Accepted => "accepted",
+            Self::Failed => "failed",
+            Self::Broken => "broken",
+        }
+    }
+
+    /// Whether nothing is wrong.
+    pub fn is_fine(self) -> bool {
+        matches!(self, Self::Passed | Self::Accepted)
+    }
+}
+
+impl ExpectationOutcome {
+    /// `the pedestrian is seen: expected at least 50 points on "pedestrian_1", found 31 points (sensor roof: …)`
+    pub fn sentence(&self) -> String {
+        let place = if self.place.is_empty() { String::new() } else { format!(" ({})", self.place) };
+        format!("{}: expected {}, found {}{place}", self.name, self.expected, self.found)
+    }
+}
+
+impl Outcome {
+    /// Every sentence on what is wrong.
+    pub fn failures(&self) -> Vec<String> {
+        let differences = self.sensors.iter().flat_map(|sensor| &sensor.differences).cloned();
+        let unmet = self.expectations.iter().filter(|e| !e.met).map(ExpectationOutcome::sentence);
+        self.problems.iter().cloned().chain(differences).chain(unmet).collect()
+    }
+}
+
+/// `5 jobs: 3 passed, 2 failed`
+pub fn summary(outcomes: &[Outcome]) -> String {
+    let verdicts = [Verdict::Passed, Verdict::Accepted, Verdict::Failed, Verdict::Broken];
+    let counts = verdicts.iter().filter_map(|verdict| {
+        let count = outcomes.iter().filter(|outcome| outcome.verdict == *verdict).count();
+        (count > 0).then(|| format!("{count} {}", verdict.word()))
+    });
+    let counts = counts.collect::<Vec<_>>().join(", ");
+    format!("{}: {counts}", counted(outcomes.len(), "job"))
+}
+
+/// For a terminal: a line a job, with what is wrong and what changed below it.
+pub fn text(outcomes: &[Outcome]) -> String {
+    let mut text = String::new();
+    for outcome in outcomes {
+        let _ = write!(text, "{}: {}", outcome.job, outcome.verdict.word());
+        let met = outcome.expectations.iter().filter(|e| e.met).count();
+        if met > 0 {
+            let _ = write!(text, ", {} met", counted(met, "expectation"));
+        }
+        text.push('\n');
+        for failure in outcome.failures() {
+            let _ = writeln!(text, "  {failure}");
+        }
+        if !outcome.changes.is_empty() {
+            text.push_str("  changed since the baseline was accepted:\n");
+            for change in &outcome.changes {
+                let _ = writeln!(text, "    {change}");
+            }
+        }
+    }
+    text
+}
+
+/// For GitHub's job summary, and for comments.
+pub fn markdown(outcomes: &[Outcome]) -> String {
+    let mut text = format!("### beamcast check: {}\n\n| job | |\n|---|---|\n", summary(outcomes));
+    for outcome in outcomes {
+        let sign = if outcome.verdict.is_fine() { "✅" } else { "❌" };
+        let _ = writeln!(text, "| {} | {sign} {} |", escaped(&outcome.job), outcome.verdict.word());
+    }
+    for outcome in outcomes.iter().filter(|outcome| !outcome.verdict.is_fine()) {
+        let _ = writeln!(text, "\n#### {}\n", escaped(&outcome.job));
+        for failure in outcome.failures() {
+            let _ = writeln!(text, "- {}", escaped(&failure));
+        }
+        if !outcome.changes.is_empty() {
+            text.push_str("\nChanged since the baseline was accepted:\n\n");
+            for change in &outcome.changes {
+                let _ = writeln!(text, "- {}", escaped(&change.to_string()));
+            }
+        }
+    }
+    text
+}
+
+/// Names are anything, and must not become markup.
+fn escaped(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '\\' | '`' | '*' | '_' | '|' | '[' | ']' | '#' | '~' => escaped.extend(['\\', c]),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '&' => escaped.push_str("&amp;"),
+            '\n' | '\r' => escaped.push(' '),
+            c => escaped.push(c),
+        }
+    }
+    escaped
+}
+
+/// GitHub's workflow commands: an annotation a failure, at the job's file.
+pub fn github(outcomes: &[Outcome]) -> String {
+    let data = |text: &str| text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A");
+    let property = |text: &str| data(text).replace(':', "%3A").replace(',', "%2C");
+    let mut text = String::new();
+    for outcome in outcomes {
+        for failure in outcome.failures() {
+            let file = property(&outcome.job);
+            let _ = writeln!(text, "::error file={file},title=beamcast check::{}", data(&failure));
+        }
+    }
+    text
+}
+
+/// JUnit XML: a suite a job, a case a sensor and expectation.
+///
+/// # Errors
+/// If the XML can't be made.
+pub fn junit(outcomes: &[Outcome]) -> Result<String, String> {
+    let mut report = Report::new("beamcast check");
+    for outcome in outcomes {
+        let mut suite = TestSuite::new(outcome.job.as_str());
+        let case = |name: &str, kind: NonSuccessKind, failures: &[String]| {
+            let status = match failures {
+                [] => TestCaseStatus::success(),
+                [first, ..] => {
+                    let mut status = TestCaseStatus::non_success(kind);
+                    status.set_message(first.as_str());
+                    status.set_description(failures.join("\n"));
+                    status
+                }
+            };
+            let mut case = TestCase::new(name, status);
+            case.set_classname(outcome.job.as_str());
+            case
+        };
+        let kind = match outcome.verdict {
+            Verdict::Broken => NonSuccessKind::Error,
+            _ => NonSuccessKind::Failure,
+        };
+        if !outcome.problems.is_empty() || (outcome.sensors.is_empty() && outcome.expectations.is_empty()) {
+            suite.add_test_case(case("job", kind, &outcome.problems));
+        }
+        for SensorOutcome { name, differences, .. } in &outcome.sensors {
+            suite.add_test_case(case(
+                &format!("sensor {name} is as in its baseline"),
+                NonSuccessKind::Failure,
+                differences,
+            ));
+        }
+        for expectation in &outcome.expectations {
+            let failures = if expectation.met { vec![] } else { vec![expectation.sentence()] };
+            suite.add_test_case(case(&expectation.name, NonSuccessKind::Failure, &failures));
+        }
+        report.add_test_suite(suite);
+    }
+    report.to_string().map_err(|e| e.to_string())
+}
+
+/// For scripts.
+pub fn json(outcomes: &[Outcome]) -> Value {
+    let jobs = outcomes.iter().map(|outcome| {
+        let expectation = |e: &ExpectationOutcome| {
+            json!({ "name": e.name, "met": e.met, "expected": e.expected, "found": e.found, "place": e.place })
+        };
+        let sensor = |s: &SensorOutcome| {
+            let columns = s.run.columns;
+            json!({
+                "name": s.name,
+                "rows": s.run.rows,
+                "columns": columns,
+                "differences": s.differences,
+                "channels": s.channels.iter().map(|c| channel(c, columns)).collect::<Vec<_>>(),
+            })
+        };
+        let change = |c: &super::Change| json!({ "what": c.what, "old": c.old, "new": c.new });
+        json!({
+            "job": outcome.job,
+            "verdict": outcome.verdict.word(),
+            "problems": outcome.problems,
+            "changes": outcome.changes.iter().map(change).collect::<Vec<_>>(),
+            "sensors": outcome.sensors.iter().map(sensor).collect::<Vec<_>>(),
+            "expectations": outcome.expectations.iter().map(expectation).collect::<Vec<_>>(),
+        })
+    });
+    let fine = outcomes.iter().all(|outcome| outcome.verdict.is_fine());
+    json!({ "passed": fine, "jobs": jobs.collect::<Vec<_>>() })
+}
+
+/// A channel's difference, in an image of so many columns.
+pub fn channel(found: &ChannelDifference, columns: usize) -> Value {
+    let statistics = found.statistics.map(|s| {
+        json!({
+            "max": s.max,
+            "worst_row": s.worst as usize / columns.max(1),
+            "worst_column": s.worst as usize % columns.max(1),
+            "mean": s.mean,
+            "rms": s.rms,
+            "p99": s.p99,
+        })
+    });
+    json!({
+        "channel": found.channel,
+        "within_tolerance": found.within_tolerance,
+        "differing": found.differing.count,
+        "differing_is_exact": found.differing.exact,
+        "resolution": found.resolution,
+        "statistics": statistics,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outcomes() -> Vec<Outcome> {
+        let sensor = SensorOutcome {
+            name: "roof".into(),
+            differences: vec!["sensor roof: 3 of 8 ranges differ, 50 % <&> more".into()],
+            ..SensorOutcome::default()
+        };
+        let expectation = ExpectationOutcome {
+            name: "a, b: c".into(),
+            met: false,
+            expected: "at least 5 points on \"x|y\"".into(),
+            found: "1 point".into(),
+            place: String::new(),
+        };
+        vec![
+            Outcome {
+                job: "a,b.toml".into(),
+                verdict: Verdict::Failed,
+                sensors: vec![sensor],
+                expectations: vec![expectation],
+                ..Outcome::default()
+            },
+            Outcome { job: "good.toml".into(), ..Outcome::default() },
+        ]
+    }
+
+    #[test]
+    fn annotations_are_escaped() {
+        assert_eq!(
+            github(&outcomes()),
+            "::error file=a%2Cb.toml,title=beamcast check::sensor roof: 3 of 8 ranges differ, 50 %25 <&> more\n\
+             ::error file=a%2Cb.toml,title=beamcast check::a, b: c: expected at least 5 points on \"x|y\", found 1 point\n"
+        );
+    }
+
+    #[test]
+    fn junit_counts_what_failed() {
+        let xml = junit(&outcomes()).unwrap();
+        assert!(xml.contains("tests=\"3\" failures=\"2\" errors=\"0\""), "{xml}");
+        assert!(xml.contains("50 % &lt;&amp;&gt; more"), "{xml}");
+    }
+
+    #[test]
+    fn markdown_has_a_row_a_job_and_no_markup_of_names() {
+        let text = markdown(&outcomes());
+        assert!(text.contains("2 jobs: 1 passed, 1 failed"), "{text}");
+        assert!(text.contains("| good.toml | ✅ passed |"), "{text}");
+        assert!(text.contains("x\\|y") && text.contains("&lt;&amp;&gt;"), "{text}");
+    }
+
+    #[test]
+    fn json_says_whether_all_is_well() {
+        let value = json(&outcomes());
+        assert_eq!(value["passed"], false);
+        assert_eq!(value["jobs"][0]["expectations"][0]["found"], "1 point");
+        assert_eq!(json(&outcomes()[1..])["passed"], true);
+    }
+}

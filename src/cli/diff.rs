@@ -1,0 +1,434 @@
+//! `beamcast diff`: two outputs, channel by channel.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::interrupt::Interrupt;
+use super::pipeline::{self, Plan};
+use super::terminal::Terminal;
+use crate::check::cloud::{CloudDifference, compare_clouds};
+use crate::check::compare::{ChannelDifference, ImageDifference, compare, main_depth};
+use crate::check::{Tolerance, heat_map, report, words};
+use crate::config;
+use crate::error::Error;
+use crate::output::recorded::{Cloud, Recorded};
+use crate::output::{CHANNELS, Image, encode_png, write_file};
+use crate::trace::kernel::Caster;
+
+/// The arguments of `beamcast diff`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// An EXR, a PLY, a folder that a scan wrote, or a job, which is run
+    a: PathBuf,
+    /// The same, to compare with: the newer one
+    b: PathBuf,
+    /// How much a channel (or a cloud's field) may differ, such as range=0.001 or intensity=1%; can be given again
+    /// [default: not at all]
+    #[arg(long = "tolerance", value_name = "CHANNEL=VALUE", value_parser = parse_tolerance)]
+    tolerances: Vec<(String, Tolerance)>,
+    /// The part of the pixels that may differ by more than that, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value = "0", value_parser = parse_share)]
+    pixels: f64,
+    /// Write a picture of where a channel differs
+    #[arg(long, value_name = "FILE")]
+    png: Option<PathBuf>,
+    /// The channel of the picture
+    #[arg(long, value_name = "CHANNEL", default_value = "range", requires = "png")]
+    channel: String,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Threads to work on, 1 to 1024 [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+fn parse_tolerance(text: &str) -> Result<(String, Tolerance), String> {
+    let (channel, value) = text.split_once('=').ok_or("expected CHANNEL=VALUE, such as range=0.001")?;
+    let (number, is_relative) = match value.strip_suffix('%') {
+        Some(percent) => (percent, true),
+        None => (value, false),
+    };
+    let number: f64 = number.trim().parse().map_err(|_| format!("{value:?} is no number"))?;
+    if !(number >= 0.0 && number.is_finite()) {
+        return Err(format!("{value} is no tolerance: expected 0 or more"));
+    }
+    let tolerance = match is_relative {
+        true => Tolerance { relative: number / 100.0, ..Tolerance::default() },
+        false => Tolerance { absolute: number, ..Tolerance::default() },
+    };
+    Ok((channel.to_owned(), tolerance))
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    let share: f64 = text.parse().map_err(|_| format!("{text:?} is no number"))?;
+    if (0.0..=1.0).contains(&share) {
+        Ok(share)
+    } else {
+        Err("expected a part of the whole, 0 to 1".to_owned())
+    }
+}
+
+/// Compares, prints what differs, and fails if it is more than may.
+///
+/// # Errors
+/// [`Error::Difference`] if something differs beyond its tolerance; [`Error::Input`] and those of jobs if a side can't be
+/// had.
+pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
+    let interrupt = Interrupt::watch()?;
+    pipeline::set_threads(args.threads)?;
+    let [a, b] = [&args.a, &args.b].map(|path| side(path, terminal, &interrupt));
+    let (a, b) = (a?, b?);
+    for (name, _) in &args.tolerances {
+        let known = CHANNELS.contains(&name.as_str()) || a.has(name) || b.has(name);
+        if !known {
+            return Err(Error::Usage(format!(
+                "there is no channel or field {name:?}: they are {}",
+                CHANNELS.join(", ")
+            )));
+        }
+    }
+    let pairs = pair(&a, &b, &args.a, &args.b)?;
+    let mut found = Vec::new();
+    for (name, a, b) in pairs {
+        found.push(compare_items(args, &name, a, b)?);
+    }
+    let is_same = found.iter().all(|pair| pair.within);
+    if args.json {
+        let pairs: Vec<&Value> = found.iter().map(|pair| &pair.json).collect();
+        terminal.data(&format!("{:#}\n", json!({ "same": is_same, "pairs": pairs })))?;
+    } else {
+        terminal.print(&found.iter().map(|pair| pair.text.as_str()).collect::<String>())?;
+    }
+    if is_same {
+        return Ok(());
+    }
+    Err(Error::Difference(format!("{} differs from {}", args.b.display(), args.a.display())))
+}
+
+/// What there is to compare, by name; a single file has the empty name.
+struct Side(BTreeMap<String, Item>);
+
+enum Item {
+    Image(Image),
+    Cloud(Cloud),
+}
+
+impl Side {
+    fn has(&self, field: &str) -> bool {
+        self.0.values().any(|item| match item {
+            Item::Image(image) => image.channel(field).is_some(),
+            Item::Cloud(cloud) => cloud.field(field).is_some(),
+        })
+    }
+}
+
+fn side(path: &Path, terminal: &Terminal, interrupt: &Interrupt) -> Result<Side, Error> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        return run_job(path, terminal, interrupt);
+    }
+    let mut items = BTreeMap::new();
+    match Recorded::open(path)? {
+        Recorded::Folder(folder) => {
+            let is =
+                |output: &str, extension: &str| Path::new(output).extension().is_some_and(|e| e == extension);
+            let has_image = |cloud: &str| {
+                let image = Path::new(cloud).with_extension("exr");
+                folder.outputs.iter().any(|output| Path::new(output) == image)
+            };
+            // A cloud says nothing that the image of the same frame doesn't.
+            let wanted = |output: &&String| is(output, "exr") || (is(output, "ply") && !has_image(output));
+            for output in folder.outputs.iter().filter(wanted) {
+                let frame = output.rsplit_once('.').map_or(output.as_str(), |(stem, _)| stem);
+                add(&mut items, frame, folder.read(output)?);
+            }
+            if items.is_empty() {
+                return Err(Error::input(path, "has neither EXR images nor PLY clouds"));
+            }
+        }
+        single => add(&mut items, "", single),
+    }
+    Ok(Side(items))
+}
+
+/// Adds a file's images or its cloud.
+fn add(items: &mut BTreeMap<String, Item>, frame: &str, recorded: Recorded) {
+    match recorded {
+        Recorded::Exr(parts) => {
+            for (index, part) in parts.into_iter().enumerate() {
+                let name = match index {
+                    0 => frame.to_owned(),
+                    _ => format!("{frame}:{}", part.name),
+                };
+                items.insert(name, Item::Image(without_repeats(part.image)));
+            }
+        }
+        Recorded::Cloud(cloud) => {
+            items.insert(frame.to_owned(), Item::Cloud(cloud));
+        }
+        Recorded::Folder(_) => {}
+    }
+}
+
+/// `Y` says what another channel says.
+fn without_repeats(mut image: Image) -> Image {
+    if image.channel("range").is_some() || image.channel("Z").is_some() {
+        image.channels.retain(|channel| channel.name != "Y");
+    }
+    image
+}
+
+fn run_job(path: &Path, terminal: &Terminal, interrupt: &Interrupt) -> Result<Side, Error> {
+    let job = config::load_job(path, &[])?;
+    terminal.warn_of(&job.warnings);
+    let plan = Plan::of(&job)?;
+    let scene = pipeline::load_scene(&job, terminal)?;
+    interrupt.check()?;
+    let caster = Caster::build(&scene, job.kernel);
+    let items = terminal.with_progress(plan.rays, interrupt.progress(), || {
+        let mut items = BTreeMap::new();
+        for mounted in &job.sensors {
+            let frame = pipeline::cast(&job, mounted, &scene, &caster, interrupt.progress());
+            interrupt.check()?;
+            let Some(frame) = frame else { continue };
+            let image = Image::of(&pipeline::capture(&job, mounted, &frame));
+            items.insert(format!("{}/000000", mounted.name), Item::Image(without_repeats(image)));
+        }
+        Ok::<_, Error>(items)
+    })?;
+    Ok(Side(items))
+}
+
+type Pair<'a> = (String, &'a Item, &'a Item);
+
+/// What is to be compared with what: by name, or the only one with the only one.
+fn pair<'a>(a: &'a Side, b: &'a Side, path_a: &Path, path_b: &Path) -> Result<Vec<Pair<'a>>, Error> {
+    if let ([(name_a, item_a)], [(name_b, item_b)]) = (pairs_of(a).as_slice(), pairs_of(b).as_slice()) {
+        let name = if name_a.is_empty() { name_b } else { name_a };
+        return Ok(vec![((*name).clone(), item_a, item_b)]);
+    }
+    let only = |one: &Side, other: &Side| -> Vec<String> {
+        one.0.keys().filter(|name| !other.0.contains_key(*name)).cloned().collect()
+    };
+    for (lacking, path, other) in [(only(a, b), path_b, path_a), (only(b, a), path_a, path_b)] {
+        if !lacking.is_empty() {
+            let problem = format!("has no {}, and {} does", words::list(&lacking), other.display());
+            return Err(Error::input(path, problem));
+        }
+    }
+    Ok(a.0.iter().map(|(name, item)| (name.clone(), item, &b.0[name])).collect())
+}
+
+fn pairs_of(side: &Side) -> Vec<(&String, &Item)> {
+    side.0.iter().collect()
+}
+
+struct Found {
+    within: bool,
+    text: String,
+    json: Value,
+}
+
+fn compare_items(args: &Args, name: &str, a: &Item, b: &Item) -> Result<Found, Error> {
+    match (a, b) {
+        (Item::Image(a), Item::Image(b)) => compare_images(args, name, a, b),
+        (Item::Cloud(a), Item::Cloud(b)) => compare_two_clouds(args, name, a, b),
+        _ => Err(Error::Usage(format!(
+            "{} and {}: an image and a cloud can't be compared",
+            args.a.display(),
+            args.b.display()
+        ))),
+    }
+}
+
+fn compare_images(args: &Args, name: &str, a: &Image, b: &Image) -> Result<Found, Error> {
+    let prefix = if name.is_empty() { String::new() } else { format!("{name}: ") };
+    if (a.rows, a.columns) != (b.rows, b.columns) {
+        let text = format!("{prefix}{} × {} and {} × {} pixels\n", a.rows, a.columns, b.rows, b.columns);
+        let sizes = json!({ "name": name, "sizes": [[a.rows, a.columns], [b.rows, b.columns]] });
+        return Ok(Found { within: false, text, json: sizes });
+    }
+    let tolerance = |channel: &str| {
+        let given = args.tolerances.iter().rev().find(|(name, _)| name == channel);
+        Tolerance { pixels: args.pixels, ..given.map_or(Tolerance::default(), |(_, tolerance)| *tolerance) }
+    };
+    let difference = compare(a, b, &tolerance, &|_| 0.0);
+    let found = difference.channels.iter().find(|c| c.channel == args.channel);
+    if let (Some(path), Some(channel)) = (&args.png, found) {
+        let map = heat_map(a, b, channel);
+        // Of several images, each has a picture of its own.
+        let path = match name.split('/').next() {
+            Some(sensor) if !sensor.is_empty() => {
+                let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+                path.with_file_name(format!("{stem}.{sensor}.png"))
+            }
+            _ => path.clone(),
+        };
+        let file = encode_png(map.width, map.height, &map.pixels).map_err(|e| Error::output(&path, e))?;
+        write_file(&path, &file)?;
+    }
+    let within = difference.missing.is_empty()
+        && difference.added.is_empty()
+        && difference.channels.iter().all(|channel| channel.within_tolerance);
+    let text = image_text(&prefix, &difference, b, within);
+    let channels: Vec<Value> =
+        difference.channels.iter().map(|channel| report::channel(channel, b.columns)).collect();
+    let confusion: Vec<Value> = difference
+        .label_confusion
+        .iter()
+        .map(|c| json!({ "was": c.was, "is": c.is, "pixels": c.pixels }))
+        .collect();
+    let points: Vec<Value> = difference
+        .points_per_label
+        .iter()
+        .map(|(label, [a, b])| json!({ "label": label, "a": a, "b": b }))
+        .collect();
+    let json = json!({
+        "name": name,
+        "rows": b.rows,
+        "columns": b.columns,
+        "within_tolerance": within,
+        "iou": difference.mask.iou(),
+        "both": difference.mask.both,
+        "appeared": difference.mask.appeared,
+        "vanished": difference.mask.vanished,
+        "missing": difference.missing,
+        "added": difference.added,
+        "channels": channels,
+        "label_confusion": confusion,
+        "points_per_label": points,
+    });
+    Ok(Found { within, text, json })
+}
+
+fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within: bool) -> String {
+    let mut text = String::new();
+    let differing: Vec<&ChannelDifference> = difference
+        .channels
+        .iter()
+        .filter(|c| c.differing.count > 0 || c.statistics.is_some_and(|s| s.max > 0.0))
+        .collect();
+    let mask = difference.mask;
+    if differing.is_empty() && within {
+        let size = format!("{} × {}", image.rows, image.columns);
+        let _ = writeln!(text, "{prefix}the same, {size} pixels, {}", words::counted(mask.both, "return"));
+        return text;
+    }
+    let verdict = if within { "within tolerance" } else { "different" };
+    let _ = writeln!(
+        text,
+        "{prefix}{verdict}: {} in both, {} appeared, {} vanished (IoU {:.6})",
+        words::counted(mask.both, "return"),
+        mask.appeared,
+        mask.vanished,
+        mask.iou()
+    );
+    for (which, names) in [("first", &difference.missing), ("second", &difference.added)] {
+        if !names.is_empty() {
+            let _ = writeln!(text, "  only the {which} has {}", words::list(names));
+        }
+    }
+    if !differing.is_empty() {
+        let _ = writeln!(
+            text,
+            "  {:<12} {:>10} {:>12} {:>12} {:>12} {:>12}  where",
+            "channel", "differing", "max", "mean", "RMS", "p99"
+        );
+    }
+    let main = main_depth(image).map(|(name, _)| name);
+    for c in differing {
+        let number = |value: Option<f64>| value.map_or("-".to_owned(), words::digits);
+        let s = c.statistics;
+        let region = words::Region::of(&c.pixels, image.columns).words((image.rows, image.columns));
+        let region = if region.is_empty() && !c.pixels.is_empty() { "all over".to_owned() } else { region };
+        let _ = writeln!(
+            text,
+            "  {:<12} {:>10} {:>12} {:>12} {:>12} {:>12}  {region}{}",
+            c.channel,
+            c.differing.count,
+            number(s.map(|s| s.max)),
+            number(s.map(|s| s.mean)),
+            number(s.map(|s| s.rms)),
+            number(s.map(|s| s.p99)),
+            if Some(c.channel.as_str()) == main { " (with what appeared and vanished)" } else { "" }
+        );
+    }
+    for c in difference.label_confusion.iter().take(10) {
+        let _ = writeln!(text, "  label {} → {}: {}", c.was, c.is, words::counted(c.pixels, "pixel"));
+    }
+    for (label, [a, b]) in difference.points_per_label.iter().filter(|(_, [a, b])| a != b) {
+        let _ = writeln!(text, "  label {label}: {a} → {}", words::counted(*b, "point"));
+    }
+    text
+}
+
+fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<Found, Error> {
+    let tolerance = |field: &str| {
+        let given = args.tolerances.iter().rev().find(|(name, _)| name == field);
+        given.map_or(0.0, |(_, tolerance)| tolerance.absolute)
+    };
+    let difference = compare_clouds(a, b, &tolerance).map_err(|e| Error::input(&args.b, e))?;
+    let prefix = if name.is_empty() { String::new() } else { format!("{name}: ") };
+    let mut text = String::new();
+    Ok(match difference {
+        CloudDifference::SameLayout { fields } => {
+            let may = (args.pixels * a.points as f64) as usize;
+            let within = fields.iter().all(|field| field.differing <= may);
+            if fields.iter().all(|field| field.max == 0.0) {
+                let _ = writeln!(text, "{prefix}the same, {}", words::counted(a.points, "point"));
+            } else {
+                let verdict = if within { "within tolerance" } else { "different" };
+                let _ = writeln!(text, "{prefix}{verdict}, {}", words::counted(a.points, "point"));
+            }
+            for field in fields.iter().filter(|field| field.max > 0.0) {
+                let _ = writeln!(
+                    text,
+                    "  {:<12} {} differ, max {}, mean {}",
+                    field.field,
+                    field.differing,
+                    words::digits(field.max),
+                    words::digits(field.mean)
+                );
+            }
+            let fields: Vec<Value> = fields
+                .iter()
+                .map(|f| json!({ "field": f.field, "differing": f.differing, "max": f.max, "mean": f.mean }))
+                .collect();
+            let json =
+                json!({ "name": name, "points": a.points, "within_tolerance": within, "fields": fields });
+            Found { within, text, json }
+        }
+        CloudDifference::Distances(d) => {
+            let _ = writeln!(
+                text,
+                "{prefix}{} and {}",
+                words::counted(a.points, "point"),
+                words::counted(b.points, "point")
+            );
+            let way = |name: &str, mean: f64, max: f64| {
+                format!("  {name} {} on average, {} at most\n", words::metres(mean), words::metres(max))
+            };
+            text += &way("from each of A to the nearest of B:", d.there_mean_m, d.there_max_m);
+            text += &way("from each of B to the nearest of A:", d.back_mean_m, d.back_max_m);
+            let _ = writeln!(text, "  Chamfer distance {}", words::metres(d.chamfer_m));
+            let _ = writeln!(
+                text,
+                "  density-aware Chamfer distance {} (0 the same, 1 apart)",
+                words::digits(d.density_aware)
+            );
+            let json = json!({
+                "name": name,
+                "points": [a.points, b.points],
+                "within_tolerance": false,
+                "a_to_b": { "mean_m": d.there_mean_m, "max_m": d.there_max_m },
+                "b_to_a": { "mean_m": d.back_mean_m, "max_m": d.back_max_m },
+                "chamfer_m": d.chamfer_m,
+                "density_aware_chamfer": d.density_aware,
+            });
+            Found { within: false, text, json }
+        }
+    })
+}

@@ -1,0 +1,138 @@
+//! Recorded frames: EXR range images, PLY clouds, and the folders that scans write, read back.
+//!
+//! Files are taken for hostile: no size is believed before it is held against the file's own, nothing outside a folder is
+//! opened on the word of its manifest, and no file makes a panic.
+
+mod exr;
+mod ply;
+
+use std::fmt;
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use serde_json::Value;
+
+use super::Manifest;
+use crate::error::Error;
+
+pub use exr::{Part, read_exr};
+pub use ply::{Cloud, Field, read_ply};
+
+/// Why bytes are no recorded frame.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct ReadError(String);
+
+impl ReadError {
+    fn new(problem: impl fmt::Display) -> Self {
+        Self(problem.to_string())
+    }
+}
+
+/// A file or a folder of recorded frames.
+#[derive(Clone, Debug)]
+pub enum Recorded {
+    /// An EXR's parts; at least one. The first is the main one.
+    Exr(Vec<Part>),
+    /// A PLY.
+    Cloud(Cloud),
+    /// A scan's output folder.
+    Folder(Folder),
+}
+
+impl Recorded {
+    /// Opens an EXR, a PLY, a scan's output folder or that folder's manifest: what it is is told by its first bytes, not by
+    /// its name.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it is neither, or broken.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        if path.is_dir() {
+            return Folder::open(path).map(Self::Folder);
+        }
+        if path.file_name().is_some_and(|name| name == Manifest::NAME) {
+            return Folder::open(path.parent().unwrap_or(Path::new(""))).map(Self::Folder);
+        }
+        let bytes = read_file(path)?;
+        let read = match bytes.get(..4) {
+            Some([0x76, 0x2f, 0x31, 0x01]) => read_exr(&bytes).map(Self::Exr),
+            Some([b'p', b'l', b'y', b'\n' | b'\r']) => read_ply(&bytes).map(Self::Cloud),
+            _ => Err(ReadError::new("this is neither an EXR, nor a PLY, nor a folder that a scan wrote")),
+        };
+        read.map_err(|e| Error::input(path, e))
+    }
+}
+
+/// A folder that a scan wrote.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    path: PathBuf,
+    /// What its manifest says.
+    pub manifest: Value,
+    /// The outputs that it lists, by their paths in the folder with forward slashes. None leads out of it.
+    pub outputs: Vec<String>,
+}
+
+impl Folder {
+    /// Reads a folder's manifest.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is none, if it can't be read, or if it lists a file outside the folder.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        let name = path.join(Manifest::NAME);
+        if !name.exists() {
+            let problem =
+                format!("has no {}, so no scan wrote it, or none that came to its end", Manifest::NAME);
+            return Err(Error::input(path, problem));
+        }
+        let manifest: Value = serde_json::from_slice(&read_file(&name)?)
+            .map_err(|e| Error::input(&name, format!("this is not valid JSON: {e}")))?;
+        let mut outputs = Vec::new();
+        let listed = manifest.get("outputs").and_then(Value::as_array);
+        let listed =
+            listed.ok_or_else(|| Error::input(&name, "this is no scan's manifest: it has no `outputs`"))?;
+        for output in listed {
+            let output = output.get("path").and_then(Value::as_str);
+            let output = output.ok_or_else(|| Error::input(&name, "an output has no `path`"))?;
+            let inside = Path::new(output).components().all(|part| matches!(part, Component::Normal(_)));
+            if !inside || output.is_empty() || output.contains('\\') {
+                return Err(Error::input(&name, format!("lists {output:?}, which is not in its folder")));
+            }
+            outputs.push(output.to_owned());
+        }
+        Ok(Self { path: path.to_path_buf(), manifest, outputs })
+    }
+
+    /// Reads one of [`Folder::outputs`].
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it can't be read, is not what its name says, or is a link that leads out of the folder.
+    pub fn read(&self, output: &str) -> Result<Recorded, Error> {
+        let path = self.path.join(output);
+        let inside =
+            fs::canonicalize(&path).and_then(|file| Ok(file.starts_with(fs::canonicalize(&self.path)?)));
+        match inside {
+            Ok(true) => Recorded::open(&path),
+            Ok(false) => Err(Error::input(path, "is a link that leads out of the folder")),
+            Err(e) => Err(Error::input(path, format!("can't be read: {e}"))),
+        }
+    }
+}
+
+/// The largest file that is read.
+const MAX_FILE_BYTES: u64 = 8 << 30;
+
+/// Reads a file. Never waits for a pipe or a device.
+fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
+    let kind = fs::metadata(path).map_err(|e| match e.kind() {
+        std::io::ErrorKind::NotFound => Error::input(path, "there is no such file"),
+        _ => Error::input(path, format!("can't be read: {e}")),
+    })?;
+    if !kind.is_file() {
+        return Err(Error::input(path, "is not a file"));
+    }
+    if kind.len() > MAX_FILE_BYTES {
+        return Err(Error::input(path, format!("has {} bytes, more than {MAX_FILE_BYTES}", kind.len())));
+    }
+    fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))
+}
