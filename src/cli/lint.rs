@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde::Serialize;
 
+use super::terminal::Terminal;
 use super::{diagnostics, pipeline};
 use crate::config::{self, Config, Job};
 use crate::error::{Diagnostic, Error, SceneError, Severity};
@@ -73,15 +74,38 @@ fn examine(paths: &[PathBuf]) -> (Vec<FileFacts>, Vec<Diagnostic>) {
     (facts, diagnostics)
 }
 
+/// What there is to know about a job, a sensor file or a scene; its warnings are told.
+///
+/// # Errors
+/// [`Error::Scene`] if it is a scene that can't be read, else [`Error::Config`] with all that is wrong.
+pub(super) fn facts_of(path: &Path, terminal: &Terminal) -> Result<FileFacts, Error> {
+    let mut diagnostics = Vec::new();
+    if is_scene(path) {
+        let name = path.to_string_lossy();
+        let scene = open_scene(path, &name, None, &mut diagnostics)?;
+        terminal.warn_of(&diagnostics);
+        return Ok(FileFacts::of_scene(&name, &scene));
+    }
+    let mut facts = Vec::new();
+    examine_file(path, &mut facts, &mut diagnostics);
+    match facts.pop() {
+        Some(facts) if diagnostics.iter().all(|d| d.severity == Severity::Warning) => {
+            terminal.warn_of(&diagnostics);
+            Ok(facts)
+        }
+        _ => Err(Error::Config(diagnostics)),
+    }
+}
+
+fn is_scene(path: &Path) -> bool {
+    path.extension().map(|e| e.to_ascii_lowercase()).is_some_and(|e| e == "gltf" || e == "glb")
+}
+
 fn examine_file(path: &Path, facts: &mut Vec<FileFacts>, diagnostics: &mut Vec<Diagnostic>) {
     let name = path.to_string_lossy();
-    let extension = path.extension().map(|e| e.to_ascii_lowercase());
-    if extension.is_some_and(|e| e == "gltf" || e == "glb") {
+    if is_scene(path) {
         match open_scene(path, &name, None, diagnostics) {
-            Ok(scene) => {
-                let scene = Some(SceneFacts::new(&name, &scene));
-                facts.push(FileFacts { path: name.into_owned(), kind: "scene", sensors: vec![], scene });
-            }
+            Ok(scene) => facts.push(FileFacts::of_scene(&name, &scene)),
             Err(error) => diagnostics.push(about_scene(error)),
         }
         return;
@@ -183,7 +207,7 @@ impl<'a> From<&'a Diagnostic> for Problem<'a> {
 
 /// What is known about a file.
 #[derive(Serialize)]
-struct FileFacts {
+pub(super) struct FileFacts {
     path: String,
     kind: &'static str,
     sensors: Vec<SensorFacts>,
@@ -323,6 +347,8 @@ struct SceneFacts {
     labels: Vec<u32>,
     /// The least and the largest x, y and z in the world; of meshes placed more than once, those of their boxes.
     extent_m: [[f64; 2]; 3],
+    /// The middle of that.
+    centre_m: [f64; 3],
     /// With what tracing it takes.
     memory_bytes: u64,
 }
@@ -341,6 +367,7 @@ impl SceneFacts {
             .collect();
         labels.sort_unstable();
         labels.dedup();
+        let extent_m = extent(scene);
         Self {
             path: path.to_owned(),
             triangles: scene.triangle_count(),
@@ -349,7 +376,8 @@ impl SceneFacts {
             instances: scene.instances.len(),
             materials: scene.materials.len(),
             labels,
-            extent_m: extent(scene),
+            extent_m,
+            centre_m: extent_m.map(|[low, high]| (low + high) / 2.0),
             memory_bytes: scene.stored_triangle_count() * BYTES_PER_TRIANGLE,
         }
     }
@@ -378,7 +406,13 @@ fn extent(scene: &Scene) -> [[f64; 2]; 3] {
 }
 
 impl FileFacts {
-    fn to_text(&self) -> String {
+    fn of_scene(path: &str, scene: &Scene) -> Self {
+        let scene = Some(SceneFacts::new(path, scene));
+        Self { path: path.to_owned(), kind: "scene", sensors: vec![], scene }
+    }
+
+    /// For people.
+    pub(super) fn to_text(&self) -> String {
         let mut text = format!("{}: {}\n", config::quoted(&self.path).trim_matches('`'), self.kind);
         if let Some(scene) = &self.scene {
             scene.write(&mut text);
@@ -408,6 +442,8 @@ impl SceneFacts {
         fact!(text, "triangles", "{}{skipped}", grouped(scene.triangles));
         let [x, y, z] = scene.extent_m.map(|[low, high]| format!("{} to {}", tidy(low), tidy(high)));
         fact!(text, "extent", "x {x}, y {y}, z {z} m");
+        let [x, y, z] = scene.centre_m.map(tidy);
+        fact!(text, "centre", "({x}, {y}, {z}) m");
         fact!(text, "instances", "{}", grouped(scene.instances as u64));
         fact!(text, "materials", "{}", grouped(scene.materials as u64));
         let labels: Vec<String> = scene.labels.iter().take(32).map(u32::to_string).collect();

@@ -4,6 +4,7 @@ mod bench;
 mod check;
 pub mod diagnostics;
 mod diff;
+mod info;
 mod interrupt;
 mod kernels;
 pub mod lint;
@@ -45,6 +46,8 @@ enum Command {
     Bench(bench::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
     Kernels(kernels::Args),
+    /// Say what a file holds: a job, sensor file, scene, EXR, PLY, or a scan's folder
+    Info(info::Args),
     /// Print the JSON Schema of jobs or sensor files, by which editors complete and check them
     Schema(schema::Args),
     /// Print a shell's completion script
@@ -74,6 +77,7 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Diff(args) => diff::run(args, terminal),
         Command::Bench(args) => bench::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
+        Command::Info(args) => info::run(args, terminal),
         Command::Schema(args) => schema::run(args, terminal),
         Command::Completions(args) => shell::completions(args, terminal),
         Command::Man => shell::man(terminal),

@@ -7,6 +7,7 @@
 use serde_json::{Map, Value, json};
 
 use super::section::{self, Shape};
+use crate::output::CHANNELS;
 use crate::trace::kernel::METHODS;
 
 /// What a schema describes.
@@ -65,9 +66,15 @@ enum Kind {
     Elevations,
     /// By name, whole numbers of 32 bits.
     Labels,
+    /// From 0 to 1.
+    Share,
+    /// A list of different channels, at least one.
+    Channels,
+    /// By channel: a number or a table.
+    Tolerances,
     Table(&'static Shape),
-    /// A list of at least one.
-    Tables(&'static Shape),
+    /// A list of at least so many.
+    Tables(&'static Shape, usize),
 }
 
 const fn key(name: &'static str, kind: Kind, about: &'static str) -> Key {
@@ -91,10 +98,12 @@ const TABLES: &[(&Shape, &[&str], &[Key])] = &[
             key("up", Kind::Choice(&["z", "y"]), "The world's upward axis: \"z\" turns glTF's axes so that z is up, \"y\" keeps them.").or("\"z\""),
             key("seed", Kind::Integer(0, u64::MAX), "Everything random follows from this number.").or("0"),
             key("labels", Kind::Labels, "Semantic labels by the names of nodes or materials, such as wall = 3."),
-            key("sensor", Kind::Tables(&section::SENSOR), "The rig: one table a sensor."),
+            key("sensor", Kind::Tables(&section::SENSOR, 1), "The rig: one table a sensor."),
             key("trajectory", Kind::Table(&section::TRAJECTORY), "Where the body stands in the world."),
             key("trace", Kind::Table(&section::TRACE), "How the beams are cast."),
             key("output", Kind::Table(&section::OUTPUT), "What to write, and where."),
+            key("check", Kind::Table(&section::CHECK), "What of the frames `beamcast check` holds to the baseline, and how closely."),
+            key("expect", Kind::Tables(&section::EXPECT, 0), "What the rig should see: one table an expectation."),
         ],
     ),
     (
@@ -186,7 +195,133 @@ const TABLES: &[(&Shape, &[&str], &[Key])] = &[
             key("to", Kind::Number, "The azimuth where the sector ends in degrees: at most 360 from its start."),
         ],
     ),
+    (
+        &section::CHECK,
+        &[],
+        &[
+            key("channels", Kind::Channels, "The channels that are compared; left out: all."),
+            key("tolerance", Kind::Tolerances, "By channel, how far a pixel may be off: a number in the channel's unit, or a table."),
+        ],
+    ),
+    (
+        &section::TOLERANCE,
+        &[],
+        &[
+            key("absolute", Kind::NotNegative, "In the channel's unit.").or("0.0"),
+            key("relative", Kind::NotNegative, "As a part of the value.").or("0.0"),
+            key("pixels", Kind::Share, "The part of the pixels that may be off by more.").or("0.0"),
+        ],
+    ),
+    (
+        &section::EXPECT,
+        &["name"],
+        &[
+            key("name", Kind::Text, "What reports call the expectation."),
+            key("sensor", Kind::Text, "The sensor that it is about; left out: all together."),
+            key("points", Kind::Table(&section::EXPECT_POINTS), "How many points an object gets."),
+            key("plane", Kind::Table(&section::EXPECT_PLANE), "How far points lie from a plane of the world."),
+            key("resolution", Kind::Table(&section::EXPECT_RESOLUTION), "How far apart the points on an object are, seen from the sensor."),
+            key("coverage", Kind::Table(&section::EXPECT_COVERAGE), "How much of a zone of ground around the body gets points."),
+            key("blind_zone", Kind::Table(&section::EXPECT_BLIND_ZONE), "How far from the body the ground is first seen."),
+            key("returns", Kind::Table(&section::EXPECT_RETURNS), "The part of the rays that return."),
+            key("unobstructed", Kind::Table(&section::EXPECT_UNOBSTRUCTED), "How much of the field of view the vehicle's own body hides."),
+            key("points_per_s", Kind::Table(&section::EXPECT_POINTS_PER_S), "Points a second."),
+            key("speed", Kind::Table(&section::EXPECT_SPEED), "How fast the beams are cast on this machine."),
+        ],
+    ),
+    (
+        &section::EXPECT_POINTS,
+        &[],
+        &[
+            OBJECT,
+            LABEL,
+            key("at_least", Kind::NotNegative, "Points, at least."),
+            key("at_most", Kind::NotNegative, "Points, at most."),
+            key("min_range_m", Kind::Number, "Counts those from this range on, in metres."),
+            key("max_range_m", Kind::Positive, "Counts those up to this range, in metres."),
+        ],
+    ),
+    (
+        &section::EXPECT_PLANE,
+        &["normal", "offset_m", "max_error_m"],
+        &[
+            OBJECT,
+            LABEL,
+            key("normal", Kind::Vector(3), "The plane's normal in the world; its length doesn't matter."),
+            key("offset_m", Kind::Number, "The plane's distance from the world's origin along its normal, in metres."),
+            key("max_error_m", Kind::Positive, "The largest distance of a point from the plane, in metres."),
+        ],
+    ),
+    (
+        &section::EXPECT_RESOLUTION,
+        &[],
+        &[
+            OBJECT,
+            LABEL,
+            key("max_horizontal_deg", Kind::Positive, "The largest step between columns, in degrees."),
+            key("max_vertical_deg", Kind::Positive, "The largest step between rows, in degrees."),
+        ],
+    ),
+    (
+        &section::EXPECT_COVERAGE,
+        &["x_m", "y_m", "cell_m", "at_least"],
+        &[
+            OBJECT,
+            LABEL,
+            key("x_m", Kind::Vector(2), "The zone from and to, in the body's frame, in metres."),
+            key("y_m", Kind::Vector(2), "The zone from and to, in the body's frame, in metres."),
+            key("cell_m", Kind::Positive, "The side of a cell in metres."),
+            key("at_least", Kind::Share, "The part of the cells that get a point, 0 to 1."),
+            GROUND_Z,
+            GROUND_TOLERANCE,
+        ],
+    ),
+    (
+        &section::EXPECT_BLIND_ZONE,
+        &["at_most_m"],
+        &[
+            OBJECT,
+            LABEL,
+            key("at_most_m", Kind::Positive, "The largest distance from the body's origin in metres."),
+            key("sector_deg", Kind::Table(&section::SECTOR), "The azimuths that count, counterclockwise; left out: all."),
+            GROUND_Z,
+            GROUND_TOLERANCE,
+        ],
+    ),
+    (
+        &section::EXPECT_RETURNS,
+        &[],
+        &[
+            key("at_least", Kind::Share, "The part of the rays, at least, 0 to 1."),
+            key("at_most", Kind::Share, "The part of the rays, at most, 0 to 1."),
+        ],
+    ),
+    (
+        &section::EXPECT_UNOBSTRUCTED,
+        &[],
+        &[OBJECT, LABEL, key("at_most", Kind::Share, "The part of the rays that may end on it, 0 to 1.").or("0.0")],
+    ),
+    (
+        &section::EXPECT_POINTS_PER_S,
+        &[],
+        &[
+            key("at_least", Kind::NotNegative, "Points a second, at least."),
+            key("at_most", Kind::NotNegative, "Points a second, at most."),
+        ],
+    ),
+    (
+        &section::EXPECT_SPEED,
+        &["at_least_rays_per_s"],
+        &[key("at_least_rays_per_s", Kind::Positive, "Rays a second, at least.")],
+    ),
 ];
+
+const OBJECT: Key = key("object", Kind::Text, "Objects of this name; * stands for anything.");
+const LABEL: Key = key("label", Kind::Integer(0, 0xffff_ffff), "Objects of this semantic label.");
+const GROUND_Z: Key =
+    key("ground_z_m", Kind::Number, "The ground's height in the body's frame, in metres.").or("0.0");
+const GROUND_TOLERANCE: Key =
+    key("ground_tolerance_m", Kind::Positive, "How far from that a point of the ground may be, in metres.");
 
 const ROTATING: Key = key("rotating", Kind::Table(&section::ROTATING), "A LiDAR with a turning head.");
 const PINHOLE: Key = key("pinhole", Kind::Table(&section::PINHOLE), "A depth camera.");
@@ -220,6 +355,10 @@ fn table(shape: &Shape) -> Map<String, Value> {
     table.insert("additionalProperties".into(), false.into());
     if !required.is_empty() && !PATTERNS.contains(&shape) {
         table.insert("required".into(), json!(required));
+    }
+    if *shape == section::EXPECT {
+        let kinds = shape.keys.iter().filter(|key| !["name", "sensor"].contains(key));
+        table.insert("oneOf".into(), kinds.map(|kind| json!({ "required": [kind] })).collect());
     }
     if *shape == section::SENSOR {
         table.insert("if".into(), json!({ "not": { "required": ["preset"] } }));
@@ -273,8 +412,17 @@ fn value_of(kind: &Kind) -> Map<String, Value> {
             "type": "object",
             "additionalProperties": { "type": "integer", "minimum": 0, "maximum": u32::MAX },
         }),
+        Kind::Share => json!({ "type": "number", "minimum": 0, "maximum": 1 }),
+        Kind::Channels => json!({
+            "type": "array", "items": { "type": "string", "enum": CHANNELS }, "minItems": 1, "uniqueItems": true,
+        }),
+        Kind::Tolerances => {
+            let one = json!({ "anyOf": [{ "type": "number", "minimum": 0 }, table(&section::TOLERANCE)] });
+            let all: Map<_, _> = CHANNELS.iter().map(|name| ((*name).to_owned(), one.clone())).collect();
+            json!({ "type": "object", "properties": all, "additionalProperties": false })
+        }
         Kind::Table(shape) => Value::Object(table(shape)),
-        Kind::Tables(shape) => json!({ "type": "array", "items": table(shape), "minItems": 1 }),
+        Kind::Tables(shape, least) => json!({ "type": "array", "items": table(shape), "minItems": least }),
     };
     match value {
         Value::Object(value) => value,
