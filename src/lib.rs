@@ -13,6 +13,9 @@
 //!                         │ output
 //!                         ▼
 //!         EXR range image, PLY cloud, PNG preview
+//!                         │ check
+//!                         ▼
+//!     what differs from a baseline, what is not as expected
 //! ```
 //!
 //! Each arrow is one module, and [`cli`] runs them in that order. Data flows one way: nothing imports what comes after

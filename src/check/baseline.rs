@@ -242,7 +242,7 @@ impl Taken {
 }
 
 /// A sensor's pixels take no more than this, if they may be coarser.
-pub const MAX_PIXEL_BYTES: usize = 150_000;
+pub const MAX_PIXEL_BYTES: usize = 175_000;
 
 /// The finest step that a range without a tolerance is kept in, in metres.
 const FINEST_STEP: f64 = 1e-3;

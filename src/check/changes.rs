@@ -186,6 +186,7 @@ fn shown(value: &Value) -> String {
     const LONGEST: usize = 60;
     let text = match value {
         Value::Number(n) => n.to_string().replace('-', "−"),
+        Value::Array(values) => format!("[{}]", values.iter().map(shown).collect::<Vec<_>>().join(", ")),
         other => other.to_string(),
     };
     match text.char_indices().nth(LONGEST) {
@@ -232,10 +233,10 @@ mod tests {
         assert_eq!(
             between(old, new),
             [
-                "labels.wall: was 3, is gone",
-                "pose.rpy_deg[2]: 0.0 → −0.1",
-                "up: \"z\" → \"y\"",
-                "trace.kernel: \"a\" (was not there)"
+                "labels.wall 3 → unset",
+                "pose.rpy_deg[2] 0.0 → −0.1",
+                "up \"z\" → \"y\"",
+                "trace.kernel unset → \"a\""
             ]
         );
         let many = |n: f64| json!({ "list": (0..9).map(|i| f64::from(i) * n).collect::<Vec<_>>() });

@@ -185,8 +185,8 @@ fn compare_channel(
     let mut pixels = Vec::new();
     let mut differences = Vec::new();
     let mut worst = (0.0, 0);
-    for index in 0..first.len() {
-        let differs = match (masks[0][index], masks[1][index]) {
+    for (index, seen) in masks[0].iter().zip(&masks[1]).enumerate() {
+        let differs = match seen {
             (true, true) => {
                 let (a, b) = (first.get(index), second.get(index));
                 // Not a number is the same as itself, and differs from all else.

@@ -274,7 +274,8 @@ impl Expected {
                     format!(" at a range of {}", range_m.words(&metres))
                 };
                 let words = count.words(&|n| format!("{n}"));
-                (format!("{words} points on {target}{at}"), points(seen, target, count, range_m))
+                let noun = if words.ends_with(" 1") { "point" } else { "points" };
+                (format!("{words} {noun} on {target}{at}"), points(seen, target, count, range_m))
             }
             Self::Plane { target, normal, offset_m, max_error_m } => (
                 format!("{target} within {} of the plane {normal}·p = {offset_m} m", metres(*max_error_m)),

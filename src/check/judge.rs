@@ -81,7 +81,12 @@ pub fn judge(
         outcome.channels.push(found);
     }
     let sentences = judgement.sentences(&outcome.channels);
-    outcome.differences.extend(sentences.into_iter().map(|sentence| format!("{why}{sentence}")));
+    // The reason is told once.
+    let own = format!("sensor {}: ", now.name);
+    let prefixes = std::iter::once(why).chain(std::iter::repeat(own));
+    outcome
+        .differences
+        .extend(prefixes.zip(sentences).map(|(prefix, sentence)| format!("{prefix}{sentence}")));
     outcome.baseline = Some(kept.image);
     outcome
 }
@@ -149,7 +154,10 @@ impl Judgement<'_> {
             channels.iter().filter(|c| !c.within_tolerance && !c.channel.is_empty()).collect();
         let mut sentences = Vec::new();
         let main = main_depth(&self.taken.image).map_or("", |(name, _)| name);
-        for found in &wrong {
+        // The range first: the rest follows from it more often than not.
+        let mut in_order = wrong.clone();
+        in_order.sort_by_key(|c| c.channel != main);
+        for found in in_order {
             match found.channel.as_str() {
                 name if name == main => sentences.push(self.range_sentence(found)),
                 "id.semantic" => sentences.extend(self.label_sentence(found)),
@@ -265,9 +273,11 @@ impl Judgement<'_> {
     }
 }
 
+/// How many changes are told as the reason.
+pub const MOST_REASONS: usize = 3;
+
 /// What probably made the difference, before a colon; empty if nothing is known to have changed.
 fn why(sensor: &str, changes: &Changes) -> String {
-    const MOST: usize = 3;
     let own = changes.of_sensor.get(sensor).map_or(&[][..], Vec::as_slice);
     let all: Vec<&Change> = own.iter().chain(&changes.of_job).collect();
     let prefix = format!("sensor {sensor}: ");
@@ -278,9 +288,9 @@ fn why(sensor: &str, changes: &Changes) -> String {
         let text = change.to_string();
         text.strip_prefix(&prefix).map_or(text.clone(), str::to_owned)
     };
-    let mut told: Vec<String> = all.iter().take(MOST).map(own_words).collect();
-    if all.len() > MOST {
-        told.push(format!("{} more changes", all.len() - MOST));
+    let mut told: Vec<String> = all.iter().take(MOST_REASONS).map(own_words).collect();
+    if all.len() > MOST_REASONS {
+        told.push(format!("{} more changes", all.len() - MOST_REASONS));
     }
     format!("{prefix}{}: ", told.join("; "))
 }

@@ -55,7 +55,8 @@ pub struct SensorOutcome {
 /// Something that is not as it was when the baseline was accepted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// What changed: `sensor.roof.range.max_m`, `sensor roof: beam (row 17) elevation`, `../scenes/street.glb`.
+    /// What changed: `sensor roof: range.max_m`, `sensor roof: beam (row 17) elevation`, `../scenes/street.glb`. If it says
+    /// all by itself, there is neither an old nor a new value.
     pub what: String,
     /// What it was; `None` if it wasn't there.
     pub old: Option<String>,
@@ -64,15 +65,14 @@ pub struct Change {
 }
 
 impl fmt::Display for Change {
-    /// `sensor.roof.range.max_m: 150.0 → 120.0`
+    /// `sensor roof: range.max_m 150.0 → 120.0`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { what, old, new } = self;
-        match (old, new) {
-            (Some(old), Some(new)) => write!(f, "{what}: {old} → {new}"),
-            (None, Some(new)) => write!(f, "{what}: {new} (was not there)"),
-            (Some(old), None) => write!(f, "{what}: was {old}, is gone"),
-            (None, None) => write!(f, "{what}"),
+        if old.is_none() && new.is_none() {
+            return f.write_str(what);
         }
+        let shown = |value: &Option<String>| value.clone().unwrap_or_else(|| "unset".to_owned());
+        write!(f, "{what} {} → {}", shown(old), shown(new))
     }
 }
 

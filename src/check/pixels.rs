@@ -1,6 +1,6 @@
 //! A channel's pixels in few bytes: quantised, predicted from their neighbours, deflated.
 //!
-//! Ranges of a scene are smooth but at its edges, so that the difference from a prediction fits a byte nearly always. The
+//! Ranges of a scene are smooth but at its edges, so that the difference from a prediction is small nearly always. The
 //! prediction is that of LOCO-I (Weinberger, Seroussi and Sapiro, 2000): of left + up − upper left, left and up, the
 //! median. Pixels without a return are left out; the mask says which they are.
 
@@ -9,7 +9,7 @@ use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 
 use crate::output::Samples;
 
-/// What stands for a residual that does not fit a byte; the residual itself follows at the end.
+/// What stands for a high byte that is more than one; it follows at the end.
 const ESCAPE: u8 = 255;
 
 /// The hardest that deflate tries, short of the levels that only take longer.
@@ -20,42 +20,43 @@ const LEVEL: u8 = 9;
 pub fn pack(samples: &Samples, mask: &[bool], columns: usize, step: f64) -> Vec<u8> {
     let values: Vec<i64> = (0..samples.len()).map(|i| quantise(samples, i, step)).collect();
     let is_id = matches!(samples, Samples::U32(_));
-    let mut residuals = Vec::with_capacity(values.len());
-    let mut escaped = Vec::new();
+    // The low bytes, the next ones, and what does not fit them: each alike, so that deflate finds it so.
+    let (mut low, mut high, mut rest) = (Vec::new(), Vec::new(), Vec::new());
     for index in (0..values.len()).filter(|&i| mask[i]) {
-        let residual = values[index].wrapping_sub(predict(&values, mask, columns, index, is_id));
-        let code = zigzag(residual);
-        if code < u64::from(ESCAPE) {
-            residuals.push(code as u8);
-        } else {
-            residuals.push(ESCAPE);
-            escaped.extend(code.to_le_bytes());
+        let code = zigzag(values[index].wrapping_sub(predict(&values, mask, columns, index, is_id)));
+        low.push(code as u8);
+        match u8::try_from(code >> 8) {
+            Ok(byte) if byte != ESCAPE => high.push(byte),
+            _ => {
+                high.push(ESCAPE);
+                rest.extend((code >> 8).to_le_bytes());
+            }
         }
     }
-    residuals.extend(escaped);
-    compress_to_vec_zlib(&residuals, LEVEL)
+    compress_to_vec_zlib(&[low, high, rest].concat(), LEVEL)
 }
 
 /// The pixels that [`pack`] packed; 0 where `mask` leaves them out. `None` if the bytes are not such.
 pub fn unpack(packed: &[u8], mask: &[bool], columns: usize, step: f64, is_id: bool) -> Option<Samples> {
     let count = mask.iter().filter(|&&m| m).count();
-    let stream = decompress_to_vec_zlib_with_limit(packed, count.checked_mul(9)?.max(1)).ok()?;
-    let (residuals, mut escaped) = stream.split_at_checked(count)?;
-    let mut residuals = residuals.iter();
+    let stream = decompress_to_vec_zlib_with_limit(packed, count.checked_mul(10)?.max(1)).ok()?;
+    let (low, rest) = stream.split_at_checked(count)?;
+    let (high, mut rest) = rest.split_at_checked(count)?;
+    let mut bytes = low.iter().zip(high);
     let mut values = vec![0_i64; mask.len()];
     for index in (0..mask.len()).filter(|&i| mask[i]) {
-        let code = match *residuals.next()? {
-            ESCAPE => {
-                let (code, rest) = escaped.split_first_chunk::<8>()?;
-                escaped = rest;
-                u64::from_le_bytes(*code)
+        let code = match bytes.next()? {
+            (&low, &ESCAPE) => {
+                let (high, after) = rest.split_first_chunk::<8>()?;
+                rest = after;
+                u64::from_le_bytes(*high) << 8 | u64::from(low)
             }
-            code => u64::from(code),
+            (&low, &high) => u64::from(high) << 8 | u64::from(low),
         };
         let predicted = predict(&values, mask, columns, index, is_id);
         values[index] = predicted.wrapping_add(unzigzag(code));
     }
-    if !escaped.is_empty() {
+    if !rest.is_empty() {
         return None;
     }
     Some(if is_id {
@@ -89,7 +90,7 @@ fn quantise(samples: &Samples, index: usize, step: f64) -> i64 {
 /// What a pixel probably is, from those before it.
 fn predict(values: &[i64], mask: &[bool], columns: usize, index: usize, is_id: bool) -> i64 {
     let at = |is_inside: bool, back: usize| (is_inside && mask[index - back]).then(|| values[index - back]);
-    let (not_first_row, not_first_column) = (index >= columns, index % columns > 0);
+    let (not_first_row, not_first_column) = (index >= columns, !index.is_multiple_of(columns));
     let left = at(not_first_column, 1);
     let up = at(not_first_row, columns);
     let corner = at(not_first_row && not_first_column, columns + 1);

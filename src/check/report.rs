@@ -6,6 +6,7 @@ use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde_json::{Value, json};
 
 use super::compare::ChannelDifference;
+use super::judge::MOST_REASONS;
 use super::outcome::{ExpectationOutcome, Outcome, SensorOutcome, Verdict};
 use super::words::counted;
 
@@ -67,8 +68,13 @@ pub fn text(outcomes: &[Outcome]) -> String {
         for failure in outcome.failures() {
             let _ = writeln!(text, "  {failure}");
         }
-        if !outcome.changes.is_empty() {
-            text.push_str("  changed since the baseline was accepted:\n");
+        // A few were told with what followed from them.
+        if outcome.changes.len() > MOST_REASONS || outcome.sensors.iter().all(|s| s.differences.is_empty()) {
+            text.push_str(if outcome.changes.is_empty() {
+                ""
+            } else {
+                "  changed since the baseline was accepted:\n"
+            });
             for change in &outcome.changes {
                 let _ = writeln!(text, "    {change}");
             }

@@ -92,7 +92,7 @@ pub fn metres(value: f64) -> String {
     match value.abs() {
         0.0 => "0 m".to_owned(),
         v if !v.is_finite() => format!("{value} m"),
-        v if v < 0.01 => format!("{} mm", digits(value * 1e3)),
+        v if v < 0.1 => format!("{} mm", digits(value * 1e3)),
         _ => format!("{} m", digits(value)),
     }
 }

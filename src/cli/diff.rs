@@ -353,7 +353,11 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
             number(s.map(|s| s.mean)),
             number(s.map(|s| s.rms)),
             number(s.map(|s| s.p99)),
-            if Some(c.channel.as_str()) == main { " (with what appeared and vanished)" } else { "" }
+            if Some(c.channel.as_str()) == main && mask.appeared + mask.vanished > 0 {
+                " (with what appeared and vanished)"
+            } else {
+                ""
+            }
         );
     }
     for c in difference.label_confusion.iter().take(10) {

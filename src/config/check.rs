@@ -90,7 +90,8 @@ pub(super) fn expectations(report: &Report, top: &Section<'_>, sensors: &[String
             return Vec::new();
         }
     };
-    let mut found: Vec<Expectation> = Vec::new();
+    let mut found = Vec::new();
+    let mut taken: Vec<&str> = Vec::new();
     for node in nodes {
         let Value::Table(table) = &node.value else {
             let message = format!("an expectation is {}", section::describe(&node.value));
@@ -100,11 +101,12 @@ pub(super) fn expectations(report: &Report, top: &Section<'_>, sensors: &[String
         let s = Section::new(report, &section::EXPECT, table, node.place);
         s.need("name", "`name = \"the pedestrian is seen\"`, which reports call it by");
         let name = s.text("name");
-        if let Some(name) = name
-            && found.iter().any(|e| e.name == name.value)
-        {
-            let message = format!("two expectations are called {}", quoted(name.value));
-            report.error(name.place, message, "expected another name", None);
+        if let Some(name) = name {
+            if taken.contains(&name.value) {
+                let message = format!("two expectations are called {}", quoted(name.value));
+                report.error(name.place, message, "expected another name", None);
+            }
+            taken.push(name.value);
         }
         let sensor = s.text("sensor");
         if let Some(At { value, place }) = sensor
@@ -219,7 +221,7 @@ fn expected(report: &Report, s: &Section<'_>) -> Option<Expected> {
             let ground = ground(&s);
             let (x_m, y_m, cell) = (x_m?, y_m?, cell?);
             let cells = ((x_m[1] - x_m[0]) / cell.value).ceil() * ((y_m[1] - y_m[0]) / cell.value).ceil();
-            if !(cells <= MAX_CELLS) {
+            if cells.is_nan() || cells > MAX_CELLS {
                 let message = format!("a zone of {cells:e} cells");
                 report.error(cell.place, message, format!("expected at most {MAX_CELLS:e}"), None);
                 return None;

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 /// Each room with the rooms that its code may import; tests aside. From the leaves up: nothing imports what comes later.
-/// `config` comes after what it describes (sensors, the kernel to trace with, output settings), and only `cli` knows it.
+/// `config` comes after what it describes (sensors, the kernel to trace with, output and check settings), and only `cli` knows it.
 const IMPORTS: &[(&str, &[&str])] = &[
     ("angle", &[]),
     ("error", &[]),
@@ -15,9 +15,9 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
     ("output", &["error", "frame", "scan", "scene", "sensor"]),
-    ("check", &["output"]),
-    ("config", &["angle", "error", "frame", "output", "sensor", "trace"]),
-    ("cli", &["angle", "config", "error", "frame", "output", "scan", "scene", "sensor", "trace"]),
+    ("check", &["angle", "output", "scan", "scene", "sensor"]),
+    ("config", &["angle", "check", "error", "frame", "output", "sensor", "trace"]),
+    ("cli", &["angle", "check", "config", "error", "frame", "output", "scan", "scene", "sensor", "trace"]),
     ("main", &["cli"]),
 ];
 

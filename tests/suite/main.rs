@@ -1,5 +1,6 @@
 //! The integration tests: one binary, a module a subject.
 
+mod check;
 mod cli;
 mod config;
 mod corpus;

@@ -1,0 +1,631 @@
+//! `beamcast check` and `beamcast diff` as CI meets them: each small change of a shipped job is caught and told in the right
+//! words, and what is no change is not.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use beamcast::check::{Baseline, Changes, Kept, Settings, Taken, judge};
+use beamcast::config;
+use beamcast::output::Capture;
+use beamcast::scan::{Progress, scan};
+use beamcast::scene::gltf;
+use beamcast::trace::{Instructions, Tracer};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A copy of shipped jobs with their baselines, sensor files and scenes.
+struct Copy(TempDir);
+
+const ROOM: &str = "configs/room_vlp16.toml";
+const SENSOR: &str = "configs/sensors/velodyne_vlp16.toml";
+
+fn shipped(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+impl Copy {
+    fn of(job: &str, sensor: &str, scene: &str) -> Self {
+        let copy = Self(tempfile::tempdir().unwrap());
+        for folder in ["configs/sensors", "scenes", &format!("configs/{job}.baseline")] {
+            fs::create_dir_all(copy.path(folder)).unwrap();
+        }
+        let baseline = format!("configs/{job}.baseline");
+        for file in fs::read_dir(shipped(&baseline)).unwrap().map(Result::unwrap) {
+            let name = file.file_name().into_string().unwrap();
+            fs::copy(file.path(), copy.path(&format!("{baseline}/{name}"))).unwrap();
+        }
+        for file in [
+            format!("configs/{job}.toml"),
+            format!("configs/sensors/{sensor}.toml"),
+            format!("scenes/{scene}"),
+        ] {
+            fs::copy(shipped(&file), copy.path(&file)).unwrap();
+        }
+        copy
+    }
+
+    fn room() -> Self {
+        Self::of("room_vlp16", "velodyne_vlp16", "room.glb")
+    }
+
+    fn path(&self, file: &str) -> PathBuf {
+        self.0.path().join(file)
+    }
+
+    fn replace(&self, file: &str, from: &str, to: &str) {
+        let text = fs::read_to_string(self.path(file)).unwrap();
+        assert!(text.contains(from), "{file} has no {from}");
+        fs::write(self.path(file), text.replace(from, to)).unwrap();
+    }
+
+    fn append(&self, file: &str, text: &str) {
+        let whole = fs::read_to_string(self.path(file)).unwrap() + text;
+        fs::write(self.path(file), whole).unwrap();
+    }
+
+    /// Changes the JSON of a GLB.
+    fn edit_scene(&self, file: &str, edit: impl FnOnce(&mut Value)) {
+        let glb = fs::read(self.path(file)).unwrap();
+        let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+        let mut json = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+        edit(&mut json);
+        let mut text = json.to_string().into_bytes();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let rest = &glb[20 + length..];
+        let mut edited = glb[..8].to_vec();
+        edited.extend(((20 + text.len() + rest.len()) as u32).to_le_bytes());
+        edited.extend((text.len() as u32).to_le_bytes());
+        edited.extend(b"JSON");
+        edited.extend(text);
+        edited.extend(rest);
+        fs::write(self.path(file), edited).unwrap();
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
+        command.args(args).current_dir(self.0.path()).stdin(Stdio::null());
+        for variable in ["CI", "GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY", "NO_COLOR"] {
+            command.env_remove(variable);
+        }
+        command
+    }
+
+    /// Exit code, stdout and stderr.
+    fn run(&self, args: &[&str]) -> (i32, String, String) {
+        told(&self.command(args).output().unwrap())
+    }
+
+    /// What a check of the only job says; it must fail.
+    fn caught(&self) -> String {
+        let (code, out, err) = self.run(&["check", "configs"]);
+        assert_eq!(code, 1, "{out}{err}");
+        assert!(err.contains("1 job: 1 failed"), "{err}");
+        out
+    }
+
+    fn accept(&self) {
+        let (code, out, err) = self.run(&["check", "--accept", "configs"]);
+        assert_eq!(code, 0, "{out}{err}");
+        assert!(out.contains(": accepted"), "{out}");
+    }
+}
+
+fn told(output: &Output) -> (i32, String, String) {
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    (output.status.code().unwrap(), text(&output.stdout), text(&output.stderr))
+}
+
+#[track_caller]
+fn has(text: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(text.contains(part), "no {part:?} in:\n{text}");
+    }
+}
+
+fn node<'a>(json: &'a mut Value, name: &str) -> &'a mut Value {
+    let nodes = json["nodes"].as_array_mut().unwrap();
+    nodes.iter_mut().find(|node| node["name"] == name).unwrap()
+}
+
+#[test]
+fn what_is_shipped_is_as_accepted_with_any_number_of_threads() {
+    for (job, sensor, scene) in [
+        ("room_vlp16", "velodyne_vlp16", "room.glb"),
+        ("hall_128", "lidar_128", "hall.glb"),
+        ("warehouse_depth", "depth_camera", "warehouse.glb"),
+    ] {
+        let copy = Copy::of(job, sensor, scene);
+        let threads: &[&str] = if job == "room_vlp16" { &["1", "2", "3"] } else { &["3"] };
+        for threads in threads {
+            let (code, out, err) = copy.run(&["check", "configs", "--threads", threads]);
+            assert_eq!((code, err.as_str()), (0, "1 job: 1 passed\n"), "{out}");
+        }
+    }
+}
+
+/// What the processor can do makes no difference.
+#[test]
+fn baselines_hold_for_portable_code_and_for_single_rays() {
+    let job = config::load_job(&shipped(ROOM), &[]).unwrap();
+    let options = gltf::Options { scene_name: None, up: job.up, labels: &job.labels };
+    let scene = gltf::load(&job.scene_path, &job.scene_as_written, &options).unwrap().scene;
+    let folder = shipped("configs/room_vlp16.baseline");
+    let accepted = Baseline::decode(&fs::read(folder.join(Baseline::NAME)).unwrap()).unwrap();
+    let mounted = &job.sensors[0];
+    for instructions in [Instructions::Portable, Instructions::SingleRays] {
+        let tracer = Tracer::build(&scene).with_instructions(instructions);
+        let pose = job.world_from_body * mounted.body_from_sensor;
+        let frame = scan(&scene, &tracer, &mounted.sensor, &pose, &Progress::default()).unwrap();
+        let capture = Capture {
+            frame: &frame,
+            sensor: &mounted.sensor,
+            name: &mounted.name,
+            body_from_sensor: mounted.body_from_sensor,
+            world_from_body: job.world_from_body,
+            cloud_frame: job.output.cloud_frame,
+        };
+        let taken = Taken::of(&capture, &scene);
+        let now = Baseline::of(&job.resolved, &scene, vec![taken.record.clone()]);
+        let changes = Changes::between(&accepted, &now);
+        assert!(changes.all().is_empty(), "{changes:?}");
+        let no_pixels = || panic!("the hashes are the same, and no pixels needed");
+        let outcome = judge(&taken, &accepted.sensors[0], no_pixels, &Settings::default(), &changes, "");
+        assert!(outcome.differences.is_empty(), "{instructions:?}: {:?}", outcome.differences);
+    }
+    // And the pixels that are kept are those of the frame.
+    let kept = Kept::unpack(&fs::read(folder.join("vlp16.pixels")).unwrap(), &accepted.sensors[0]).unwrap();
+    assert_eq!((kept.image.rows, kept.image.columns, kept.image.channels.len()), (16, 1800, 3));
+}
+
+#[test]
+fn one_beam_turned_up_by_a_twentieth_of_a_degree() {
+    let copy = Copy::room();
+    copy.replace(SENSOR, "-3.0,", "-3.05,");
+    has(
+        &copy.caught(),
+        &[
+            "sensor vlp16: beam (row 9) elevation −3° → −3.05°: 1800 of 28800 ranges differ, max",
+            "all in row 9",
+        ],
+    );
+}
+
+#[test]
+fn a_mount_turned_by_a_tenth_of_a_degree() {
+    let copy = Copy::room();
+    copy.replace(ROOM, "1.2] }", "1.2], rpy_deg = [0.0, 0.0, 0.1] }");
+    has(
+        &copy.caught(),
+        &[
+            "sensor vlp16: pose.rpy_deg unset → [0.0, 0.0, 0.1]: at least",
+            "of 28800 ranges differ, max",
+            "labels differ",
+        ],
+    );
+}
+
+#[test]
+fn an_azimuth_offset_lost() {
+    let copy = Copy::room();
+    let offsets = ["1.5"; 16].join(", ");
+    copy.replace(SENSOR, "columns = 1800", &format!("azimuth_offsets_deg = [{offsets}]\ncolumns = 1800"));
+    has(&copy.caught(), &["azimuth offset of 16 of 16 beams, all by 1.5°"]);
+    copy.accept();
+    copy.replace(SENSOR, "[1.5, 1.5, ", "[1.5, 0.0, ");
+    has(
+        &copy.caught(),
+        &["sensor vlp16: beam (row 7) azimuth offset 1.5° → 0°: ", "ranges differ", "all in row 7"],
+    );
+}
+
+#[test]
+fn a_range_limit() {
+    let copy = Copy::room();
+    copy.replace(SENSOR, "max_m = 100.0", "max_m = 5.0");
+    has(&copy.caught(), &["sensor vlp16: range.max_m 100.0 → 5.0: ", "returns vanished"]);
+}
+
+#[test]
+fn half_a_pixel_of_a_camera() {
+    let copy = Copy::of("warehouse_depth", "depth_camera", "warehouse.glb");
+    // The same focal length as 87 degrees, and a principal point half a pixel to the right of the middle.
+    let focal = 320.0 / libm::tan(43.5_f64.to_radians());
+    copy.replace(
+        "configs/sensors/depth_camera.toml",
+        "hfov_deg = 87.0",
+        &format!("fx_px = {focal}\ncx_px = 320.5"),
+    );
+    has(
+        &copy.caught(),
+        &["sensor depth: pinhole.hfov_deg 87.0 → unset; pinhole.cx_px unset → 320.5; ", "ranges differ"],
+    );
+}
+
+#[test]
+fn an_object_moved_by_two_centimetres() {
+    let copy = Copy::room();
+    copy.edit_scene("scenes/room.glb", |json| {
+        let x = &mut node(json, "pillar")["translation"][0];
+        *x = (x.as_f64().unwrap() + 0.02).into();
+    });
+    has(
+        &copy.caught(),
+        &["sensor vlp16: ../scenes/room.glb BLAKE3 ", " of 28800 ranges differ, max", "all on \"pillar\""],
+    );
+}
+
+#[test]
+fn an_objects_label_lost() {
+    let copy = Copy::room();
+    copy.edit_scene("scenes/room.glb", |json| {
+        node(json, "pillar")["extras"].as_object_mut().unwrap().remove("label").unwrap();
+    });
+    let caught = copy.caught();
+    has(
+        &caught,
+        &["../scenes/room.glb BLAKE3 ", " of 28800 labels differ, label ", " → 0: ", "all on \"pillar\""],
+    );
+    assert!(!caught.contains("range"), "{caught}");
+}
+
+#[test]
+fn a_triangle_removed() {
+    let copy = Copy::room();
+    copy.edit_scene("scenes/room.glb", |json| {
+        let mesh = node(json, "walls and ceiling")["mesh"].as_u64().unwrap() as usize;
+        let indices = json["meshes"][mesh]["primitives"][0]["indices"].as_u64().unwrap() as usize;
+        let count = &mut json["accessors"][indices]["count"];
+        *count = (count.as_u64().unwrap() - 3).into();
+    });
+    has(
+        &copy.caught(),
+        &[
+            "triangles of the scene 8628 → 8627",
+            "returns vanished",
+            "all on \"walls and ceiling\"",
+            "id.triangle",
+        ],
+    );
+}
+
+#[test]
+fn a_seed_alone_is_no_difference() {
+    let copy = Copy::room();
+    copy.replace(ROOM, "scene = ", "seed = 5\nscene = ");
+    let (code, out, _) = copy.run(&["check", "configs"]);
+    assert_eq!(code, 0);
+    has(
+        &out,
+        &[
+            "configs/room_vlp16.toml: passed\n",
+            "changed since the baseline was accepted:\n    seed unset → 5",
+        ],
+    );
+}
+
+#[test]
+fn a_baseline_that_is_missing_or_of_another_job_is_a_failure_with_the_way_out() {
+    let copy = Copy::room();
+    let way_out = "`beamcast check --accept configs/room_vlp16.toml` accepts the job as it is now";
+    copy.replace(SENSOR, "columns = 1800", "columns = 900");
+    has(
+        &copy.caught(),
+        &["sensor vlp16: rotating.columns 1800 → 900: the image is 16 × 900, the baseline 16 × 1800"],
+    );
+    copy.replace(ROOM, "name = \"vlp16\"", "name = \"puck\"");
+    has(
+        &copy.caught(),
+        &["the baseline has no sensor puck", "the job has no sensor vlp16 any more", way_out],
+    );
+
+    let copy = Copy::room();
+    copy.replace("configs/room_vlp16.baseline/baseline.json", "\"format\": 1", "\"format\": 999");
+    has(&copy.caught(), &["baseline.json has format 999, and this version reads", way_out]);
+    fs::remove_dir_all(copy.path("configs/room_vlp16.baseline")).unwrap();
+    let (code, _, err) = copy.run(&["check", "configs"]);
+    assert_eq!(code, 2, "{err}");
+    has(
+        &err,
+        &["no job in this folder has a baseline", "there is nothing to check: `beamcast check --accept"],
+    );
+    copy.append(ROOM, "\n[check]\n");
+    has(&copy.caught(), &["there is no configs/room_vlp16.baseline/baseline.json", way_out]);
+
+    // Pixels that were tampered with are no reason to crash, and needed only if something differs.
+    let copy = Copy::room();
+    let pixels = copy.path("configs/room_vlp16.baseline/vlp16.pixels");
+    fs::write(&pixels, b"not pixels").unwrap();
+    assert_eq!(copy.run(&["check", "configs"]).0, 0);
+    copy.replace(SENSOR, "max_m = 100.0", "max_m = 5.0");
+    has(&copy.caught(), &["differ from the baseline", "vlp16.pixels is not what was accepted"]);
+}
+
+#[test]
+fn people_accept_baselines_and_ci_does_not() {
+    let copy = Copy::room();
+    copy.replace(SENSOR, "max_m = 100.0", "max_m = 50.0");
+    let output = copy.command(&["check", "--accept", "configs"]).env("CI", "true").output().unwrap();
+    let (code, _, err) = told(&output);
+    assert_eq!(code, 2);
+    has(&err, &["--accept is refused where CI is set"]);
+    assert_eq!(copy.run(&["check", "--accept", "configs", "--set", "seed=1"]).0, 2);
+
+    // Of another name it is only checked.
+    assert_eq!(
+        copy.run(&["check", "--accept=street_128", "configs"]).1,
+        "configs/room_vlp16.toml: passed\n  \
+        changed since the baseline was accepted:\n    sensor vlp16: range.max_m 100.0 → 50.0\n"
+    );
+    copy.accept();
+    let written = |copy: &Copy| {
+        fs::metadata(copy.path("configs/room_vlp16.baseline/baseline.json")).unwrap().modified().unwrap()
+    };
+    let first = written(&copy);
+    let (code, out, _) = copy.run(&["check", "--accept=room_vlp16", "configs"]);
+    assert_eq!((code, out.as_str()), (0, "configs/room_vlp16.toml: passed\n"), "nothing to accept");
+    assert_eq!(written(&copy), first);
+    // A sensor's pixels go with it.
+    copy.replace(ROOM, "name = \"vlp16\"", "name = \"puck\"");
+    copy.accept();
+    assert!(!copy.path("configs/room_vlp16.baseline/vlp16.pixels").exists());
+    assert!(copy.path("configs/room_vlp16.baseline/puck.pixels").exists());
+}
+
+#[test]
+fn tolerances_let_small_differences_pass() {
+    let copy = Copy::room();
+    copy.append(
+        ROOM,
+        "\n[check]\nchannels = [\"range\", \"intensity\"]\n\
+         tolerance = { range = { absolute = 0.002, pixels = 0.01 }, intensity = { absolute = 0.01, pixels = 0.01 } }\n",
+    );
+    copy.replace(ROOM, "1.2]", "1.201]");
+    has(
+        &copy.caught(),
+        &["the baseline was accepted before intensity had a tolerance, and has no pixels of it"],
+    );
+    copy.replace(ROOM, "1.201]", "1.2]");
+    copy.accept();
+    // A millimetre higher: ranges grow by up to 1 mm / sin 15°, which few pixels' edges exceed.
+    copy.replace(ROOM, "1.2]", "1.2001]");
+    let (code, out, _) = copy.run(&["check", "configs"]);
+    assert_eq!(code, 0, "{out}");
+    copy.replace(ROOM, "1.2001]", "1.25]");
+    has(
+        &copy.caught(),
+        &["pose.position_m[2] 1.2 → 1.25: ", "ranges differ by more than the tolerance, max"],
+    );
+}
+
+#[test]
+fn every_expectation_is_met_or_says_what_was_found_and_where() {
+    let copy = Copy::room();
+    fs::remove_dir_all(copy.path("configs/room_vlp16.baseline")).unwrap();
+    let expect = |kind: &str, good: &str, bad: &str| {
+        format!(
+            "\n[[expect]]\nname = \"good {kind}\"\n{kind} = {good}\n[[expect]]\nname = \"bad {kind}\"\n{kind} = {bad}\n"
+        )
+    };
+    let text = [
+        expect(
+            "points",
+            "{ object = \"pillar\", at_least = 1, max_range_m = 20.0 }",
+            "{ label = 4000000000, at_least = 1 }",
+        ),
+        expect(
+            "plane",
+            "{ object = \"floor\", normal = [0, 0, 2], offset_m = 0.0, max_error_m = 1e-6 }",
+            "{ object = \"floor\", normal = [0, 0, 1], offset_m = 0.01, max_error_m = 1e-6 }",
+        ),
+        expect(
+            "resolution",
+            "{ object = \"pill*\", max_horizontal_deg = 0.21, max_vertical_deg = 2.01 }",
+            "{ object = \"pillar\", max_horizontal_deg = 0.19 }",
+        ),
+        expect(
+            "coverage",
+            "{ x_m = [4.0, 5.0], y_m = [-0.5, 0.5], cell_m = 1.0, at_least = 0.0, ground_z_m = 0.0 }",
+            "{ x_m = [-0.5, 0.5], y_m = [-0.5, 0.5], cell_m = 0.5, at_least = 0.1 }",
+        ),
+        expect(
+            "blind_zone",
+            "{ at_most_m = 100.0, sector_deg = { from = 0, to = 1 } }",
+            "{ at_most_m = 1.0 }",
+        ),
+        expect("returns", "{ at_least = 1.0 }", "{ at_most = 0.5 }"),
+        expect("unobstructed", "{ object = \"pillar\", at_most = 0.5 }", "{ object = \"walls*\" }"),
+        expect("points_per_s", "{ at_least = 288000, at_most = 288000 }", "{ at_least = 288001 }"),
+        expect("speed", "{ at_least_rays_per_s = 1.0 }", "{ at_least_rays_per_s = 1e15 }"),
+    ]
+    .concat();
+    copy.append(ROOM, &text);
+    let (code, out, err) = copy.run(&["check", "configs", "--json", "-"]);
+    assert_eq!(code, 1, "{err}");
+    let json: Value = serde_json::from_str(&out).unwrap();
+    let found = json["jobs"][0]["expectations"].as_array().unwrap();
+    assert_eq!(found.len(), 18);
+    for expectation in found {
+        let is_good = expectation["name"].as_str().unwrap().starts_with("good");
+        assert_eq!(expectation["met"], is_good, "{expectation}");
+    }
+    has(
+        &err,
+        &[
+            "bad points: expected at least 1 point on label 4000000000, found 0 points",
+            "bad plane: expected \"floor\" within 0.001 mm of the plane",
+            "points are further off, the worst by ",
+            "bad resolution: expected beams on \"pillar\" at most 0.19° from column to column apart, found 0.2°",
+            "bad coverage: expected ground seen in at least 10 % of the cells",
+            "found 0 % of 4 cells (the nearest cell unseen is at (-0.25, -0.25) m)",
+            "bad blind_zone: expected ground seen from a distance of 1 m on",
+            "bad returns: expected at most 50 % of the rays return, found 100 % return (sensor vlp16)",
+            "bad unobstructed: expected at most 0 % of the rays hit \"walls*\"",
+            "(sensor vlp16: azimuth -179.8° to 180.0°, elevation -15.0° to 15.0°)",
+            "bad points_per_s: expected at least 288001 points a second, found 288000 points a second",
+            "bad speed: expected at least 1000000000000000 rays cast a second",
+        ],
+    );
+}
+
+#[test]
+fn mistakes_in_check_and_expect_are_told_all_at_once() {
+    let copy = Copy::room();
+    copy.append(
+        ROOM,
+        "\n[check]\nchannels = [\"rnage\"]\ntolerance = { intensty = 1, range = -1, time = { pixels = 2 } }\n\
+         [[expect]]\nname = \"a\"\nsensor = \"vlp61\"\npoints = { objct = \"x\" }\n\
+         [[expect]]\nname = \"a\"\nreturns = { at_least = 0.9, at_most = 0.1 }\nspeed = {}\n\
+         [[expect]]\ncoverage = { x_m = [1, 0], y_m = [0, 1], cell_m = 0.1, at_least = 90 }\n\
+         [[expect]]\nname = \"c\"\nplane = { normal = [0, 0, 0], offset_m = 0, max_error_m = 1 }\n",
+    );
+    let (code, _, err) = copy.run(&["check", "configs"]);
+    assert_eq!(code, 2);
+    has(
+        &err,
+        &[
+            "`channels` is the string \"rnage\"",
+            "did you mean \"range\"?",
+            "there is no channel `intensty`",
+            "did you mean `intensity`?",
+            "a tolerance of -1",
+            "`pixels` is 2",
+            "there is no sensor `vlp61`",
+            "did you mean `vlp16`?",
+            "unknown key `objct` in `points`",
+            "`points` has no `at_least`",
+            "two expectations are called `a`",
+            "an expectation is about one thing",
+            "`[[expect]]` has no `name`",
+            "nothing lies between 1 and 0",
+            "expected a part of the whole, from 0 to 1",
+            "a plane's normal has no length",
+        ],
+    );
+}
+
+#[test]
+fn reports_are_written_where_ci_looks_for_them() {
+    let copy = Copy::room();
+    copy.replace(SENSOR, "-3.0,", "-3.05,");
+    let args =
+        ["check", "configs", "--junit", "r/junit.xml", "--markdown", "r/check.md", "--json", "r/check.json"];
+    let mut command = copy.command(&args);
+    command.env("GITHUB_ACTIONS", "true").env("GITHUB_STEP_SUMMARY", copy.path("summary.md"));
+    let (code, out, _) = told(&command.output().unwrap());
+    assert_eq!(code, 1);
+    has(
+        &out,
+        &["::error file=configs/room_vlp16.toml,title=beamcast check::sensor vlp16: beam (row 9) elevation"],
+    );
+    let read = |file: &str| fs::read_to_string(copy.path(file)).unwrap();
+    has(&read("r/junit.xml"), &["failures=\"1\"", "<failure message=\"sensor vlp16: beam (row 9) elevation"]);
+    has(&read("r/check.md"), &["### beamcast check: 1 job: 1 failed", "❌ failed"]);
+    assert_eq!(read("summary.md"), read("r/check.md"));
+    let json: Value = serde_json::from_str(&read("r/check.json")).unwrap();
+    assert_eq!(json["passed"], false);
+    assert_eq!(json["jobs"][0]["changes"][0]["new"], "−3.05°");
+    let channels = json["jobs"][0]["sensors"][0]["channels"].as_array().unwrap();
+    let range = channels.iter().find(|c| c["channel"] == "range").unwrap();
+    assert_eq!((&range["differing"], &range["differing_is_exact"]), (&1800.into(), &true.into()));
+
+    let (code, _, _) = copy.run(&["check", "configs", "--coverage", "maps"]);
+    assert_eq!(code, 1);
+    let map = fs::read(copy.path("maps/room_vlp16.png")).unwrap();
+    assert!(map.starts_with(b"\x89PNG") && map.len() > 1000);
+}
+
+#[test]
+fn a_job_that_is_broken_does_not_keep_others_from_being_checked() {
+    let copy = Copy::room();
+    fs::write(copy.path("configs/bad.toml"), "scene = 3\n").unwrap();
+    fs::write(
+        copy.path("configs/lost.toml"),
+        "scene = \"no.glb\"\n[check]\n[[sensor]]\npreset = \"sensors/velodyne_vlp16.toml\"\n[output]\ndir = \"o\"\n",
+    )
+    .unwrap();
+    let (code, out, err) = copy.run(&["check", "configs"]);
+    assert_eq!(code, 3, "{err}");
+    has(&out, &["configs/bad.toml: broken", "configs/lost.toml: broken", "configs/room_vlp16.toml: passed"]);
+    has(&err, &["`scene` is 3", "no.glb"]);
+}
+
+#[test]
+fn outputs_are_compared_channel_by_channel() {
+    let copy = Copy::room();
+    for (out, changes) in [("a", None), ("b", Some("sensor.vlp16.range.max_m=5"))] {
+        let mut args = vec!["scan", ROOM, "--out", out];
+        args.extend(changes.iter().flat_map(|change| ["--set", *change]));
+        assert_eq!(copy.run(&args).0, 0);
+    }
+    let same = |code: i32, args: &[&str]| {
+        let (found, out, err) = copy.run(&[&["diff"], args].concat());
+        assert_eq!(found, code, "{args:?}\n{out}{err}");
+        out
+    };
+    has(&same(0, &["a", "a"]), &["vlp16/000000: the same, 16 × 1800 pixels, 28800 returns"]);
+    // A job is run, and gives what was written.
+    has(&same(0, &["a", ROOM]), &["the same"]);
+    has(&same(0, &["a/vlp16/000000.ply", "a/vlp16/000000.ply"]), &["the same, 28800 points"]);
+    let differs = same(1, &["a", "b/manifest.json", "--png", "map.png"]);
+    has(&differs, &["vlp16/000000: different: ", " vanished (IoU 0.", "range ", "label "]);
+    assert!(fs::read(copy.path("map.vlp16.png")).unwrap().starts_with(b"\x89PNG"));
+    same(1, &["a/vlp16/000000.exr", "b/vlp16/000000.exr", "--png", "one.png"]);
+    assert!(copy.path("one.png").exists());
+    // What vanished is more than any tolerance of values, and not more than all pixels.
+    same(1, &["a", "b", "--tolerance", "range=100"]);
+    has(&same(0, &["a", "b", "--pixels", "1"]), &["within tolerance"]);
+    has(
+        &same(1, &["a/vlp16/000000.ply", "b/vlp16/000000.ply"]),
+        &[
+            "from each of A to the nearest of B:",
+            "from each of B to the nearest of A: 0 m on average",
+            "Chamfer distance",
+        ],
+    );
+    let json: Value = serde_json::from_str(&same(1, &["a", "b", "--json"])).unwrap();
+    assert_eq!(json["same"], false);
+    assert!(json["pairs"][0]["vanished"].as_u64().unwrap() > 100);
+
+    for (code, args) in [
+        (2, ["diff", "a/vlp16/000000.exr", "a/vlp16/000000.ply"]),
+        (3, ["diff", "a", "scenes/room.glb"]),
+        (3, ["diff", "a", "configs/sensors"]),
+        (3, ["diff", "a", "nowhere"]),
+    ] {
+        assert_eq!(copy.run(&args).0, code, "{args:?}");
+    }
+    assert_eq!(copy.run(&["diff", "a", "b", "--tolerance", "rnage=1"]).0, 2);
+    // A manifest opens nothing outside its folder.
+    copy.replace("b/manifest.json", "vlp16/000000.exr", "../a/vlp16/000000.exr");
+    let (code, _, err) = copy.run(&["diff", "a", "b"]);
+    assert_eq!(code, 3);
+    has(&err, &["which is not in its folder"]);
+}
+
+/// The blocks of a kind on the page.
+fn blocks(page: &str, kind: &str) -> Vec<String> {
+    let fence = format!("```{kind}\n");
+    page.split(&fence).skip(1).map(|block| block.split("```").next().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn the_page_says_what_the_program_does() {
+    let page = fs::read_to_string(shipped("docs/regress-in-ci.md")).unwrap();
+    let copy = Copy::room();
+    copy.replace(SENSOR, "-3.0,", "-3.05,");
+    let (_, out, err) = copy.run(&["check", "configs"]);
+    assert_eq!(blocks(&page, "console"), [format!("$ beamcast check configs\n{out}{err}")]);
+
+    // All its keys and expectations are such, and met.
+    let copy = Copy::room();
+    for block in blocks(&page, "toml") {
+        copy.append(ROOM, &format!("\n{block}"));
+    }
+    copy.accept();
+    let (code, out, err) = copy.run(&["check", "configs"]);
+    assert_eq!((code, out.as_str()), (0, "configs/room_vlp16.toml: passed, 9 expectations met\n"), "{err}");
+
+    let workflow = fs::read_to_string(shipped(".github/workflows/sensor-regression.yml")).unwrap();
+    assert!(workflow.ends_with(&blocks(&page, "yaml")[0]), "the page and the workflow differ");
+}
