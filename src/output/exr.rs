@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::{Capture, EncodeError, Encoder, NO_RETURN_M, pose_as_toml};
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::scan::Return;
-use crate::sensor::{Pattern, Pinhole, Sensor};
+use crate::sensor::{Camera, Pattern, Sensor};
 
 /// What the attribute `beamcast:no_return` says.
 const NO_RETURN: &str = "+inf in range, Z and Y; 0 in all other channels";
@@ -93,42 +93,43 @@ fn channels(capture: &Capture) -> AnyChannels<FlatSamples> {
         per_pixel(
             &|_, _, hit| match sensor.pattern {
                 // Axes are only swapped and negated: nothing is rounded.
-                Pattern::Pinhole(_) => {
+                Pattern::Camera(_) => {
                     (BODY_FROM_OPTICAL.rotation.transpose() * hit.normal.as_dvec3())[axis] + 0.0
                 }
-                Pattern::Rotating(_) => f64::from(hit.normal[axis]),
+                _ => f64::from(hit.normal[axis]),
             },
             0.0,
         )
     };
 
+    let time = |row, column, _: &Return| sensor.pattern.pulse(row, column).map_or(0.0, |p| p.time_s);
     let range = per_pixel(&|_, _, hit| hit.range, NO_RETURN_M);
     let mut list = vec![
         AnyChannel::new("intensity", per_pixel(&|_, _, hit| f64::from(hit.intensity), 0.0)),
         AnyChannel::new("normal.X", normal(0)),
         AnyChannel::new("normal.Y", normal(1)),
         AnyChannel::new("normal.Z", normal(2)),
-        AnyChannel::new("time", per_pixel(&|row, column, _| sensor.pattern.pulse(row, column).time_s, 0.0)),
+        AnyChannel::new("time", per_pixel(&time, 0.0)),
         AnyChannel::new("id.instance", id(&|hit| hit.instance)),
         AnyChannel::new("id.semantic", id(&|hit| hit.label)),
         AnyChannel::new("id.triangle", id(&|hit| hit.triangle)),
     ];
     // `Y` repeats the main depth: OpenCV reads it, and nothing of the other names.
     match &sensor.pattern {
-        Pattern::Rotating(_) => list.push(AnyChannel::new("Y", range.clone())),
-        Pattern::Pinhole(camera) => {
+        Pattern::Camera(camera) => {
             let depth = per_pixel(&|row, column, hit| planar_depth(camera, row, column, hit), NO_RETURN_M);
             list.push(AnyChannel::new("Y", depth.clone()));
             list.push(AnyChannel::new("Z", depth));
         }
+        _ => list.push(AnyChannel::new("Y", range.clone())),
     }
     list.push(AnyChannel::new("range", range));
     AnyChannels::sort(list.into())
 }
 
 /// Depth along the optical axis, from the range along the ray.
-fn planar_depth(camera: &Pinhole, row: usize, column: usize, hit: &Return) -> f64 {
-    hit.range * camera.optical_direction(row, column).z
+fn planar_depth(camera: &Camera, row: usize, column: usize, hit: &Return) -> f64 {
+    camera.optical_direction(row, column).map_or(NO_RETURN_M, |direction| hit.range * direction.z)
 }
 
 fn attributes(capture: &Capture) -> LayerAttributes {
@@ -140,21 +141,27 @@ fn attributes(capture: &Capture) -> LayerAttributes {
     // An attribute holds one byte a character.
     set("beamcast:sensor", text(&capture.name.escape_default().to_string()));
     set("beamcast:world_from_sensor", text(&pose_as_toml(&capture.world_from_sensor())));
-    match &capture.sensor.pattern {
-        Pattern::Rotating(_) => {
-            set("beamcast:pattern", text("rotating"));
-            set("beamcast:normal_frame", text("sensor"));
+    let pattern = &capture.sensor.pattern;
+    set("beamcast:pattern", text(pattern.name()));
+    set("beamcast:normal_frame", text(if pattern.is_camera() { "optical" } else { "sensor" }));
+    match pattern {
+        Pattern::Rotating(p) => {
+            set("beamcast:layout", text(if p.is_destaggered() { "destaggered" } else { "staggered" }));
+            set("beamcast:range_offset_m", AttributeValue::F64(p.range_offset_m()));
         }
-        Pattern::Pinhole(camera) => {
+        Pattern::Camera(camera) => {
             let world_from_optical = capture.world_from_sensor() * BODY_FROM_OPTICAL;
-            set("beamcast:pattern", text("pinhole"));
-            set("beamcast:normal_frame", text("optical"));
             set("beamcast:world_from_optical", text(&pose_as_toml(&world_from_optical)));
             set("beamcast:fx_px", AttributeValue::F64(camera.focal_px().0));
             set("beamcast:fy_px", AttributeValue::F64(camera.focal_px().1));
             set("beamcast:cx_px", AttributeValue::F64(camera.principal_px().0));
             set("beamcast:cy_px", AttributeValue::F64(camera.principal_px().1));
+            let numbers = camera.lens().coefficients().iter().map(f64::to_string).collect::<Vec<_>>();
+            if !numbers.is_empty() {
+                set("beamcast:distortion", text(&numbers.join(", ")));
+            }
         }
+        _ => {}
     }
     LayerAttributes { other, ..LayerAttributes::default() }
 }
