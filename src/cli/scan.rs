@@ -148,7 +148,12 @@ fn inputs(args: &Args, job: &Job) -> Result<Vec<SourceFile>, Error> {
         fs::read(path).map_err(|e| Error::Usage(format!("{}: can't be read again: {e}", path.display())))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let sensors = job.sensor_files.iter().map(|(name, text)| file(name, text.as_bytes()));
-    Ok([file(&name, &text)].into_iter().chain(sensors).collect())
+    let rays = job.ray_files.iter().map(|f| SourceFile {
+        name: f.name.clone(),
+        bytes: f.bytes,
+        blake3: f.blake3.clone(),
+    });
+    Ok([file(&name, &text)].into_iter().chain(sensors).chain(rays).collect())
 }
 
 /// What a sensor saw, in short.

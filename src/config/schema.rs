@@ -49,6 +49,7 @@ enum Kind {
     Text,
     /// Of a sensor, which names its folder.
     Name,
+    Flag,
     Choice(&'static [&'static str]),
     /// A list of different words, at least one.
     Choices(&'static [&'static str]),
@@ -62,8 +63,16 @@ enum Kind {
     /// A list of any length.
     Numbers,
     Vector(usize),
-    /// A list with an elevation a beam, or evenly spaced ones.
+    /// A list of vectors of so many numbers.
+    Vectors(usize),
+    /// The same, or one vector for all.
+    VectorOrVectors(usize),
+    /// A list of angles, or evenly spaced ones.
+    Angles,
+    /// The same of elevations.
     Elevations,
+    /// By name.
+    Modes,
     /// By name, whole numbers of 32 bits.
     Labels,
     /// From 0 to 1.
@@ -111,15 +120,43 @@ const TABLES: &[(&Shape, &[&str], &[Key])] = &[
         &[],
         &[
             key("name", Kind::Name, "Names the sensor's output folder; a lone sensor needs none.").or("\"sensor\""),
-            key("preset", Kind::Text, "A sensor file, relative to this file; the tables here add to it or override its keys."),
+            key("preset", Kind::Text, "A built-in sensor such as \"ouster/os1-128\" (`beamcast presets`), or a sensor file, relative to this file; the tables here add to it or override its keys."),
+            key("mode", Kind::Text, "One of the preset's modes, by name; left out: the preset as it stands."),
             key("pose", Kind::Table(&section::POSE), "body_from_sensor: where the sensor sits on the body."),
             ROTATING,
+            RASTER,
+            MIRROR,
+            RISLEY,
+            RAYS,
             PINHOLE,
+            FISHEYE,
+            EQUIRECTANGULAR,
             RANGE,
             RING,
         ],
     ),
-    (&section::SENSOR_FILE, &[], &[ROTATING, PINHOLE, RANGE, RING]),
+    (
+        &section::SENSOR_FILE,
+        &[],
+        &[
+            ROTATING,
+            RASTER,
+            MIRROR,
+            RISLEY,
+            RAYS,
+            PINHOLE,
+            FISHEYE,
+            EQUIRECTANGULAR,
+            RANGE,
+            RING,
+            key("modes", Kind::Modes, "What differs in the unit's modes, by their names; a job chooses one with `mode`."),
+        ],
+    ),
+    (
+        &section::MODE,
+        &[],
+        &[ROTATING, RASTER, MIRROR, RISLEY, RAYS, PINHOLE, FISHEYE, EQUIRECTANGULAR, RANGE],
+    ),
     (
         &section::ROTATING,
         &["elevations_deg", "columns", "rate_hz"],
@@ -127,23 +164,118 @@ const TABLES: &[(&Shape, &[&str], &[Key])] = &[
             key("elevations_deg", Kind::Elevations, "One a beam, degrees, up positive: a list in any order, or evenly spaced ones."),
             key("azimuth_offsets_deg", Kind::Numbers, "One a beam, degrees, counterclockwise seen from above: added to the column's azimuth; left out: 0."),
             key("beam_times_us", Kind::Numbers, "One a beam, microseconds after the column's own time, 0 or more; left out: 0."),
+            key("beam_origins_m", Kind::VectorOrVectors(3), "Where beams leave the head: [x, y, z] for all, or one a beam; x forward at the head's azimuth, y left, z up, metres.").or("[0.0, 0.0, 0.0]"),
+            key("range_offset_m", Kind::NotNegative, "How far before a beam's origin its range begins, as the unit reports it, in metres.").or("0.0"),
+            key("turns_while_firing", Kind::Flag, "Whether the head turns on while the beams of a column fire one after the other.").or("false"),
+            key("layout", Kind::Choice(&["staggered", "destaggered"]), "The image as it is measured, or with its rows moved so that columns are azimuths.").or("\"staggered\""),
+            key("pixel_shift_by_row", Kind::Numbers, "One a beam: by how many columns a destaggered image moves its row; left out: as the azimuth offsets say."),
             key("columns", Kind::Integer(1, 1_000_000), "Firings in the sector."),
             key("sector_deg", Kind::Table(&section::SECTOR), "Azimuths in degrees, counterclockwise from forward. A full turn has no repeated last column.").or("{\"from\": 180.0, \"to\": -180.0}"),
             key("rate_hz", Kind::Positive, "Turns a second."),
         ],
     ),
     (
+        &section::RASTER,
+        &["azimuths_deg", "elevations_deg"],
+        &[
+            key("azimuths_deg", Kind::Angles, "One a column, degrees, counterclockwise: a list, or evenly spaced ones."),
+            key("elevations_deg", Kind::Elevations, "One a row, degrees, up positive: a list, or evenly spaced ones."),
+            key("order", Kind::Choice(&["lines", "back_and_forth", "flash"]), "Line by line, every other line backward, or all at once.").or("\"lines\""),
+            key("pulse_rate_hz", Kind::Positive, "Pulses a second; left out: as many as fill a frame."),
+            key("rate_hz", Kind::Positive, "Frames a second."),
+        ],
+    ),
+    (
+        &section::MIRROR,
+        &["azimuth", "elevation", "pulse_rate_hz", "rate_hz"],
+        &[
+            key("azimuth", Kind::Table(&section::AXIS), "How the azimuth moves."),
+            key("elevation", Kind::Table(&section::AXIS), "How the elevation moves."),
+            BEAMS,
+            PULSE_RATE,
+            FRAME_RATE,
+        ],
+    ),
+    (
+        &section::AXIS,
+        &["motion", "rate_hz", "from_deg", "to_deg"],
+        &[
+            key("motion", Kind::Choice(&["sine", "triangle", "sawtooth"]), "How the angle goes from one end to the other, and back."),
+            key("rate_hz", Kind::Positive, "Periods a second."),
+            key("from_deg", Kind::Number, "Where a period begins, in degrees."),
+            key("to_deg", Kind::Number, "The other end of the motion, in degrees."),
+            key("phase_deg", Kind::Number, "Where in its period the motion starts, in degrees of 360.").or("0.0"),
+        ],
+    ),
+    (
+        &section::RISLEY,
+        &["prisms", "pulse_rate_hz", "rate_hz"],
+        &[
+            key("prisms", Kind::Tables(&section::PRISM, 1), "The turning wedges, in the beam's way."),
+            BEAMS,
+            PULSE_RATE,
+            FRAME_RATE,
+        ],
+    ),
+    (
+        &section::PRISM,
+        &["rate_hz", "wedge_deg", "index"],
+        &[
+            key("rate_hz", Kind::Number, "Turns a second, negative the other way round."),
+            key("wedge_deg", Kind::Number, "The angle between the faces in degrees."),
+            key("index", Kind::Positive, "The refractive index."),
+            key("phase_deg", Kind::Number, "The angle at time 0 in degrees.").or("0.0"),
+            key("tilted", Kind::Choice(&["entry", "exit"]), "Which face is the oblique one."),
+        ],
+    ),
+    (
+        &section::RAYS,
+        &["file"],
+        &[
+            key("file", Kind::Text, "A CSV with a ray a line, relative to this file: azimuth_deg, elevation_deg or x, y, z; time_s or time_us; origin_x_m, origin_y_m, origin_z_m."),
+            FRAME_RATE,
+        ],
+    ),
+    (
         &section::PINHOLE,
         &["width_px", "height_px"],
         &[
-            key("width_px", Kind::Integer(1, 1_000_000), "Columns of the image."),
-            key("height_px", Kind::Integer(1, 1_000_000), "Rows of the image."),
+            WIDTH,
+            HEIGHT,
             key("hfov_deg", Kind::Between(0.0, 180.0), "Field of view in degrees from the left edge of the image to the right; instead of fx_px to cy_px."),
-            key("fx_px", Kind::Positive, "Horizontal focal length in pixels; instead of hfov_deg."),
-            key("fy_px", Kind::Positive, "Vertical focal length in pixels; left out: fx_px."),
-            key("cx_px", Kind::Number, "Principal point; the centre of the top left pixel is at (0.5, 0.5). Left out: the image's middle."),
-            key("cy_px", Kind::Number, "Principal point; the centre of the top left pixel is at (0.5, 0.5). Left out: the image's middle."),
-            key("rate_hz", Kind::Positive, "Frames a second."),
+            key("vfov_deg", Kind::Between(0.0, 180.0), "Field of view from the top edge to the bottom, if pixels aren't square; with hfov_deg."),
+            FX,
+            FY,
+            CX,
+            CY,
+            key("distortion", Kind::Numbers, "k1, k2, p1, p2, then k3, then k4, k5, k6, as OpenCV has them; left out: none."),
+            FRAME_RATE,
+        ],
+    ),
+    (
+        &section::FISHEYE,
+        &["width_px", "height_px"],
+        &[
+            WIDTH,
+            HEIGHT,
+            key("hfov_deg", Kind::Positive, "Field of view in degrees from the left edge of the image to the right; instead of fx_px to cy_px."),
+            FX,
+            FY,
+            CX,
+            CY,
+            key("distortion", Kind::Numbers, "k1, k2, k3, k4 of OpenCV's fisheye model; left out: an equidistant lens."),
+            FRAME_RATE,
+        ],
+    ),
+    (
+        &section::EQUIRECTANGULAR,
+        &["width_px", "height_px"],
+        &[
+            WIDTH,
+            HEIGHT,
+            key("hfov_deg", Kind::Positive, "Field of view in degrees, at most 360.").or("360.0"),
+            key("vfov_deg", Kind::Positive, "Field of view in degrees, at most 180.").or("180.0"),
+            FRAME_RATE,
         ],
     ),
     (
@@ -179,12 +311,12 @@ const TABLES: &[(&Shape, &[&str], &[Key])] = &[
         ],
     ),
     (
-        &section::ELEVATIONS,
+        &section::SPACED,
         &["from", "to", "count"],
         &[
-            key("from", Kind::Number, "The first beam's elevation in degrees, -90 to 90."),
-            key("to", Kind::Number, "The last beam's elevation in degrees, -90 to 90."),
-            key("count", Kind::Integer(1, 1_000_000), "The number of beams."),
+            key("from", Kind::Number, "The first angle in degrees."),
+            key("to", Kind::Number, "The last angle in degrees."),
+            key("count", Kind::Integer(1, 1_000_000), "The number of angles, both ends included."),
         ],
     ),
     (
@@ -324,7 +456,37 @@ const GROUND_TOLERANCE: Key =
     key("ground_tolerance_m", Kind::Positive, "How far from that a point of the ground may be, in metres.");
 
 const ROTATING: Key = key("rotating", Kind::Table(&section::ROTATING), "A LiDAR with a turning head.");
+const RASTER: Key =
+    key("raster", Kind::Table(&section::RASTER), "A grid of azimuths and elevations: line scans, flashes.");
+const MIRROR: Key =
+    key("mirror", Kind::Table(&section::MIRROR), "Beams on a mirror that moves about two axes.");
+const RISLEY: Key = key("risley", Kind::Table(&section::RISLEY), "Beams through turning prisms.");
+const RAYS: Key = key("rays", Kind::Table(&section::RAYS), "Rays from a table.");
 const PINHOLE: Key = key("pinhole", Kind::Table(&section::PINHOLE), "A depth camera.");
+const FISHEYE: Key = key("fisheye", Kind::Table(&section::FISHEYE), "A camera with a fisheye lens.");
+const EQUIRECTANGULAR: Key =
+    key("equirectangular", Kind::Table(&section::EQUIRECTANGULAR), "A spherical image, or a part of one.");
+const BEAMS: Key = key(
+    "beams_deg",
+    Kind::Vectors(2),
+    "Azimuth and elevation of each beam in degrees; left out: one straight ahead.",
+);
+const PULSE_RATE: Key = key("pulse_rate_hz", Kind::Positive, "Pulses of each beam a second.");
+const FRAME_RATE: Key = key("rate_hz", Kind::Positive, "Frames a second.");
+const WIDTH: Key = key("width_px", Kind::Integer(1, 1_000_000), "Columns of the image.");
+const HEIGHT: Key = key("height_px", Kind::Integer(1, 1_000_000), "Rows of the image.");
+const FX: Key = key("fx_px", Kind::Positive, "Horizontal focal length in pixels; instead of hfov_deg.");
+const FY: Key = key("fy_px", Kind::Positive, "Vertical focal length in pixels; left out: fx_px.");
+const CX: Key = key(
+    "cx_px",
+    Kind::Number,
+    "Principal point; the centre of the top left pixel is at (0.5, 0.5). Left out: the image's middle.",
+);
+const CY: Key = key(
+    "cy_px",
+    Kind::Number,
+    "Principal point; the centre of the top left pixel is at (0.5, 0.5). Left out: the image's middle.",
+);
 const RANGE: Key = key("range", Kind::Table(&section::RANGE), "What is nearer or farther gives no return.");
 const RING: Key = key(
     "ring",
@@ -334,7 +496,19 @@ const RING: Key = key(
 .or("\"row\"");
 
 /// The tables of a sensor of which one is its pattern.
-const PATTERNS: &[&Shape] = &[&section::ROTATING, &section::PINHOLE];
+const PATTERNS: &[&Shape] = &[
+    &section::ROTATING,
+    &section::RASTER,
+    &section::MIRROR,
+    &section::RISLEY,
+    &section::RAYS,
+    &section::PINHOLE,
+    &section::FISHEYE,
+    &section::EQUIRECTANGULAR,
+];
+
+/// Tables in those.
+const PARTS: &[&Shape] = &[&section::AXIS, &section::SPACED, &section::SECTOR];
 
 /// A table's properties. What it must have is left out for what a preset can give: the parts of a sensor.
 fn table(shape: &Shape) -> Map<String, Value> {
@@ -353,7 +527,7 @@ fn table(shape: &Shape) -> Map<String, Value> {
     table.insert("type".into(), "object".into());
     table.insert("properties".into(), properties.into());
     table.insert("additionalProperties".into(), false.into());
-    if !required.is_empty() && !PATTERNS.contains(&shape) {
+    if !required.is_empty() && !PATTERNS.contains(&shape) && !PARTS.contains(&shape) {
         table.insert("required".into(), json!(required));
     }
     if *shape == section::EXPECT {
@@ -383,6 +557,7 @@ fn value_of(kind: &Kind) -> Map<String, Value> {
         Kind::Name => {
             json!({ "type": "string", "pattern": "^[A-Za-z0-9_-]([A-Za-z0-9._-]{0,62}[A-Za-z0-9_-])?$" })
         }
+        Kind::Flag => json!({ "type": "boolean" }),
         Kind::Choice(words) => json!({ "type": "string", "enum": words }),
         Kind::Choices(words) => json!({
             "type": "array", "items": { "type": "string", "enum": words }, "minItems": 1, "uniqueItems": true,
@@ -402,12 +577,13 @@ fn value_of(kind: &Kind) -> Map<String, Value> {
         Kind::Vector(n) => {
             json!({ "type": "array", "items": { "type": "number" }, "minItems": n, "maxItems": n })
         }
-        Kind::Elevations => json!({
-            "anyOf": [
-                { "type": "array", "items": { "type": "number", "minimum": -90, "maximum": 90 }, "minItems": 1 },
-                table(&section::ELEVATIONS),
-            ],
-        }),
+        Kind::Vectors(n) => json!({ "type": "array", "items": value_of(&Kind::Vector(*n)), "minItems": 1 }),
+        Kind::VectorOrVectors(n) => {
+            json!({ "anyOf": [value_of(&Kind::Vector(*n)), value_of(&Kind::Vectors(*n))] })
+        }
+        Kind::Angles => angles(json!({ "type": "number" })),
+        Kind::Elevations => angles(json!({ "type": "number", "minimum": -90, "maximum": 90 })),
+        Kind::Modes => json!({ "type": "object", "additionalProperties": table(&section::MODE) }),
         Kind::Labels => json!({
             "type": "object",
             "additionalProperties": { "type": "integer", "minimum": 0, "maximum": u32::MAX },
@@ -428,6 +604,10 @@ fn value_of(kind: &Kind) -> Map<String, Value> {
         Value::Object(value) => value,
         _ => unreachable!("each of them is an object"),
     }
+}
+
+fn angles(one: Value) -> Value {
+    json!({ "anyOf": [{ "type": "array", "items": one, "minItems": 1 }, table(&section::SPACED)] })
 }
 
 #[cfg(test)]

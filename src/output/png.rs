@@ -61,8 +61,8 @@ pub(super) fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8
 /// as tall as it is wide, and a person recognises what it saw.
 fn stretch(pattern: &Pattern) -> usize {
     match pattern {
-        Pattern::Pinhole(_) => 1,
         Pattern::Rotating(p) => rows_a_beam(p),
+        _ => 1,
     }
 }
 
