@@ -4,7 +4,9 @@ mod bench;
 mod check;
 pub mod diagnostics;
 mod diff;
+mod import;
 mod info;
+mod init;
 mod interrupt;
 mod kernels;
 pub mod lint;
@@ -46,6 +48,10 @@ enum Command {
     Bench(bench::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
     Kernels(kernels::Args),
+    /// Write a job to start from, with a comment on every line
+    Init(init::Args),
+    /// Make a sensor file of a unit's calibration: Ouster, Velodyne, Hesai, RoboSense, ROS and OpenCV cameras, tables of rays
+    Import(import::Args),
     /// Say what a file holds: a job, sensor file, scene, EXR, PLY, or a scan's folder
     Info(info::Args),
     /// Print the JSON Schema of jobs or sensor files, by which editors complete and check them
@@ -77,6 +83,8 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Diff(args) => diff::run(args, terminal),
         Command::Bench(args) => bench::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
+        Command::Init(args) => init::run(args, terminal),
+        Command::Import(args) => import::run(args, terminal),
         Command::Info(args) => info::run(args, terminal),
         Command::Schema(args) => schema::run(args, terminal),
         Command::Completions(args) => shell::completions(args, terminal),

@@ -183,6 +183,11 @@ fn is_sensor_file(table: &Table) -> bool {
     sensor::pattern_names().any(is_there) && !section::JOB.keys.iter().any(|key| is_there(key))
 }
 
+/// A text as TOML writes it, with its quotes.
+pub(crate) fn toml_string(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
 /// A file that is fine, but not where it was given.
 fn misplaced(path: &Path, message: &str, help: String) -> Error {
     Error::Config(vec![text::unreadable(path, message.to_owned(), Some(help))])
