@@ -196,7 +196,7 @@ fn compare_channel(
                     worst = (difference, index as u32);
                 }
                 differences.push(difference);
-                difference > tolerance.at(a) + resolution / 2.0
+                difference > tolerance.at(a) + rounding(a, resolution)
             }
             (false, false) => false,
             _ => is_main,
@@ -213,6 +213,11 @@ fn compare_channel(
         statistics: if are_ids { None } else { statistics(differences, worst) },
         resolution,
     }
+}
+
+/// How far a value that was rounded to multiples of `resolution`, and then to 32 bits, may be from what it was.
+fn rounding(rounded: f64, resolution: f64) -> f64 {
+    if resolution == 0.0 { 0.0 } else { resolution / 2.0 + rounded.abs() * f64::from(f32::EPSILON) }
 }
 
 /// Of the absolute differences, `worst` being the greatest and its pixel.
@@ -304,6 +309,19 @@ mod tests {
         // A first image that is known to 4 cm only can't tell that 1 cm differs.
         let d = compare(&a, &b, &at(0.0, 0.0), &|_| 0.04);
         assert_eq!(d.channels[1].differing, AtLeast { count: 1, exact: false });
+    }
+
+    /// Values in the middle between two steps are half a step off, and a little more once rounded to 32 bits.
+    #[test]
+    fn rounding_alone_is_no_difference() {
+        let step = 1e-3_f64;
+        for i in 0..100_000 {
+            let value = (0.5 + f64::from(i)) * step + 1e-9 * f64::from(i % 7 - 3);
+            let known = ((f64::from(value as f32) / step).round() * step) as f32;
+            let (a, b) = (image([known; 4], [0; 4]), image([value as f32; 4], [0; 4]));
+            let d = compare(&a, &b, &|_| Tolerance::default(), &|_| step);
+            assert_eq!(d.channels[1].differing.count, 0, "{value}");
+        }
     }
 
     #[test]

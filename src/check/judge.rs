@@ -7,7 +7,6 @@ use super::changes::Changes;
 use super::compare::{AtLeast, ChannelDifference, ImageDifference, Tolerance, compare, main_depth};
 use super::outcome::{Change, SensorOutcome};
 use super::words::{self, Region, counted, digits, list, metres};
-use crate::output::Image;
 
 /// What a job's `[check]` says.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,8 +39,8 @@ pub fn judge(
     accept: &str,
 ) -> SensorOutcome {
     let now = &taken.record;
-    let mut outcome =
-        SensorOutcome { name: now.name.clone(), run: taken.image.clone(), ..Default::default() };
+    let (rows, columns) = (now.rows, now.columns);
+    let mut outcome = SensorOutcome { name: now.name.clone(), rows, columns, ..SensorOutcome::default() };
     let why = why(&now.name, changes);
     if (now.rows, now.columns) != (accepted.rows, accepted.columns) {
         let size = |r: &SensorRecord| format!("{} × {}", r.rows, r.columns);
@@ -254,11 +253,12 @@ impl Judgement<'_> {
         } else {
             region
         };
-        let ids = |image: &'_ Image| image.u32("id.instance").map(<[u32]>::to_vec);
-        let (old, new) = (ids(&self.kept.image), ids(&self.taken.image));
         let objects = words::objects(
             &found.pixels,
-            [(self.accepted, old.as_deref()), (&self.taken.record, new.as_deref())],
+            [
+                (self.accepted, self.kept.image.u32("id.instance")),
+                (&self.taken.record, self.taken.image.u32("id.instance")),
+            ],
         );
         [region.words(self.size()), objects].into_iter().filter(|w| !w.is_empty()).collect()
     }
@@ -276,13 +276,13 @@ impl Judgement<'_> {
 /// How many changes are told as the reason.
 pub const MOST_REASONS: usize = 3;
 
-/// What probably made the difference, before a colon; empty if nothing is known to have changed.
+/// What probably made the difference, as the beginning of the sentence that tells it.
 fn why(sensor: &str, changes: &Changes) -> String {
     let own = changes.of_sensor.get(sensor).map_or(&[][..], Vec::as_slice);
     let all: Vec<&Change> = own.iter().chain(&changes.of_job).collect();
     let prefix = format!("sensor {sensor}: ");
     if all.is_empty() {
-        return prefix;
+        return format!("{prefix}neither the job nor the scene nor the version changed, and yet ");
     }
     let own_words = |change: &&Change| {
         let text = change.to_string();

@@ -22,7 +22,7 @@ mod map;
 mod outcome;
 mod pixels;
 pub mod report;
-pub mod words;
+pub(crate) mod words;
 
 pub use baseline::{Baseline, Kept, MAX_PIXEL_BYTES, SceneRecord, SensorRecord, Taken};
 pub use changes::Changes;

@@ -45,8 +45,10 @@ pub struct SensorOutcome {
     pub differences: Vec<String>,
     /// The channels that were compared. Those that a baseline keeps as hashes only have no statistics.
     pub channels: Vec<ChannelDifference>,
-    /// What the run saw.
-    pub run: Image,
+    /// Rows of the run's image.
+    pub rows: usize,
+    /// Columns of the run's image.
+    pub columns: usize,
     /// What the baseline keeps of its pixels: a part of the channels, rounded to [`ChannelDifference::resolution`]. Present
     /// if a channel differs from the baseline at all and the images have the same size.
     pub baseline: Option<Image>,

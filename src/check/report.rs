@@ -187,13 +187,12 @@ pub fn json(outcomes: &[Outcome]) -> Value {
             json!({ "name": e.name, "met": e.met, "expected": e.expected, "found": e.found, "place": e.place })
         };
         let sensor = |s: &SensorOutcome| {
-            let columns = s.run.columns;
             json!({
                 "name": s.name,
-                "rows": s.run.rows,
-                "columns": columns,
+                "rows": s.rows,
+                "columns": s.columns,
                 "differences": s.differences,
-                "channels": s.channels.iter().map(|c| channel(c, columns)).collect::<Vec<_>>(),
+                "channels": s.channels.iter().map(|c| channel(c, s.columns)).collect::<Vec<_>>(),
             })
         };
         let change = |c: &super::Change| json!({ "what": c.what, "old": c.old, "new": c.new });
@@ -273,7 +272,7 @@ mod tests {
     #[test]
     fn junit_counts_what_failed() {
         let xml = junit(&outcomes()).unwrap();
-        assert!(xml.contains("tests=\"3\" failures=\"2\" errors=\"0\""), "{xml}");
+        assert!(xml.contains("tests=\"3\" skipped=\"0\" failures=\"2\" errors=\"0\""), "{xml}");
         assert!(xml.contains("50 % &lt;&amp;&gt; more"), "{xml}");
     }
 

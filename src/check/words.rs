@@ -54,25 +54,17 @@ fn run(noun: &str, numbers: &[usize], all: usize) -> Option<String> {
 
 /// What the pixels show, if it is few things: `all on "crate_3"`, `93 % on "crate_3"`. A pixel shows what it shows in either
 /// image.
-pub fn objects(pixels: &[u32], images: [(&SensorRecord, Option<&[u32]>); 2]) -> String {
+pub fn objects<'a>(pixels: &[u32], images: [(&'a SensorRecord, Option<&'a [u32]>); 2]) -> String {
     const ENOUGH: f64 = 0.8;
     let mut counts: std::collections::BTreeMap<&str, usize> = std::collections::BTreeMap::new();
     for &pixel in pixels {
-        let name = |(record, ids): (&'_ SensorRecord, Option<&[u32]>)| -> Option<usize> {
+        let name = |(record, ids): (&'a SensorRecord, Option<&'a [u32]>)| {
             let id = ids?.get(pixel as usize)?;
-            record.instances.keys().position(|known| known == id)
+            record.instances.get(id).map(String::as_str)
         };
-        let names: Vec<&str> = images
-            .iter()
-            .filter_map(|&(record, ids)| {
-                let at = name((record, ids))?;
-                record.instances.values().nth(at).map(String::as_str)
-            })
-            .collect();
-        for (index, name) in names.iter().enumerate() {
-            if index == 0 || names[0] != *name {
-                *counts.entry(name).or_default() += 1;
-            }
+        let [first, second] = images.map(name);
+        for name in first.into_iter().chain(second.filter(|_| second != first)) {
+            *counts.entry(name).or_default() += 1;
         }
     }
     let Some((name, count)) = counts.into_iter().filter(|(name, _)| !name.is_empty()).max_by_key(|(_, n)| *n)

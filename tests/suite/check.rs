@@ -14,6 +14,8 @@ use beamcast::trace::{Instructions, Tracer};
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::shapes::Random;
+
 /// A copy of shipped jobs with their baselines, sensor files and scenes.
 struct Copy(TempDir);
 
@@ -332,6 +334,14 @@ fn a_baseline_that_is_missing_or_of_another_job_is_a_failure_with_the_way_out() 
     copy.append(ROOM, "\n[check]\n");
     has(&copy.caught(), &["there is no configs/room_vlp16.baseline/baseline.json", way_out]);
 
+    // The program gave something else, and nothing that it is known by changed.
+    let copy = Copy::room();
+    copy.replace("configs/room_vlp16.baseline/baseline.json", "\"range\": \"aba769", "\"range\": \"bba769");
+    has(
+        &copy.caught(),
+        &["sensor vlp16: neither the job nor the scene nor the version changed, and yet at least 0 of"],
+    );
+
     // Pixels that were tampered with are no reason to crash, and needed only if something differs.
     let copy = Copy::room();
     let pixels = copy.path("configs/room_vlp16.baseline/vlp16.pixels");
@@ -430,8 +440,8 @@ fn every_expectation_is_met_or_says_what_was_found_and_where() {
         ),
         expect(
             "blind_zone",
-            "{ at_most_m = 100.0, sector_deg = { from = 0, to = 1 } }",
-            "{ at_most_m = 1.0 }",
+            "{ at_most_m = 4.479, sector_deg = { from = 0, to = 1 } }",
+            "{ at_most_m = 4.478, sector_deg = { from = 0, to = 1 } }",
         ),
         expect("returns", "{ at_least = 1.0 }", "{ at_most = 0.5 }"),
         expect("unobstructed", "{ object = \"pillar\", at_most = 0.5 }", "{ object = \"walls*\" }"),
@@ -458,7 +468,9 @@ fn every_expectation_is_met_or_says_what_was_found_and_where() {
             "bad resolution: expected beams on \"pillar\" at most 0.19° from column to column apart, found 0.2°",
             "bad coverage: expected ground seen in at least 10 % of the cells",
             "found 0 % of 4 cells (the nearest cell unseen is at (-0.25, -0.25) m)",
-            "bad blind_zone: expected ground seen from a distance of 1 m on",
+            // The lowest beam, from 1.2 m: 1.2 / tan 15° = 4.4785 m.
+            "bad blind_zone: expected ground seen from a distance of 4.48 m on, found the ground begins at 4.48 m \
+             (azimuth 0° to 1°)",
             "bad returns: expected at most 50 % of the rays return, found 100 % return (sensor vlp16)",
             "bad unobstructed: expected at most 0 % of the rays hit \"walls*\"",
             "(sensor vlp16: azimuth -179.8° to 180.0°, elevation -15.0° to 15.0°)",
@@ -601,6 +613,39 @@ fn outputs_are_compared_channel_by_channel() {
     let (code, _, err) = copy.run(&["diff", "a", "b"]);
     assert_eq!(code, 3);
     has(&err, &["which is not in its folder"]);
+}
+
+/// Whatever is done to a baseline's bytes, reading them neither panics nor takes more memory than the image.
+#[test]
+fn broken_baselines_are_told_from_whole_ones() {
+    let folder = shipped("configs/room_vlp16.baseline");
+    let json = fs::read(folder.join(Baseline::NAME)).unwrap();
+    let pixels = fs::read(folder.join("vlp16.pixels")).unwrap();
+    let whole = Baseline::decode(&json).unwrap();
+    assert_eq!(Baseline::decode(&whole.encode()), Ok(whole.clone()));
+    let mut random = Random(1);
+    let mut refused = 0;
+    for _ in 0..300 {
+        let mut broken = json.clone();
+        let at = random.below(broken.len());
+        broken[at] = random.bits() as u8;
+        if let Ok(baseline) = Baseline::decode(&broken) {
+            for record in &baseline.sensors {
+                Kept::unpack(&pixels, record);
+            }
+        }
+        let mut broken = pixels.clone();
+        let at = random.below(broken.len());
+        broken[at] ^= 1 << random.below(8);
+        broken.truncate(broken.len() - random.below(2) * random.below(broken.len()));
+        refused += usize::from(Kept::unpack(&broken, &whole.sensors[0]).is_none());
+    }
+    assert!(refused > 150, "{refused}");
+    let mut huge = whole.sensors[0].clone();
+    (huge.rows, huge.columns) = (1 << 32, 1 << 31);
+    assert_eq!(Kept::unpack(&pixels, &huge), None);
+    (huge.rows, huge.columns) = (1 << 20, 1 << 20);
+    assert_eq!(Kept::unpack(&pixels, &huge), None);
 }
 
 /// The blocks of a kind on the page.
