@@ -6,6 +6,7 @@ mod interrupt;
 mod kernels;
 pub mod lint;
 mod pipeline;
+mod presets;
 mod scan;
 mod terminal;
 
@@ -35,6 +36,8 @@ enum Command {
     Lint(lint::Args),
     /// Time a job: loading, building and casting apart
     Bench(bench::Args),
+    /// List the built-in sensors, or show one
+    Presets(presets::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
     Kernels(kernels::Args),
 }
@@ -58,5 +61,6 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Lint(args) => lint::run(args, terminal.color()),
         Command::Bench(args) => bench::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
+        Command::Presets(args) => presets::run(args, terminal),
     }
 }

@@ -3,6 +3,7 @@
 mod exr;
 mod files;
 mod manifest;
+pub mod plot;
 mod ply;
 mod png;
 
