@@ -214,37 +214,38 @@ pub(super) struct FileFacts {
     scene: Option<SceneFacts>,
 }
 
+/// What there is to know about a sensor.
 #[derive(Serialize)]
-struct SensorFacts {
-    name: Option<String>,
-    kind: &'static str,
-    rows: usize,
-    columns: usize,
-    rays_per_frame: usize,
-    horizontal_fov_deg: f64,
+pub(super) struct SensorFacts {
+    pub name: Option<String>,
+    pub kind: &'static str,
+    pub rows: usize,
+    pub columns: usize,
+    pub rays_per_frame: usize,
+    pub horizontal_fov_deg: f64,
     /// Lowest and highest; a camera's along the image's middle column.
-    elevation_deg: [f64; 2],
+    pub elevation_deg: [f64; 2],
     /// From one column to the next; a camera's is that of the pixel at its principal point. Only of images.
-    azimuth_step_deg: Option<f64>,
+    pub azimuth_step_deg: Option<f64>,
     /// Smallest and largest from one row to the next; a camera's, both that of the pixel at its principal point.
-    elevation_step_deg: Option<[f64; 2]>,
-    rate_hz: Option<f64>,
-    points_per_second: Option<f64>,
-    min_range_m: f64,
+    pub elevation_step_deg: Option<[f64; 2]>,
+    pub rate_hz: Option<f64>,
+    pub points_per_second: Option<f64>,
+    pub min_range_m: f64,
     /// `None` if there's no limit.
-    max_range_m: Option<f64>,
+    pub max_range_m: Option<f64>,
     /// From the first pulse of a frame to the last.
-    frame_s: f64,
+    pub frame_s: f64,
     /// Pixels that the lens's or the prisms' model has no ray for.
-    blind_pixels: usize,
+    pub blind_pixels: usize,
     /// What a frame takes in memory while it's made.
-    frame_bytes: u64,
+    pub frame_bytes: u64,
     /// What a frame takes on the disk at most, by format.
-    output_bytes: serde_json::Map<String, serde_json::Value>,
+    pub output_bytes: serde_json::Map<String, serde_json::Value>,
 }
 
 impl SensorFacts {
-    fn new(name: Option<&str>, sensor: &Sensor, formats: &[Format]) -> Self {
+    pub fn new(name: Option<&str>, sensor: &Sensor, formats: &[Format]) -> Self {
         let pattern = &sensor.pattern;
         let (rows, columns, rays) = (pattern.rows(), pattern.columns(), pattern.rays());
         let angles = match pattern {
@@ -550,13 +551,13 @@ impl SensorFacts {
 }
 
 /// A number to four decimals, without the zeros at the end.
-fn tidy(x: f64) -> f64 {
+pub(super) fn tidy(x: f64) -> f64 {
     let rounded = (x * 1e4).round() / 1e4;
     if rounded == 0.0 { 0.0 } else { rounded }
 }
 
 /// `1234567` as `1,234,567`.
-fn grouped(n: u64) -> String {
+pub(super) fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::new();
     for (index, digit) in digits.chars().enumerate() {

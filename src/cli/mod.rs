@@ -11,6 +11,7 @@ mod interrupt;
 mod kernels;
 pub mod lint;
 mod pipeline;
+mod presets;
 mod scan;
 mod schema;
 mod shell;
@@ -46,6 +47,8 @@ enum Command {
     Diff(diff::Args),
     /// Time a job: loading, building and casting apart
     Bench(bench::Args),
+    /// List the built-in sensors, or show one
+    Presets(presets::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
     Kernels(kernels::Args),
     /// Write a job to start from, with a comment on every line
@@ -83,6 +86,7 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Diff(args) => diff::run(args, terminal),
         Command::Bench(args) => bench::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
+        Command::Presets(args) => presets::run(args, terminal),
         Command::Init(args) => init::run(args, terminal),
         Command::Import(args) => import::run(args, terminal),
         Command::Info(args) => info::run(args, terminal),

@@ -14,7 +14,38 @@ macro_rules! built_in {
             &[$(($name, include_str!(concat!("../../configs/sensors/", $name, ".toml")))),*];
     };
 }
-built_in![];
+built_in![
+    "azure/kinect",
+    "hesai/pandar128",
+    "hesai/pandar64",
+    "hesai/qt64",
+    "hesai/xt-32",
+    "ideal/camera",
+    "kinect/v1",
+    "kinect/v2",
+    "livox/avia",
+    "livox/mid-360",
+    "livox/mid-40",
+    "livox/mid-70",
+    "ouster/os0-128",
+    "ouster/os0-32",
+    "ouster/os0-64",
+    "ouster/os1-128",
+    "ouster/os1-32",
+    "ouster/os1-64",
+    "ouster/os2-128",
+    "ouster/os2-32",
+    "ouster/os2-64",
+    "realsense/d435",
+    "robosense/helios",
+    "robosense/rs16",
+    "robosense/rs32",
+    "velodyne/hdl-32e",
+    "velodyne/puck-128",
+    "velodyne/vlp-16",
+    "velodyne/vlp-16-hi-res",
+    "velodyne/vlp-32c",
+];
 
 /// The text of a built-in sensor.
 pub fn text(name: &str) -> Option<&'static str> {

@@ -4,6 +4,7 @@ mod exr;
 mod files;
 mod image;
 mod manifest;
+pub mod plot;
 mod ply;
 mod png;
 pub mod recorded;
