@@ -65,7 +65,13 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         Some(What::List { json }) => list(*json || args.json, terminal),
         Some(What::Show { name, png: None, .. }) => {
             config::load_preset(name)?;
-            terminal.data(presets::text(name).unwrap_or_default())
+            // Wherever this is kept, the schema isn't two folders up, but may be beside it, as import has it.
+            let text = presets::text(name).unwrap_or_default();
+            terminal.data(&text.replacen(
+                "#:schema ../../schema/sensor.json",
+                "#:schema sensor.schema.json",
+                1,
+            ))
         }
         Some(What::Show { name, png: Some(path), frames, mode, overwrite }) => {
             let file = config::load_preset(name)?;

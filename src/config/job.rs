@@ -217,6 +217,7 @@ fn open_preset<'a>(
         Ok(source) => {
             let table = tree::parse(report, source)?;
             refuse_mounting(report, &table);
+            presets::check_modes(report, &table);
             presets.push(Preset { as_written: as_written.to_owned(), source, table });
             presets.last()
         }

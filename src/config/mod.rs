@@ -225,6 +225,7 @@ fn into_job(mut report: Report, path: &Path, table: Table, overrides: &[String])
 fn into_sensor(mut report: Report, path: &Path, mut table: Table) -> Result<SensorFile, Error> {
     let mut ray_files = rays::RayFiles::default();
     let mut all = vec![(None, table.clone())];
+    presets::check_modes(&report, &table);
     for (name, mode) in presets::take_modes(&mut table) {
         let mut moded = table.clone();
         presets::lay_mode(&report, &mut moded, &mode);

@@ -78,7 +78,25 @@ pub(super) fn report_unknown(report: &Report, name: &str, place: Place, path: &P
     report.error(place, message, "expected its name, or a path that ends in `.toml`", help);
 }
 
-/// Takes the modes out of a sensor file's table, by their names. What is no table is left there, for its reader to report.
+/// Reports what can be no modes.
+pub(super) fn check_modes(report: &Report, table: &Table) {
+    let complain = |what: &str, node: &Node| {
+        let message = format!("{what} is {}", section::describe(&node.value));
+        let help = "such as `[modes.2048x10.rotating]`, then `columns = 2048`";
+        report.error(node.place, message, "expected a table", Some(help.into()));
+    };
+    match table.get("modes").map(|entry| (&entry.node, &entry.node.value)) {
+        Some((_, Value::Table(modes))) => {
+            for (name, entry) in modes.iter().filter(|(_, e)| !matches!(e.node.value, Value::Table(_))) {
+                complain(&format!("the mode {}", quoted(name)), &entry.node);
+            }
+        }
+        Some((node, _)) => complain("`modes`", node),
+        None => {}
+    }
+}
+
+/// Takes the modes out of a sensor file's table, by their names. What is no table is left there: it was reported.
 pub(super) fn take_modes(table: &mut Table) -> Vec<(String, Node)> {
     let is_modes = matches!(table.get("modes").map(|e| &e.node.value), Some(Value::Table(modes))
         if modes.values().all(|mode| matches!(mode.node.value, Value::Table(_))));

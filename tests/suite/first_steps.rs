@@ -90,6 +90,17 @@ fn lint_explains_a_job_that_has_its_scene_to_come() {
 }
 
 #[test]
+fn an_empty_folder_a_scene_and_a_built_in_sensor_are_enough() {
+    let tmp = folder();
+    let here = tmp.path();
+    ok(here, &["init", "--scene", "my room.glb"]);
+    let lint = beamcast(here, &["lint", "job.toml"]);
+    assert!(lint.status.success() && lint.stderr.is_empty(), "{}", String::from_utf8_lossy(&lint.stderr));
+    ok(here, &["scan", "job.toml", "-q"]);
+    assert!(ok(here, &["info", "out"]).contains("sensors       sensor\n"));
+}
+
+#[test]
 fn info_of_jobs_sensors_and_scenes() {
     let here = &project("");
     let facts = |path: &str| serde_json::from_str::<Value>(&ok(here, &["info", "--json", path])).unwrap();
