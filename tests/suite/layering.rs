@@ -17,7 +17,14 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("output", &["error", "frame", "scan", "scene", "sensor"]),
     ("check", &["angle", "output", "scan", "scene", "sensor"]),
     ("config", &["angle", "check", "error", "frame", "output", "sensor", "trace"]),
-    ("cli", &["angle", "check", "config", "error", "frame", "output", "scan", "scene", "sensor", "trace"]),
+    ("import", &["config", "error"]),
+    (
+        "cli",
+        &[
+            "angle", "check", "config", "error", "frame", "import", "output", "scan", "scene", "sensor",
+            "trace",
+        ],
+    ),
     ("main", &["cli"]),
 ];
 
