@@ -8,10 +8,12 @@ use std::time::Instant;
 use super::interrupt::Interrupt;
 use super::pipeline::{self, Plan};
 use super::terminal::Terminal;
+use super::view;
 use crate::check::expect::{Expected, Ground, Seen, Zone};
+use crate::check::page::View;
 use crate::check::{
     Baseline, Changes, Kept, MAX_PIXEL_BYTES, Outcome, SensorRecord, Settings, Taken, Verdict, coverage_map,
-    judge, report,
+    judge, page, report,
 };
 use crate::config::{self, Config, Job};
 use crate::error::Error;
@@ -36,6 +38,9 @@ pub struct Args {
     /// Write a Markdown summary; GitHub's job summary gets it anyway
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Write an HTML page with pictures of run, baseline and difference, and clouds to turn
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     /// Write JSON; - is stdout
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -66,9 +71,10 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         .with_progress(rays, interrupt.progress(), || check_all(args, &mut entries, terminal, &interrupt))?;
 
     let mut broken = None;
-    let mut outcomes = Vec::new();
+    let (mut outcomes, mut views) = (Vec::new(), Vec::new());
     for entry in entries {
         outcomes.push(entry.outcome);
+        views.push(entry.views);
         if let State::Broken(error) = entry.state {
             // One of them ends the run, and is told by then.
             if let Some(earlier) = broken.replace(error) {
@@ -77,6 +83,9 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         }
     }
     write_reports(args, terminal, &outcomes)?;
+    if let Some(path) = &args.html {
+        write_file(path, page::of_outcomes(&outcomes, &views).as_bytes())?;
+    }
     match broken {
         Some(error) => Err(error),
         None if outcomes.iter().all(|outcome| outcome.verdict.is_fine()) => {
@@ -103,6 +112,8 @@ fn refuse_to_accept(args: &Args) -> Result<(), Error> {
 /// A job on its way from its file to its outcome.
 struct Entry {
     outcome: Outcome,
+    /// What its sensors saw, for the HTML page; nothing if there is none.
+    views: Vec<View>,
     state: State,
 }
 
@@ -126,7 +137,7 @@ impl Entry {
             other => vec![other.to_string()],
         };
         let outcome = Outcome { job: name, verdict: Verdict::Broken, problems, ..Outcome::default() };
-        Self { outcome, state: State::Broken(error) }
+        Self { outcome, views: Vec::new(), state: State::Broken(error) }
     }
 }
 
@@ -168,7 +179,7 @@ fn find(args: &Args, terminal: &Terminal) -> Result<Vec<Entry>, Error> {
             entries.push(match Plan::of(&job) {
                 Ok(plan) => {
                     let outcome = Outcome { job: name, ..Outcome::default() };
-                    Entry { outcome, state: State::Ready(Box::new(job), plan) }
+                    Entry { outcome, views: Vec::new(), state: State::Ready(Box::new(job), plan) }
                 }
                 Err(error) => Entry::broken(name, error),
             });
@@ -229,7 +240,7 @@ fn check_all(
                     &casters[casters.len() - 1].1
                 }
             };
-            check_job(args, job, &scene, caster, &mut entry.outcome, terminal, interrupt)?;
+            entry.views = check_job(args, job, &scene, caster, &mut entry.outcome, terminal, interrupt)?;
             entry.state = State::Done;
         }
     }
@@ -267,7 +278,7 @@ fn check_job(
     outcome: &mut Outcome,
     terminal: &Terminal,
     interrupt: &Interrupt,
-) -> Result<(), Error> {
+) -> Result<Vec<View>, Error> {
     let start = Instant::now();
     let mut frames: Vec<Frame> = Vec::new();
     for mounted in &job.sensors {
@@ -305,7 +316,8 @@ fn check_job(
         interrupt.uncut(|| write_file(&path, &file))?;
         terminal.detail(format_args!("wrote {}", path.display()));
     }
-    Ok(())
+    let shown = job.sensors.iter().zip(&frames).filter(|_| args.html.is_some());
+    Ok(shown.map(|(mounted, frame)| view::of_frame(mounted, frame, scene)).collect())
 }
 
 /// The zone of the job's own expectation of coverage, or 20 m each way.

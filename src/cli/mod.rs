@@ -14,8 +14,10 @@ mod pipeline;
 mod presets;
 mod scan;
 mod schema;
+mod selftest;
 mod shell;
 mod terminal;
+mod view;
 
 use std::process::ExitCode;
 
@@ -49,6 +51,10 @@ enum Command {
     Bench(bench::Args),
     /// List the built-in sensors, or show one
     Presets(presets::Args),
+    /// Cast sensors' own patterns at planes, box, wedge and ball, and hold the ranges against closed forms
+    Selftest(selftest::Args),
+    /// Show frames as one HTML page: range images, and a cloud to turn
+    View(view::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
     Kernels(kernels::Args),
     /// Write a job to start from, with a comment on every line
@@ -85,6 +91,8 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Check(args) => check::run(args, terminal),
         Command::Diff(args) => diff::run(args, terminal),
         Command::Bench(args) => bench::run(args, terminal),
+        Command::Selftest(args) => selftest::run(args, terminal),
+        Command::View(args) => view::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
         Command::Presets(args) => presets::run(args, terminal),
         Command::Init(args) => init::run(args, terminal),

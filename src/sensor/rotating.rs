@@ -22,6 +22,8 @@ pub struct Rotating {
     /// sensor's origin.
     origins: Vec<DVec3>,
     range_offset_m: f64,
+    /// How far the head has turned when each beam fires, by row. Empty: not at all.
+    turns_before: Vec<Angle>,
     /// How far each row of the image is moved to the right. Empty: none.
     shifts: Vec<usize>,
 }
@@ -115,6 +117,7 @@ impl Rotating {
             aims,
             origins: Vec::new(),
             range_offset_m: 0.0,
+            turns_before: Vec::new(),
             shifts: Vec::new(),
         };
         pattern.turns = (0..columns).map(|column| pattern.azimuth(column).sin_cos()).collect();
@@ -159,6 +162,7 @@ impl Rotating {
         let turn = std::f64::consts::TAU * self.rate_hz * (self.to - self.from).radians().signum();
         for (row, beam) in self.beams.iter().enumerate() {
             let further = Angle::rad(turn * beam.time_s);
+            self.turns_before.push(further);
             self.aims[row][1] = (beam.azimuth_offset + further).sin_cos();
             if let Some(origin) = self.origins.get_mut(row) {
                 *origin = turned(*origin, further.sin_cos());
@@ -255,6 +259,19 @@ impl Rotating {
         (self.azimuth_step().radians() * firing as f64).abs() / std::f64::consts::TAU / self.rate_hz
     }
 
+    /// How far the head turns between a column's own time and the firing of a row's beam.
+    pub fn turn_before(&self, row: usize) -> Angle {
+        self.turns_before.get(row).copied().unwrap_or_default()
+    }
+
+    /// The firing that a pixel of the image is of.
+    pub fn firing(&self, row: usize, column: usize) -> usize {
+        match self.shifts.get(row) {
+            Some(shift) => (column + self.columns - shift) % self.columns,
+            None => column,
+        }
+    }
+
     /// The pulse of beam `row` (highest first) in column `column` of the image, which is the firing unless the image is
     /// destaggered.
     ///
@@ -262,10 +279,7 @@ impl Rotating {
     /// the sector's start, over the rate, and the beam's own. The sine and cosine of α, column and offset together, are those
     /// of a sum of angles; all of it is good to a few 10⁻¹⁶.
     pub fn pulse(&self, row: usize, column: usize) -> Pulse {
-        let firing = match self.shifts.get(row) {
-            Some(shift) => (column + self.columns - shift) % self.columns,
-            None => column,
-        };
+        let firing = self.firing(row, column);
         let [(sin_el, cos_el), (sin_offset, cos_offset)] = self.aims[row];
         let (sin_turn, cos_turn) = self.turns[firing];
         let sin_az = sin_turn * cos_offset + cos_turn * sin_offset;

@@ -15,7 +15,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
     ("output", &["error", "frame", "scan", "scene", "sensor"]),
-    ("check", &["angle", "output", "scan", "scene", "sensor"]),
+    ("check", &["angle", "frame", "output", "scan", "scene", "sensor", "trace"]),
     ("config", &["angle", "check", "error", "frame", "output", "sensor", "trace"]),
     ("import", &["config", "error"]),
     (

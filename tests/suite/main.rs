@@ -13,6 +13,8 @@ mod mistakes;
 mod open3d;
 mod outputs;
 mod scenes;
+mod selftest;
 mod shapes;
 mod trace;
 mod truth;
+mod view;

@@ -103,6 +103,11 @@ impl Folder {
         Ok(Self { path: path.to_path_buf(), manifest, outputs })
     }
 
+    /// The folder, as it was opened.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Reads one of [`Folder::outputs`].
     ///
     /// # Errors

@@ -1,0 +1,520 @@
+//! A sensor's own pattern cast at shapes whose ranges are known in closed form.
+//!
+//! Each shape is a convex solid of triangles. Every ray of the sensor is held against two references:
+//!
+//! - **The facet.** The plane through the stored vertices of the triangle that was hit, in f64: what casting itself costs. At
+//!   most 1e-9 m at 200 m, in proportion beyond. Where a plane is seen at more than 89.97° of incidence the reference itself
+//!   is less certain than that: a dozen roundings of u = 2⁻⁵³, over the cosine.
+//! - **The ideal shape.** Vertices are stored as f32 in the scene's own frame, so that each is at most δ from where it
+//!   should be: √3 halves of the last place of the largest coordinate (Euclid over three axes), and what the f64 coordinates of
+//!   pose and place have lost before that. The stored surface then lies between the solid grown by δ and the solid shrunk by
+//!   δ: each of its points is a mean of vertices that are off by at most δ. So a ray that misses the grown solid must miss, one that
+//!   meets the shrunk one must hit, and its range lies between the depths of the two, give or take the 1e-9 m of above. Rays
+//!   between the two pass an edge within δ: either answer is right, and they are counted apart. No tolerance is chosen.
+//!   A tessellated ball lies between its sphere and the largest ball inside its facets, and is judged by those two.
+//!
+//! The sensor's limits belong to the closed form: what is nearer than its least range is not seen, and hides nothing.
+//!
+//! What the pattern makes of rows and columns is checked where its table says it: elevations, azimuths and pixels are
+//! computed from the points as a cloud gives them, by other formulas than those that made the pulses.
+
+mod shapes;
+#[cfg(test)]
+mod tests;
+
+use glam::{DAffine3, DMat3, DVec3};
+
+use crate::angle::Angle;
+use crate::frame::{BODY_FROM_OPTICAL, Pose};
+use crate::output::{Capture, CloudFrame};
+use crate::scan::{Frame, Progress, scan};
+use crate::scene::{
+    Instance, Material, Placed, Scene, SceneBuildError, SceneBuilder, SourceMesh, SourcePart,
+};
+use crate::sensor::{Lens, Pattern, RangeLimits, Sensor};
+use crate::trace::kernel::{Caster, Method};
+use shapes::{Model, Solid};
+
+/// Half the last place of 1 in f64.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// Number of shapes, each at three distances.
+const SHAPES: usize = 9;
+
+/// Rays that [`selftest`] casts for each ray of a frame.
+pub const CASTS: u64 = 3 * SHAPES as u64;
+
+/// How a sensor did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// Shape by shape, each near, at middle range and far.
+    pub shapes: Vec<ShapeResult>,
+    /// What the points say of the pattern's rows, columns and times.
+    pub geometry: Vec<Check>,
+}
+
+impl Report {
+    /// Whether every ray did what the closed forms say, and there were rays that hit something.
+    pub fn passed(&self) -> bool {
+        self.shapes.iter().all(|s| s.wrong == 0)
+            && self.geometry.iter().all(Check::passed)
+            && self.shapes.iter().any(|s| s.hits > 0)
+    }
+}
+
+/// A frame of one shape.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShapeResult {
+    /// The shape.
+    pub shape: &'static str,
+    /// Whether its facets only stand for a curved surface, so that they lie inside the ideal shape by up to a few thousandths
+    /// of its radius, seen straight on.
+    pub tessellated: bool,
+    /// Metres from the sensor to its walls (rooms) or its middle (the others).
+    pub distance_m: f64,
+    /// Rays that must hit, and do.
+    pub hits: usize,
+    /// Rays that must miss, and do.
+    pub misses: usize,
+    /// Rays that pass an edge, or a limit of the sensor's range, within rounding: either is right.
+    pub edges: usize,
+    /// Rays that do what they must not.
+    pub wrong: usize,
+    /// Against the planes of the facets that were hit.
+    pub facet_error: Errors,
+    /// Against the ideal shape.
+    pub ideal_error: Errors,
+    /// The largest part of what it may be off by the ideal shape that any ray is off, 0 to 1.
+    pub allowance_used: f64,
+    /// The first ray that is wrong.
+    pub first_wrong: Option<Wrong>,
+}
+
+/// Errors of range, metres.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Errors {
+    /// The largest.
+    pub max_m: f64,
+    /// The root of the mean square.
+    pub rms_m: f64,
+}
+
+/// A ray that is wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wrong {
+    /// Its row of the image.
+    pub row: usize,
+    /// Its column.
+    pub column: usize,
+    /// The range that came back, metres.
+    pub found_m: Option<f64>,
+    /// Between which ranges it had to be, metres; `None` if nothing had to come back.
+    pub expected_m: Option<(f64, f64)>,
+}
+
+/// A quantity that has to be small.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Check {
+    /// What it is.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// The largest value found.
+    pub worst: f64,
+    /// The largest that is right.
+    pub allowed: f64,
+    /// Row and column of the worst.
+    pub at: (usize, usize),
+}
+
+impl Check {
+    fn new(name: &'static str, unit: &'static str, allowed: f64) -> Self {
+        Self { name, unit, worst: 0.0, allowed, at: (0, 0) }
+    }
+
+    /// Whether it is as small as it has to be. NaN is not.
+    pub fn passed(&self) -> bool {
+        self.worst <= self.allowed
+    }
+
+    fn add(&mut self, value: f64, at: (usize, usize)) {
+        if value > self.worst || value.is_nan() {
+            (self.worst, self.at) = (value, at);
+        }
+    }
+}
+
+/// Casts a sensor's own pattern at every shape, near, at middle range and far: just inside its least range, at the geometric
+/// mean, and at nine tenths of its largest (200 m, if it has none). The sensor stands at `world_from_sensor`, and hits are
+/// decided by `method`, or by their exact definition. `None` if `progress` was cancelled.
+///
+/// # Errors
+/// If a shape can't be stored at all, so far from the origin or so small is it.
+pub fn selftest(
+    sensor: &Sensor,
+    world_from_sensor: &Pose,
+    method: Option<&Method>,
+    progress: &Progress,
+) -> Result<Option<Report>, SceneBuildError> {
+    let mut report = Report { shapes: Vec::new(), geometry: Vec::new() };
+    let distances = distances(&sensor.range);
+    for (which, distance) in distances.into_iter().enumerate() {
+        for (index, target) in targets(sensor, distance).into_iter().enumerate() {
+            let stage = Stage::new(&target, world_from_sensor)?;
+            let caster = Caster::build(&stage.scene, method);
+            let Some(frame) = scan(&stage.scene, &caster, sensor, world_from_sensor, progress) else {
+                return Ok(None);
+            };
+            report.shapes.push(judge(&target, &stage, sensor, &frame, world_from_sensor));
+            // The level room at middle range: walls all around, and all of them in range.
+            if (which, index) == (1, 0) {
+                report.geometry = geometry(sensor, &frame);
+            }
+        }
+    }
+    Ok(Some(report))
+}
+
+/// Near, middle and far, in metres.
+fn distances(range: &RangeLimits) -> [f64; 3] {
+    let far = if range.max_m.is_finite() { 0.9 * range.max_m } else { 200.0 };
+    // Inside the least range, so that some of it is not seen.
+    let near = if range.min_m > 0.0 { 0.95 * range.min_m } else { far / 1000.0 };
+    [near, (near * far).sqrt(), far]
+}
+
+/// A shape, where it stands.
+struct Target {
+    name: &'static str,
+    distance_m: f64,
+    model: Model,
+    sensor_from_model: DAffine3,
+}
+
+/// The shapes around and ahead of a sensor. Ahead is where the beam in the middle of its image goes.
+fn targets(sensor: &Sensor, distance: f64) -> Vec<Target> {
+    let pattern = &sensor.pattern;
+    let middle = pattern.pulse(pattern.rows() / 2, pattern.columns() / 2);
+    let ahead = middle.map_or(DVec3::X, |pulse| pulse.direction);
+    let turn = |roll, pitch, yaw| {
+        Pose::from_rpy(DVec3::ZERO, Angle::deg(roll), Angle::deg(pitch), Angle::deg(yaw)).rotation
+    };
+    let side = ahead.any_orthonormal_vector();
+    // A plate's thin side lies along its own x, which faces the sensor until it is tilted about its own y.
+    let facing = DMat3::from_cols(ahead, side, ahead.cross(side));
+    let skew = turn(20.0, 35.0, 50.0);
+    let place = |name, model, rotation: DMat3, size: DVec3, middle: DVec3| Target {
+        name,
+        distance_m: distance,
+        model,
+        sensor_from_model: DAffine3::from_mat3_translation(
+            rotation * DMat3::from_diagonal(size * distance),
+            middle * distance,
+        ),
+    };
+    let even = DVec3::splat(0.3);
+    let plate = DVec3::new(0.005, 0.4, 0.3);
+    let targets: [Target; SHAPES] = [
+        place("room, level", Model::cube(), DMat3::IDENTITY, DVec3::ONE, DVec3::ZERO),
+        place("room, tilted", Model::cube(), skew, DVec3::ONE, DVec3::ZERO),
+        place("plate, facing", Model::cube(), facing, plate, ahead),
+        place("plate, tilted 35°", Model::cube(), facing * turn(5.0, 35.0, 0.0), plate, ahead),
+        place("plate, tilted 60°", Model::cube(), facing * turn(-20.0, 60.0, 0.0), plate, ahead),
+        place("plate, tilted 80°", Model::cube(), facing * turn(10.0, 80.0, 0.0), plate, ahead),
+        place("box", Model::cube(), skew, even, ahead),
+        place("wedge", Model::wedge(), facing * turn(0.0, 10.0, 15.0), even, ahead),
+        place("ball", Model::ball(5), skew, even, ahead),
+    ];
+    targets.into()
+}
+
+/// A target as a scene, and what that costs.
+struct Stage {
+    scene: Scene,
+    solid: Solid,
+    /// δ: how far a stored vertex is at most from where it should be, metres.
+    vertex_error: f64,
+}
+
+impl Stage {
+    fn new(target: &Target, world_from_sensor: &Pose) -> Result<Self, SceneBuildError> {
+        let Target { model, sensor_from_model, .. } = target;
+        let world_from_sensor =
+            DAffine3::from_mat3_translation(world_from_sensor.rotation, world_from_sensor.translation);
+        let world_from_model = world_from_sensor * *sensor_from_model;
+        let part = SourcePart { triangles: model.triangles.clone(), material: 0 };
+        let mesh = SourceMesh { positions: model.positions(), parts: vec![part] };
+        let placed = Placed { mesh: 0, world_from_mesh: world_from_model, instance: Instance::default() };
+        let builder = SceneBuilder {
+            meshes: vec![mesh],
+            placed: vec![placed],
+            materials: vec![Material::default()],
+            files: vec![],
+        };
+        let scene = builder.build()?;
+        let largest = scene.meshes[0].positions.iter().flatten().fold(0.0_f32, |most, x| most.max(x.abs()));
+        let half_last_place = f64::from(largest.next_up() - largest) / 2.0;
+        let size =
+            sensor_from_model.matrix3.to_cols_array().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        // Each product of poses and points in f64 rounds its terms and sums: some 16 u of the largest number in it.
+        let largest_f64 = world_from_sensor.translation.abs().max_element() + 3.0 * target.distance_m;
+        let vertex_error = 3_f64.sqrt() * half_last_place + size * model.rounding() + 16.0 * U * largest_f64;
+        Ok(Self { scene, solid: model.solid(sensor_from_model), vertex_error })
+    }
+
+    /// The plane of a stored triangle in world axes about `origin`: its normal, and its distance along that.
+    fn plane(&self, triangle: u32, origin: DVec3) -> (DVec3, f64) {
+        let mesh = &self.scene.meshes[0];
+        let corner = |v: u32| {
+            let [x, y, z] = mesh.positions[v as usize].map(f64::from);
+            DVec3::new(x, y, z)
+        };
+        let [a, b, c] = mesh.triangles[triangle as usize].map(corner);
+        let n = (b - a).cross(c - a).normalize();
+        (n, n.dot(a - (origin - self.scene.centre)))
+    }
+}
+
+/// What a closed form says of a ray.
+enum Expected {
+    Miss,
+    /// A range between the first two, metres; that of the ideal shape is the third.
+    Hit(f64, f64, f64),
+    Either,
+}
+
+/// How well a computed range of about `t` metres is known.
+fn range_tolerance(t: f64) -> f64 {
+    1e-9 * (t.abs() / 200.0).max(1.0)
+}
+
+fn expected(stage: &Stage, origin: DVec3, d: DVec3, range: &RangeLimits) -> Expected {
+    let crossing = |grown| stage.solid.crossing(origin, d, grown);
+    let Some(outer) = crossing(stage.vertex_error) else { return Expected::Miss };
+    let (Some(ideal), Some(inner)) = (crossing(0.0), crossing(-stage.vertex_error)) else {
+        let unseen = outer.1 + range_tolerance(outer.1) < range.min_m
+            || outer.0 - range_tolerance(outer.0) > range.max_m;
+        return if unseen { Expected::Miss } else { Expected::Either };
+    };
+    // The surface as the ray goes in, and as it comes out.
+    for (low, high, ideal) in [(outer.0, inner.0, ideal.0), (inner.1, outer.1, ideal.1)] {
+        let (low, high) = (low - range_tolerance(low), high + range_tolerance(high));
+        if high < range.min_m {
+            continue;
+        }
+        return match () {
+            () if low > range.max_m => Expected::Miss,
+            () if low >= range.min_m && high <= range.max_m => Expected::Hit(low, high, ideal),
+            () => Expected::Either,
+        };
+    }
+    Expected::Miss
+}
+
+/// Holds a frame of `target` against its closed form.
+fn judge(target: &Target, stage: &Stage, sensor: &Sensor, frame: &Frame, pose: &Pose) -> ShapeResult {
+    let mut result = ShapeResult {
+        shape: target.name,
+        tessellated: matches!(stage.solid, Solid::Ball { .. }),
+        distance_m: target.distance_m,
+        hits: 0,
+        misses: 0,
+        edges: 0,
+        wrong: 0,
+        facet_error: Errors::default(),
+        ideal_error: Errors::default(),
+        allowance_used: 0.0,
+        first_wrong: None,
+    };
+    let (mut facet, mut ideal) = (Sum::default(), Sum::default());
+    for (row, column) in pixels(frame) {
+        let found = frame.get(row, column);
+        let Some(pulse) = sensor.pattern.pulse(row, column) else {
+            // A pixel without a pulse sees nothing, and there is no more to say.
+            match found {
+                None => result.misses += 1,
+                Some(hit) => {
+                    result.wrong += 1;
+                    let wrong = Wrong { row, column, found_m: Some(hit.range), expected_m: None };
+                    result.first_wrong.get_or_insert(wrong);
+                }
+            }
+            continue;
+        };
+        let expected = expected(stage, pulse.origin, pulse.direction, &sensor.range);
+        let found_m = found.map(|hit| hit.range);
+        let mut right = true;
+        let mut expected_m = None;
+        match (&expected, found_m) {
+            (Expected::Miss, None) => result.misses += 1,
+            (Expected::Either, _) => result.edges += 1,
+            (&Expected::Hit(low, high, middle), Some(t)) => {
+                result.hits += 1;
+                let off = t - middle;
+                ideal.add(off);
+                let room = if off < 0.0 { middle - low } else { high - middle };
+                result.allowance_used = result.allowance_used.max(off.abs() / room);
+                right = (low..=high).contains(&t);
+                expected_m = Some((low, high));
+            }
+            (Expected::Miss, Some(_)) => right = false,
+            (&Expected::Hit(low, high, _), None) => (right, expected_m) = (false, Some((low, high))),
+        }
+        if let Some(hit) = found {
+            let d = pose.direction(pulse.direction);
+            let (n, h) = stage.plane(hit.triangle, pose.point(pulse.origin));
+            let cos = n.dot(d);
+            let t = h / cos;
+            facet.add(hit.range - t);
+            let reference = 12.0 * U * (t.abs() + h.abs()) / cos.abs();
+            let allowed = range_tolerance(t).max(reference);
+            let is_near = (hit.range - t).abs() <= allowed; // NaN is not
+            if !is_near {
+                right = false;
+                expected_m = expected_m.or(Some((t - allowed, t + allowed)));
+            }
+        }
+        if !right {
+            result.wrong += 1;
+            result.first_wrong.get_or_insert(Wrong { row, column, found_m, expected_m });
+        }
+    }
+    (result.facet_error, result.ideal_error) = (facet.errors(), ideal.errors());
+    result
+}
+
+fn pixels(frame: &Frame) -> impl Iterator<Item = (usize, usize)> + use<> {
+    let columns = frame.columns;
+    (0..frame.rows).flat_map(move |row| (0..columns).map(move |column| (row, column)))
+}
+
+/// A running maximum and sum of squares.
+#[derive(Default)]
+struct Sum {
+    count: usize,
+    max: f64,
+    squares: f64,
+}
+
+impl Sum {
+    fn add(&mut self, error: f64) {
+        self.count += 1;
+        // f64::max would drop a NaN.
+        self.max = if error.is_nan() { f64::NAN } else { self.max.max(error.abs()) };
+        self.squares += error * error;
+    }
+
+    fn errors(&self) -> Errors {
+        let mean = self.squares / self.count.max(1) as f64;
+        Errors { max_m: self.max, rms_m: mean.sqrt() }
+    }
+}
+
+/// Directions and times of the points of a frame, against the pattern's own table.
+///
+/// A point is direction times range, each good to a few u; an angle computed from it by atan2 is as good, and the table's own
+/// angles are radians up to a few π, rounded: a few 1e-15 in all. 1e-12 rad, a fifth of a nanometre at 200 m, stays clear
+/// of that and far below any step of a sensor's table.
+fn geometry(sensor: &Sensor, frame: &Frame) -> Vec<Check> {
+    let capture = Capture {
+        frame,
+        sensor,
+        name: "",
+        body_from_sensor: Pose::IDENTITY,
+        world_from_body: Pose::IDENTITY,
+        cloud_frame: CloudFrame::Body,
+    };
+    let pattern = &sensor.pattern;
+    let mut checks = angles(pattern, frame, &|row, column, range| capture.point(row, column, range));
+    let time = |row, column| pattern.pulse(row, column).map(|pulse| pulse.time_s);
+    checks.extend(times((pattern.rows(), pattern.columns()), pattern.rate_hz(), &time));
+    checks
+}
+
+fn angles(
+    pattern: &Pattern,
+    frame: &Frame,
+    point: &dyn Fn(usize, usize, f64) -> Option<DVec3>,
+) -> Vec<Check> {
+    const ANGLE: f64 = 1e-12;
+    let mut direction = Check::new("direction of the points", "rad", ANGLE);
+    let mut range = Check::new("range of the points", "m", 1e-9);
+    let mut elevation = Check::new("elevation of the rows", "rad", ANGLE);
+    let mut azimuth = Check::new("azimuth of the columns", "rad", ANGLE);
+    let mut pixel = Check::new("pixels of the points", "px", 0.0);
+    for (row, column) in pixels(frame) {
+        let Some(hit) = frame.get(row, column) else { continue };
+        let at = (row, column);
+        // (That a pixel without a pulse sees nothing, the shapes have shown.)
+        let (Some(pulse), Some(p)) = (pattern.pulse(row, column), point(row, column, hit.range)) else {
+            continue;
+        };
+        let d = pulse.direction;
+        let p = p - pulse.origin;
+        direction.add(p.cross(d).length() / p.length(), at);
+        range.add((p.length() - hit.range).abs(), at);
+        match pattern {
+            Pattern::Rotating(lidar) => {
+                let beam = &lidar.beams()[row];
+                let level = libm::hypot(p.x, p.y);
+                elevation.add((libm::atan2(p.z, level) - beam.elevation.radians()).abs(), at);
+                let head = lidar.azimuth(lidar.firing(row, column)) + lidar.turn_before(row);
+                let expected = (head + beam.azimuth_offset).radians();
+                let off = libm::remainder(libm::atan2(p.y, p.x) - expected, std::f64::consts::TAU);
+                // Straight up there is no azimuth: what counts is how far the point is off sideways.
+                azimuth.add(off.abs() * level / p.length(), at);
+            }
+            Pattern::Camera(camera) => {
+                let p = BODY_FROM_OPTICAL.inverse().direction(p);
+                let (fx, fy) = camera.focal_px();
+                let (cx, cy) = camera.principal_px();
+                let off = camera.project(p).map_or(f64::INFINITY, |(u, v)| {
+                    (u - column as f64 - 0.5).abs().max((v - row as f64 - 0.5).abs())
+                });
+                pixel.add(off, at);
+                // A pixel is 1/f or less of a radian, and its coordinate a sum with the principal point. Lenses are undone to
+                // 1e-12 of the focal length, and no lens that can be undone magnifies that by much.
+                let largest = (column as f64 + 0.5).max(row as f64 + 0.5) + cx.abs().max(cy.abs());
+                let lens = if matches!(camera.lens(), Lens::Ideal) { 1.0 } else { 16.0 };
+                pixel.allowed = pixel.allowed.max(lens * ANGLE * fx.max(fy) + 8.0 * U * largest);
+            }
+            _ => {}
+        }
+    }
+    let mut checks = vec![direction, range];
+    checks.extend(match pattern {
+        Pattern::Rotating(_) => vec![elevation, azimuth],
+        Pattern::Camera(_) => vec![pixel],
+        _ => vec![],
+    });
+    checks
+}
+
+/// Times along each row: they go back once at most, by less than a frame's period (an image that starts between firings), and
+/// all of a row's pulses come within a period.
+fn times(
+    (rows, columns): (usize, usize),
+    rate_hz: Option<f64>,
+    time_s: &dyn Fn(usize, usize) -> Option<f64>,
+) -> Vec<Check> {
+    let mut back = Check::new("time going back along a row", "s", 0.0);
+    let period_s = rate_hz.map_or(f64::INFINITY, |rate| 1.0 / rate);
+    let mut span = Check::new("time from a row's first pulse to its last", "s", period_s);
+    for row in 0..rows {
+        let times = (0..columns).filter_map(|column| time_s(row, column).map(|time| (column, time)));
+        let (mut first, mut last, mut turns) = (f64::INFINITY, f64::NEG_INFINITY, 0);
+        let mut before: Option<f64> = None;
+        for (column, time) in times {
+            let step_back = before.map_or(0.0, |before| before - time);
+            turns += usize::from(step_back > 0.0);
+            let starts_over = step_back > 0.0 && turns == 1 && time < first;
+            back.add(if starts_over { 0.0 } else { step_back }, (row, column));
+            first = first.min(time);
+            last = last.max(time);
+            span.add(time - first, (row, column));
+            span.add(last - first, (row, column));
+            before = Some(time);
+        }
+    }
+    vec![back, span]
+}
