@@ -14,7 +14,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("scene", &["error", "frame"]),
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
-    ("output", &["error", "frame", "scan", "scene", "sensor"]),
+    ("output", &["angle", "error", "frame", "scan", "scene", "sensor"]),
     ("config", &["angle", "error", "frame", "output", "sensor", "trace"]),
     ("cli", &["angle", "config", "error", "frame", "output", "scan", "scene", "sensor", "trace"]),
     ("main", &["cli"]),
