@@ -19,7 +19,7 @@
 //! ```
 //!
 //! Each arrow is one module, and [`cli`] runs them in that order. Data flows one way: nothing imports what comes after
-//! it.
+//! it. [`import`] makes sensor files of vendors' calibrations.
 //!
 //! # Units and frames
 //! Metres, seconds and radians inside; names at the edges carry their unit (`max_m`, `hfov_deg`). The world is
@@ -67,6 +67,7 @@ pub mod cli;
 pub mod config;
 pub mod error;
 pub mod frame;
+pub mod import;
 pub mod output;
 pub mod scan;
 pub mod scene;

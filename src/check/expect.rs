@@ -11,7 +11,7 @@ use crate::angle::Angle;
 use crate::output::Capture;
 use crate::scan::Return;
 use crate::scene::Scene;
-use crate::sensor::Pattern;
+use crate::sensor::{Pattern, Pulse};
 
 /// An `[[expect]]`.
 #[derive(Clone, Debug, PartialEq)]
@@ -212,13 +212,13 @@ struct Point<'a> {
 }
 
 impl Point<'_> {
-    /// Unit direction of its beam in the sensor's frame.
-    fn direction(&self) -> DVec3 {
-        self.capture.sensor.pattern.pulse(self.row, self.column).direction
+    fn pulse(&self) -> Pulse {
+        let pulse = self.capture.sensor.pattern.pulse(self.row, self.column);
+        pulse.expect("what came back was sent")
     }
 
     fn in_body(&self) -> DVec3 {
-        self.capture.body_from_sensor.point(self.direction() * self.hit.range)
+        self.capture.body_from_sensor.point(self.pulse().point(self.hit.range))
     }
 
     fn place(&self) -> String {
@@ -372,8 +372,10 @@ fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m
     let (mut count, mut wrong) = (0, 0);
     for point in on(seen, target) {
         let world_from_sensor = point.capture.world_from_sensor();
-        let direction = world_from_sensor.direction(point.direction());
-        let ideal = (offset_m - normal.dot(world_from_sensor.translation)) / normal.dot(direction);
+        let pulse = point.pulse();
+        let origin = world_from_sensor.point(pulse.origin);
+        let direction = world_from_sensor.direction(pulse.direction);
+        let ideal = (offset_m - normal.dot(origin)) / normal.dot(direction);
         // A ray along the plane never meets it.
         let error = if ideal.is_finite() { point.hit.range - ideal } else { f64::INFINITY };
         count += 1;
@@ -418,8 +420,9 @@ fn resolution(seen: &Seen, target: &Target, horizontal: Option<Angle>, vertical:
         ];
         for (worst, neighbour) in worst.iter_mut().zip(neighbours) {
             let Some((row, column)) = neighbour else { continue };
-            if frame.get(row, column).is_some_and(|hit| target.is_hit(hit, seen.scene)) {
-                let angle = angle_between(point.direction(), sensor.pattern.pulse(row, column).direction);
+            let is_hit = frame.get(row, column).is_some_and(|hit| target.is_hit(hit, seen.scene));
+            if let Some(pulse) = sensor.pattern.pulse(row, column).filter(|_| is_hit) {
+                let angle = angle_between(point.pulse().direction, pulse.direction);
                 if worst.as_ref().is_none_or(|(a, _)| angle > *a) {
                     *worst = Some((angle, point.place()));
                 }
@@ -571,7 +574,7 @@ fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Verdict {
     let name = place.strip_prefix("sensor ").unwrap_or_default().to_owned();
     let mut spans = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for point in on(seen, body).filter(|point| point.capture.name == name) {
-        let d = point.direction();
+        let d = point.pulse().direction;
         let angles = [libm::atan2(d.y, d.x), libm::asin(d.z.clamp(-1.0, 1.0))];
         for (span, angle) in spans.iter_mut().zip(angles) {
             let degrees = Angle::rad(angle).degrees();

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde::Serialize;
 
+use super::terminal::Terminal;
 use super::{diagnostics, pipeline};
 use crate::config::{self, Config, Job};
 use crate::error::{Diagnostic, Error, SceneError, Severity};
@@ -16,7 +17,7 @@ use crate::frame::UpAxis;
 use crate::output::Format;
 use crate::scan::Return;
 use crate::scene::{Mesh, Scene, gltf};
-use crate::sensor::{Pattern, Pinhole, Rotating, Sensor};
+use crate::sensor::{Camera, Pattern, Rotating, Sensor, azimuth_elevation};
 
 /// What to read.
 #[derive(clap::Args, Clone, Debug)]
@@ -73,15 +74,38 @@ fn examine(paths: &[PathBuf]) -> (Vec<FileFacts>, Vec<Diagnostic>) {
     (facts, diagnostics)
 }
 
+/// What there is to know about a job, a sensor file or a scene; its warnings are told.
+///
+/// # Errors
+/// [`Error::Scene`] if it is a scene that can't be read, else [`Error::Config`] with all that is wrong.
+pub(super) fn facts_of(path: &Path, terminal: &Terminal) -> Result<FileFacts, Error> {
+    let mut diagnostics = Vec::new();
+    if is_scene(path) {
+        let name = path.to_string_lossy();
+        let scene = open_scene(path, &name, None, &mut diagnostics)?;
+        terminal.warn_of(&diagnostics);
+        return Ok(FileFacts::of_scene(&name, &scene));
+    }
+    let mut facts = Vec::new();
+    examine_file(path, &mut facts, &mut diagnostics);
+    match facts.pop() {
+        Some(facts) if diagnostics.iter().all(|d| d.severity == Severity::Warning) => {
+            terminal.warn_of(&diagnostics);
+            Ok(facts)
+        }
+        _ => Err(Error::Config(diagnostics)),
+    }
+}
+
+fn is_scene(path: &Path) -> bool {
+    path.extension().map(|e| e.to_ascii_lowercase()).is_some_and(|e| e == "gltf" || e == "glb")
+}
+
 fn examine_file(path: &Path, facts: &mut Vec<FileFacts>, diagnostics: &mut Vec<Diagnostic>) {
     let name = path.to_string_lossy();
-    let extension = path.extension().map(|e| e.to_ascii_lowercase());
-    if extension.is_some_and(|e| e == "gltf" || e == "glb") {
+    if is_scene(path) {
         match open_scene(path, &name, None, diagnostics) {
-            Ok(scene) => {
-                let scene = Some(SceneFacts::new(&name, &scene));
-                facts.push(FileFacts { path: name.into_owned(), kind: "scene", sensors: vec![], scene });
-            }
+            Ok(scene) => facts.push(FileFacts::of_scene(&name, &scene)),
             Err(error) => diagnostics.push(about_scene(error)),
         }
         return;
@@ -183,53 +207,53 @@ impl<'a> From<&'a Diagnostic> for Problem<'a> {
 
 /// What is known about a file.
 #[derive(Serialize)]
-struct FileFacts {
+pub(super) struct FileFacts {
     path: String,
     kind: &'static str,
     sensors: Vec<SensorFacts>,
     scene: Option<SceneFacts>,
 }
 
+/// What there is to know about a sensor.
 #[derive(Serialize)]
-struct SensorFacts {
-    name: Option<String>,
-    kind: &'static str,
-    rows: usize,
-    columns: usize,
-    rays_per_frame: usize,
-    horizontal_fov_deg: f64,
-    /// Lowest and highest, along the image's middle column.
-    elevation_deg: [f64; 2],
-    /// From one column to the next; a camera's is that of the pixel at its principal point.
-    azimuth_step_deg: f64,
+pub(super) struct SensorFacts {
+    pub name: Option<String>,
+    pub kind: &'static str,
+    pub rows: usize,
+    pub columns: usize,
+    pub rays_per_frame: usize,
+    pub horizontal_fov_deg: f64,
+    /// Lowest and highest; a camera's along the image's middle column.
+    pub elevation_deg: [f64; 2],
+    /// From one column to the next; a camera's is that of the pixel at its principal point. Only of images.
+    pub azimuth_step_deg: Option<f64>,
     /// Smallest and largest from one row to the next; a camera's, both that of the pixel at its principal point.
-    elevation_step_deg: Option<[f64; 2]>,
-    rate_hz: Option<f64>,
-    points_per_second: Option<f64>,
-    min_range_m: f64,
+    pub elevation_step_deg: Option<[f64; 2]>,
+    pub rate_hz: Option<f64>,
+    pub points_per_second: Option<f64>,
+    pub min_range_m: f64,
     /// `None` if there's no limit.
-    max_range_m: Option<f64>,
+    pub max_range_m: Option<f64>,
     /// From the first pulse of a frame to the last.
-    frame_s: f64,
+    pub frame_s: f64,
+    /// Pixels that the lens's or the prisms' model has no ray for.
+    pub blind_pixels: usize,
     /// What a frame takes in memory while it's made.
-    frame_bytes: u64,
+    pub frame_bytes: u64,
     /// What a frame takes on the disk at most, by format.
-    output_bytes: serde_json::Map<String, serde_json::Value>,
+    pub output_bytes: serde_json::Map<String, serde_json::Value>,
 }
 
 impl SensorFacts {
-    fn new(name: Option<&str>, sensor: &Sensor, formats: &[Format]) -> Self {
+    pub fn new(name: Option<&str>, sensor: &Sensor, formats: &[Format]) -> Self {
         let pattern = &sensor.pattern;
         let (rows, columns, rays) = (pattern.rows(), pattern.columns(), pattern.rays());
         let angles = match pattern {
             Pattern::Rotating(p) => Angles::of_rotating(p),
-            Pattern::Pinhole(p) => Angles::of_pinhole(p),
+            Pattern::Camera(p) => Angles::of_camera(p),
+            _ => Angles::of_pulses(pattern),
         };
-        // A row's pulses come in the order of the columns.
-        let frame_s = match pattern {
-            Pattern::Rotating(p) => (0..rows).map(|row| p.pulse(row, columns - 1).time_s).fold(0.0, f64::max),
-            Pattern::Pinhole(_) => 0.0,
-        };
+        let blind = if rays <= MOST_RAYS_TO_ASK { pattern.blind_pixels() } else { 0 };
         let limit = sensor.range.max_m;
         let output_bytes = formats
             .iter()
@@ -249,10 +273,11 @@ impl SensorFacts {
             azimuth_step_deg: angles.azimuth_step,
             elevation_step_deg: angles.elevation_step,
             rate_hz: pattern.rate_hz(),
-            points_per_second: pattern.rate_hz().map(|rate| rate * rays as f64),
+            points_per_second: pattern.rate_hz().map(|rate| rate * (rays - blind) as f64),
             min_range_m: sensor.range.min_m,
             max_range_m: limit.is_finite().then_some(limit),
-            frame_s,
+            frame_s: pattern.last_pulse_s(),
+            blind_pixels: blind,
             frame_bytes: rays as u64 * size_of::<Option<Return>>() as u64,
             output_bytes,
         }
@@ -263,9 +288,12 @@ impl SensorFacts {
 struct Angles {
     horizontal_fov: f64,
     elevation: [f64; 2],
-    azimuth_step: f64,
+    azimuth_step: Option<f64>,
     elevation_step: Option<[f64; 2]>,
 }
+
+/// Of a larger frame it's not counted how many pixels have no ray: asking each would take too long.
+const MOST_RAYS_TO_ASK: usize = 1 << 24;
 
 impl Angles {
     fn of_rotating(p: &Rotating) -> Self {
@@ -279,22 +307,49 @@ impl Angles {
         Self {
             horizontal_fov: (to - from).degrees().abs(),
             elevation: [elevation(p.beams().len() - 1), elevation(0)],
-            azimuth_step: p.azimuth_step().degrees().abs(),
+            azimuth_step: Some(p.azimuth_step().degrees().abs()),
             elevation_step: step,
         }
     }
 
-    /// Edge to edge of the image through the principal point: atan((width − cx)/fx) + atan(cx/fx), and so upwards. A
-    /// pixel there subtends 2·atan(½/f).
-    fn of_pinhole(p: &Pinhole) -> Self {
-        let ((fx, fy), (cx, cy)) = (p.focal_px(), p.principal_px());
-        let atan = |x: f64| libm::atan(x).to_degrees();
-        let vertical_step = 2.0 * atan(0.5 / fy);
+    /// Edge to edge of the image through the principal point, or as far as the lens sees: of a pinhole
+    /// atan((width − cx)/fx) + atan(cx/fx), and so upwards. The steps are those of the pixel there.
+    fn of_camera(p: &Camera) -> Self {
+        let ((cx, cy), (width, height)) = (p.principal_px(), (p.width() as f64, p.height() as f64));
+        // Degrees to the right and down of the axis.
+        let right = |u: f64| p.optical_direction_at(u, cy).map(|d| libm::atan2(d.x, d.z).to_degrees());
+        let down = |v: f64| p.optical_direction_at(cx, v).map(|d| libm::atan2(d.y, d.z).to_degrees());
+        let seen = |along: &dyn Fn(f64) -> Option<f64>, edge: f64, inward: f64| {
+            (0..=p.width().max(p.height())).find_map(|i| along(edge + inward * i as f64)).unwrap_or(0.0)
+        };
+        let step = |along: &dyn Fn(f64) -> Option<f64>, centre: f64| {
+            Some(along(centre + 0.5)? - along(centre - 0.5)?)
+        };
         Self {
-            horizontal_fov: atan((p.width() as f64 - cx) / fx) + atan(cx / fx),
-            elevation: [-atan((p.height() as f64 - cy) / fy), atan(cy / fy)],
-            azimuth_step: 2.0 * atan(0.5 / fx),
-            elevation_step: Some([vertical_step; 2]),
+            horizontal_fov: seen(&right, width, -1.0) - seen(&right, 0.0, 1.0),
+            elevation: [-seen(&down, height, -1.0), -seen(&down, 0.0, 1.0)],
+            azimuth_step: step(&right, cx),
+            elevation_step: step(&down, cy).map(|step| [step; 2]),
+        }
+    }
+
+    /// What the pulses of the first frame reach; of very many, evenly spaced ones.
+    fn of_pulses(pattern: &Pattern) -> Self {
+        let (rays, columns) = (pattern.rays(), pattern.columns());
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for index in (0..rays).step_by(rays.div_ceil(MOST_RAYS_TO_ASK)) {
+            let Some(pulse) = pattern.pulse(index / columns, index % columns) else { continue };
+            let (azimuth, elevation) = azimuth_elevation(pulse.direction);
+            for (axis, angle) in [azimuth, elevation].into_iter().enumerate() {
+                low[axis] = low[axis].min(angle.degrees());
+                high[axis] = high[axis].max(angle.degrees());
+            }
+        }
+        Self {
+            horizontal_fov: (high[0] - low[0]).max(0.0),
+            elevation: [low[1].min(high[1]), high[1].max(low[1])],
+            azimuth_step: None,
+            elevation_step: None,
         }
     }
 }
@@ -323,6 +378,8 @@ struct SceneFacts {
     labels: Vec<u32>,
     /// The least and the largest x, y and z in the world; of meshes placed more than once, those of their boxes.
     extent_m: [[f64; 2]; 3],
+    /// The middle of that.
+    centre_m: [f64; 3],
     /// With what tracing it takes.
     memory_bytes: u64,
 }
@@ -341,6 +398,7 @@ impl SceneFacts {
             .collect();
         labels.sort_unstable();
         labels.dedup();
+        let extent_m = extent(scene);
         Self {
             path: path.to_owned(),
             triangles: scene.triangle_count(),
@@ -349,7 +407,8 @@ impl SceneFacts {
             instances: scene.instances.len(),
             materials: scene.materials.len(),
             labels,
-            extent_m: extent(scene),
+            extent_m,
+            centre_m: extent_m.map(|[low, high]| (low + high) / 2.0),
             memory_bytes: scene.stored_triangle_count() * BYTES_PER_TRIANGLE,
         }
     }
@@ -378,7 +437,13 @@ fn extent(scene: &Scene) -> [[f64; 2]; 3] {
 }
 
 impl FileFacts {
-    fn to_text(&self) -> String {
+    fn of_scene(path: &str, scene: &Scene) -> Self {
+        let scene = Some(SceneFacts::new(path, scene));
+        Self { path: path.to_owned(), kind: "scene", sensors: vec![], scene }
+    }
+
+    /// For people.
+    pub(super) fn to_text(&self) -> String {
         let mut text = format!("{}: {}\n", config::quoted(&self.path).trim_matches('`'), self.kind);
         if let Some(scene) = &self.scene {
             scene.write(&mut text);
@@ -408,6 +473,8 @@ impl SceneFacts {
         fact!(text, "triangles", "{}{skipped}", grouped(scene.triangles));
         let [x, y, z] = scene.extent_m.map(|[low, high]| format!("{} to {}", tidy(low), tidy(high)));
         fact!(text, "extent", "x {x}, y {y}, z {z} m");
+        let [x, y, z] = scene.centre_m.map(tidy);
+        fact!(text, "centre", "({x}, {y}, {z}) m");
         fact!(text, "instances", "{}", grouped(scene.instances as u64));
         fact!(text, "materials", "{}", grouped(scene.materials as u64));
         let labels: Vec<String> = scene.labels.iter().take(32).map(u32::to_string).collect();
@@ -436,13 +503,23 @@ impl SensorFacts {
             tidy(self.horizontal_fov_deg),
             tidy(self.elevation_deg[1] - self.elevation_deg[0])
         );
-        let vertical = match self.elevation_step_deg.map(|step| step.map(tidy)) {
-            None => String::new(),
-            Some([least, most]) if least == most => format!(" × {least}°"),
-            Some([least, most]) => format!(" × {least}° to {most}°"),
-        };
-        let place = if self.kind == "camera" { " in the middle" } else { "" };
-        fact!(text, "steps", "{}°{vertical}{place}", tidy(self.azimuth_step_deg));
+        if let Some(horizontal) = self.azimuth_step_deg {
+            let vertical = match self.elevation_step_deg.map(|step| step.map(tidy)) {
+                None => String::new(),
+                Some([least, most]) if least == most => format!(" × {least}°"),
+                Some([least, most]) => format!(" × {least}° to {most}°"),
+            };
+            let place = if self.kind == "camera" { " in the middle" } else { "" };
+            fact!(text, "steps", "{}°{vertical}{place}", tidy(horizontal));
+        }
+        if self.blind_pixels > 0 {
+            fact!(
+                text,
+                "no ray for",
+                "{} pixels: the model ends before them",
+                grouped(self.blind_pixels as u64)
+            );
+        }
         match self.max_range_m {
             Some(max) => {
                 fact!(text, "range", "{} m to {} m", tidy(self.min_range_m), tidy(max));
@@ -474,13 +551,13 @@ impl SensorFacts {
 }
 
 /// A number to four decimals, without the zeros at the end.
-fn tidy(x: f64) -> f64 {
+pub(super) fn tidy(x: f64) -> f64 {
     let rounded = (x * 1e4).round() / 1e4;
     if rounded == 0.0 { 0.0 } else { rounded }
 }
 
 /// `1234567` as `1,234,567`.
-fn grouped(n: u64) -> String {
+pub(super) fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::new();
     for (index, digit) in digits.chars().enumerate() {
@@ -535,7 +612,7 @@ mod tests {
             SensorFacts::new(Some("top"), &lidar(&[10.0, -20.0, 8.0], 360, (180.0, -180.0)), &ALL_FORMATS);
         assert_eq!((facts.rows, facts.columns, facts.rays_per_frame), (3, 360, 1080));
         assert_eq!((tidy(facts.horizontal_fov_deg), facts.elevation_deg.map(tidy)), (360.0, [-20.0, 10.0]));
-        assert_eq!(tidy(facts.azimuth_step_deg), 1.0);
+        assert_eq!(facts.azimuth_step_deg.map(tidy), Some(1.0));
         assert_eq!(facts.elevation_step_deg.map(|s| s.map(tidy)), Some([2.0, 28.0]));
         assert_eq!(facts.points_per_second, Some(10_800.0));
         assert_eq!(facts.max_range_m, Some(50.0));
@@ -553,20 +630,20 @@ mod tests {
     fn facts_of_a_sector_and_of_one_beam() {
         let facts = SensorFacts::new(None, &lidar(&[1.0], 91, (45.0, -45.0)), &[Format::Ply]);
         assert_eq!(tidy(facts.horizontal_fov_deg), 90.0);
-        assert_eq!(tidy(facts.azimuth_step_deg), 1.0);
+        assert_eq!(facts.azimuth_step_deg.map(tidy), Some(1.0));
         assert_eq!(facts.elevation_step_deg, None);
         assert_eq!(facts.output_bytes.len(), 1);
     }
 
     #[test]
     fn facts_of_a_camera() {
-        let pattern =
-            Pattern::Pinhole(Pinhole::new((640, 480), (320.0, 240.0), (320.0, 240.0), None).unwrap());
+        let pattern = Pattern::Camera(Camera::new((640, 480), (320.0, 240.0), (320.0, 240.0), None).unwrap());
         let sensor = Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row };
         let facts = SensorFacts::new(None, &sensor, &ALL_FORMATS);
         assert_eq!(tidy(facts.horizontal_fov_deg), 90.0);
         assert_eq!(facts.elevation_deg.map(tidy), [-45.0, 45.0]);
-        assert_eq!(facts.azimuth_step_deg, 2.0 * libm::atan(0.5 / 320.0).to_degrees());
+        let step = 2.0 * libm::atan(0.5 / 320.0).to_degrees();
+        assert!((facts.azimuth_step_deg.unwrap() - step).abs() < 1e-12);
         assert_eq!((facts.max_range_m, facts.points_per_second, facts.frame_s), (None, None, 0.0));
         assert_eq!(facts.output_bytes["exr"], 640 * 480 * 44);
     }

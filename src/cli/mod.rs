@@ -4,12 +4,18 @@ mod bench;
 mod check;
 pub mod diagnostics;
 mod diff;
+mod import;
+mod info;
+mod init;
 mod interrupt;
 mod kernels;
 pub mod lint;
 mod pipeline;
+mod presets;
 mod scan;
+mod schema;
 mod selftest;
+mod shell;
 mod terminal;
 mod view;
 
@@ -43,12 +49,26 @@ enum Command {
     Diff(diff::Args),
     /// Time a job: loading, building and casting apart
     Bench(bench::Args),
+    /// List the built-in sensors, or show one
+    Presets(presets::Args),
     /// Cast sensors' own patterns at planes, box, wedge and ball, and hold the ranges against closed forms
     Selftest(selftest::Args),
     /// Show frames as one HTML page: range images, and a cloud to turn
     View(view::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
     Kernels(kernels::Args),
+    /// Write a job to start from, with a comment on every line
+    Init(init::Args),
+    /// Make a sensor file of a unit's calibration: Ouster, Velodyne, Hesai, RoboSense, ROS and OpenCV cameras, tables of rays
+    Import(import::Args),
+    /// Say what a file holds: a job, sensor file, scene, EXR, PLY, or a scan's folder
+    Info(info::Args),
+    /// Print the JSON Schema of jobs or sensor files, by which editors complete and check them
+    Schema(schema::Args),
+    /// Print a shell's completion script
+    Completions(shell::CompletionsArgs),
+    /// Print the manual page
+    Man,
 }
 
 /// Runs the tool on the process's arguments.
@@ -74,5 +94,12 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Selftest(args) => selftest::run(args, terminal),
         Command::View(args) => view::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
+        Command::Presets(args) => presets::run(args, terminal),
+        Command::Init(args) => init::run(args, terminal),
+        Command::Import(args) => import::run(args, terminal),
+        Command::Info(args) => info::run(args, terminal),
+        Command::Schema(args) => schema::run(args, terminal),
+        Command::Completions(args) => shell::completions(args, terminal),
+        Command::Man => shell::man(terminal),
     }
 }

@@ -214,6 +214,24 @@ pub fn tidy(path: &Path) -> PathBuf {
     }
 }
 
+/// The way from a folder to a file, both as seen from here: what a file in that folder calls it. With forward slashes, which
+/// every system takes. A file on another drive keeps its whole name.
+pub fn seen_from(folder: &Path, file: &Path) -> String {
+    let whole = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path)).ok();
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let way = match (whole(folder), whole(file)) {
+        (Some(folder), Some(file)) => {
+            let common = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
+            let up = folder.components().skip(common).map(|_| Component::ParentDir);
+            let down = file.components().skip(common);
+            if common == 0 { file.clone() } else { up.chain(down).collect() }
+        }
+        _ => file.to_path_buf(),
+    };
+    let text = way.to_string_lossy();
+    if cfg!(windows) { text.replace('\\', "/") } else { text.into_owned() }
+}
+
 /// What a cloud loses in 32-bit coordinates, if that is more than a millimetre.
 pub fn precision_warning(job: &Job) -> Option<String> {
     let pose = |sensor: &MountedSensor| match job.output.cloud_frame {
@@ -305,6 +323,16 @@ mod tests {
         for outside in [std::env::temp_dir().join("a"), Path::new("src/../../a").to_path_buf()] {
             assert_eq!(tidy(&outside), outside);
         }
+    }
+
+    #[test]
+    fn a_file_is_named_as_seen_from_a_folder() {
+        // Tests run in the package's folder.
+        let seen = |folder: &str, file: &str| seen_from(Path::new(folder), Path::new(file));
+        assert_eq!(seen("", "src/lib.rs"), "src/lib.rs");
+        assert_eq!(seen("src", "src/lib.rs"), "lib.rs");
+        assert_eq!(seen("src/cli", "Cargo.toml"), "../../Cargo.toml");
+        assert_eq!(seen("src/cli", "no such.glb"), "../../no such.glb");
     }
 
     #[cfg(target_os = "linux")]

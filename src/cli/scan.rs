@@ -121,7 +121,7 @@ fn cast_and_write(
         casting += time;
         interrupt.check()?;
         let Some(frame) = frame else { continue };
-        seen.push(Statistics::of(&frame));
+        seen.push(Statistics::of(&frame, mounted.sensor.pattern.blind_pixels()));
         let capture = pipeline::capture(job, mounted, &frame);
         let start = Instant::now();
         for &format in &job.output.formats {
@@ -148,26 +148,34 @@ fn inputs(args: &Args, job: &Job) -> Result<Vec<SourceFile>, Error> {
         fs::read(path).map_err(|e| Error::Usage(format!("{}: can't be read again: {e}", path.display())))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let sensors = job.sensor_files.iter().map(|(name, text)| file(name, text.as_bytes()));
-    Ok([file(&name, &text)].into_iter().chain(sensors).collect())
+    let rays = job.ray_files.iter().map(|f| SourceFile {
+        name: f.name.clone(),
+        bytes: f.bytes,
+        blake3: f.blake3.clone(),
+    });
+    Ok([file(&name, &text)].into_iter().chain(sensors).chain(rays).collect())
 }
 
 /// What a sensor saw, in short.
 struct Statistics {
+    /// Pixels that have a ray.
     rays: usize,
+    /// Pixels that have none: the lens's or the prisms' model ends before them.
+    blind: usize,
     hits: usize,
     /// Least, mean and largest range in metres, of any returns.
     range_m: Option<[f64; 3]>,
 }
 
 impl Statistics {
-    fn of(frame: &Frame) -> Self {
+    fn of(frame: &Frame, blind: usize) -> Self {
         let ranges = frame.returns.iter().flatten().map(|hit| hit.range);
         let (mut hits, mut low, mut sum, mut high) = (0, f64::INFINITY, 0.0, 0.0_f64);
         for range in ranges {
             (hits, low, sum, high) = (hits + 1, low.min(range), sum + range, high.max(range));
         }
         let range_m = (hits > 0).then(|| [low, sum / hits as f64, high]);
-        Self { rays: frame.returns.len(), hits, range_m }
+        Self { rays: frame.returns.len() - blind, blind, hits, range_m }
     }
 }
 
@@ -185,8 +193,11 @@ fn rays_per_s(seen: &[Statistics], cast: Duration) -> f64 {
 fn summary(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], times: &Times) -> String {
     let mut text = String::new();
     for (mounted, s) in job.sensors.iter().zip(seen) {
-        let part = 100.0 * s.hits as f64 / s.rays as f64;
+        let part = 100.0 * s.hits as f64 / s.rays.max(1) as f64;
         let _ = write!(text, "{}: {} rays, {} hits ({part:.1} %)", mounted.name, s.rays, s.hits);
+        if s.blind > 0 {
+            let _ = write!(text, ", {} pixels without a ray", s.blind);
+        }
         let _ = match s.range_m {
             Some([low, mean, high]) => {
                 writeln!(text, ", range {low:.3} to {high:.3} m, mean {mean:.3} m")
@@ -214,6 +225,7 @@ fn summary_as_json(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], time
             "name": name,
             "rays": s.rays,
             "hits": s.hits,
+            "pixels_without_ray": s.blind,
             "range_min_m": range(0),
             "range_mean_m": range(1),
             "range_max_m": range(2),

@@ -1,7 +1,7 @@
 //! `beamcast selftest`: a sensor's own pattern against shapes of known range.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -10,7 +10,7 @@ use super::interrupt::Interrupt;
 use super::terminal::Terminal;
 use crate::angle::Angle;
 use crate::check::selftest::{self, CASTS, Check, Report, ShapeResult, Wrong};
-use crate::config::{self, Config, SHIPPED_SENSORS};
+use crate::config::{self, Config};
 use crate::error::Error;
 use crate::frame::Pose;
 use crate::sensor::Sensor;
@@ -19,13 +19,18 @@ use crate::trace::kernel::Method;
 /// The arguments of `beamcast selftest`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Sensor files, or jobs, whose sensors are tested where they stand [default: the shipped sensors]
+    /// Built-in sensors, sensor files, or jobs, whose sensors are tested where they stand [default: one of each kind that is
+    /// built in]
     #[arg(value_name = "SENSOR|JOB")]
     paths: Vec<PathBuf>,
     /// Print JSON
     #[arg(long)]
     json: bool,
 }
+
+/// What is tested if nothing is named.
+const ONE_OF_EACH: &[&str] =
+    &["velodyne/vlp-16", "ouster/os1-32", "livox/mid-40", "kinect/v2", "ideal/camera"];
 
 /// A sensor to test, and how.
 struct Subject {
@@ -76,15 +81,18 @@ fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Erro
         Subject { name, sensor, world_from_sensor, method: None }
     };
     if paths.is_empty() {
-        let read = |&(name, text): &(&str, &str)| {
-            config::parse_sensor(Path::new(name), text).map(|file| of_sensor(name.to_owned(), file.sensor))
-        };
-        return SHIPPED_SENSORS.iter().map(read).collect();
+        let read =
+            |&name: &&str| config::load_preset(name).map(|file| of_sensor(name.to_owned(), file.sensor));
+        return ONE_OF_EACH.iter().map(read).collect();
     }
     let mut subjects = Vec::new();
     let mut problems = Vec::new();
     for path in paths {
-        match config::load(path) {
+        let read = match path.to_str().filter(|_| path.extension().is_none() && !path.exists()) {
+            Some(name) => config::load_preset(name).map(|file| Config::Sensor(Box::new(file))),
+            None => config::load(path),
+        };
+        match read {
             Ok(Config::Sensor(file)) => {
                 terminal.warn_of(&file.warnings);
                 subjects.push(of_sensor(path.to_string_lossy().into_owned(), file.sensor));

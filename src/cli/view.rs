@@ -16,7 +16,7 @@ use crate::output::recorded::{Cloud, Folder, Part, Recorded};
 use crate::output::{Capture, Channel, CloudFrame, Destination, Image, Samples, write_file};
 use crate::scan::{Frame, Return};
 use crate::scene::Scene;
-use crate::sensor::Pinhole;
+use crate::sensor::Camera;
 use crate::trace::kernel::Caster;
 
 /// The arguments of `beamcast view`.
@@ -114,12 +114,12 @@ pub fn of_frame(mounted: &MountedSensor, frame: &Frame, scene: &Scene) -> View {
     };
     let returns = frame.returns.iter().enumerate().filter_map(|(i, hit)| Some((i, hit.as_ref()?)));
     let point = |(i, hit): (usize, &Return)| {
-        capture.point(i / frame.columns, i % frame.columns, hit.range).as_vec3().to_array()
+        capture.point(i / frame.columns, i % frame.columns, hit.range).map(|p| p.as_vec3().to_array())
     };
     View {
         name: mounted.name.clone(),
         image: Image::of(&capture),
-        points: Ok(returns.map(point).collect()),
+        points: Ok(returns.filter_map(point).collect()),
         instances: (0..).zip(scene.instances.iter().map(|instance| instance.name.clone())).collect(),
     }
 }
@@ -232,12 +232,13 @@ fn camera_points(part: &Part) -> Option<Vec<[f32; 3]>> {
     let focal = (number("beamcast:fx_px")?, number("beamcast:fy_px")?);
     let principal = (number("beamcast:cx_px")?, number("beamcast:cy_px")?);
     let image = &part.image;
-    let camera = Pinhole::new((image.columns, image.rows), focal, principal, None).ok()?;
+    let camera = Camera::new((image.columns, image.rows), focal, principal, None).ok()?;
     let ranges = image.f32("range")?.iter().enumerate().filter(|(_, range)| range.is_finite());
     let point = |(i, &range): (usize, &f32)| {
-        (camera.direction(i / image.columns, i % image.columns) * f64::from(range)).as_vec3().to_array()
+        let direction = camera.direction(i / image.columns, i % image.columns)?;
+        Some((direction * f64::from(range)).as_vec3().to_array())
     };
-    Some(ranges.map(point).collect())
+    Some(ranges.filter_map(point).collect())
 }
 
 /// The points of a cloud that are numbers, with their index: x forward, y left, z up also for a camera's optical frame.

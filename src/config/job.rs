@@ -6,14 +6,15 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::near::{missing_file_help, quoted};
+use super::presets;
+use super::rays::RayFiles;
 use super::section::{self, At, Section};
-use super::text::{Layer, Place, Report, Unreadable};
+use super::text::{Layer, Place, Report, Unreadable, portable};
 use super::tree::{self, Entry, Node, Table, Value};
 use super::{Job, MountedSensor, OutputSettings, check, sensor};
 use crate::angle::Angle;
 use crate::frame::{Pose, UpAxis};
 use crate::output::{CloudFrame, Format};
-use crate::sensor::Pattern;
 use crate::trace::kernel::{METHODS, Method};
 
 /// Most sensors of a rig.
@@ -43,6 +44,14 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let (presets, lost) = lay_presets_under(report, &mut table, folder);
+    let mut ray_files = RayFiles::default();
+    if let Some(Value::Array(sensors)) = table.get("sensor").map(|entry| &entry.node.value) {
+        for sensor in sensors.iter().take(MAX_SENSORS) {
+            if let Value::Table(sensor) = &sensor.value {
+                ray_files.read(report, sensor);
+            }
+        }
+    }
     let report = &*report;
 
     let root = Place::new(0, 0..0);
@@ -60,7 +69,7 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
         .map_or(Pose::IDENTITY, |trajectory| pose(report, &trajectory));
     let kernel = top.section("trace", &section::TRACE).and_then(|s| kernel(&s));
     let output = top.section("output", &section::OUTPUT).and_then(|s| output(&s, folder));
-    let sensors = sensors(report, &top, &lost);
+    let sensors = sensors(report, &top, &ray_files, &lost);
     let check = check::settings(report, &top);
     let names: Vec<String> = sensors.iter().map(|sensor| sensor.name.clone()).collect();
     let expectations = check::expectations(report, &top, &names);
@@ -86,18 +95,10 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
             .into_iter()
             .map(|p| (portable(&p.as_written), report.text(p.source).to_owned()))
             .collect(),
+        ray_files: ray_files.files,
         resolved: resolved(&table),
         warnings: Vec::new(), // the report's owner has them
     })
-}
-
-/// A path as the user wrote it or, if that says where on this machine the file is, its name alone.
-fn portable(as_written: &str) -> String {
-    let path = Path::new(as_written);
-    match path.file_name() {
-        Some(name) if path.has_root() => name.to_string_lossy().into_owned(),
-        _ => as_written.to_owned(),
-    }
 }
 
 /// The merged job as JSON: what it does, and not where on this machine its files are.
@@ -170,14 +171,17 @@ fn lay_presets_under(report: &mut Report, job: &mut Table, folder: &Path) -> (Ve
         for key in MOUNTING {
             merged.remove(*key);
         }
+        let modes = presets::take_modes(&mut merged);
+        if let Some(mode) = sensor.get("mode") {
+            presets::choose_mode(report, &mut merged, modes, &mode.node);
+        }
         tree::lay_over(report, &mut merged, std::mem::take(sensor));
         *sensor = merged;
     }
     for index in &lost {
         if let Value::Table(sensor) = &mut sensors[*index].value {
             // Half a pattern would only be reported for what the file may well have.
-            sensor.remove("rotating");
-            sensor.remove("pinhole");
+            sensor.retain(|key, _| !sensor::pattern_names().any(|name| name == key));
         }
     }
     (presets, lost)
@@ -198,10 +202,22 @@ fn open_preset<'a>(
         return presets.get(known);
     }
     let path = folder.join(as_written);
-    match report.open(&path, Layer::Preset) {
+    let opened = if presets::is_file(as_written) {
+        report.open(&path, Layer::Preset)
+    } else {
+        match presets::text(as_written) {
+            Some(text) => Ok(report.add(Path::new(as_written), text.to_owned(), Layer::Preset)),
+            None => {
+                presets::report_unknown(report, as_written, place, &path);
+                return None;
+            }
+        }
+    };
+    match opened {
         Ok(source) => {
             let table = tree::parse(report, source)?;
             refuse_mounting(report, &table);
+            presets::check_modes(report, &table);
             presets.push(Preset { as_written: as_written.to_owned(), source, table });
             presets.last()
         }
@@ -219,7 +235,7 @@ fn open_preset<'a>(
 }
 
 /// Keys of a job's `[[sensor]]` that say where it is, not what it is.
-const MOUNTING: &[&str] = &["name", "preset", "pose"];
+const MOUNTING: &[&str] = &["name", "preset", "mode", "pose"];
 
 fn refuse_mounting(report: &Report, sensor_file: &Table) {
     for key in MOUNTING {
@@ -307,7 +323,7 @@ fn output(s: &Section<'_>, folder: &Path) -> Option<OutputSettings> {
 }
 
 /// The rig; the patterns of those in `lost` are in files that were reported.
-fn sensors(report: &Report, top: &Section<'_>, lost: &[usize]) -> Vec<MountedSensor> {
+fn sensors(report: &Report, top: &Section<'_>, ray_files: &RayFiles, lost: &[usize]) -> Vec<MountedSensor> {
     let help = || Some("write `[[sensor]]`, with two brackets, before each sensor's keys".to_owned());
     let nodes = match top.get("sensor") {
         None => return Vec::new(),
@@ -340,9 +356,10 @@ fn sensors(report: &Report, top: &Section<'_>, lost: &[usize]) -> Vec<MountedSen
         s.text("preset");
         let name = sensor_name(report, &s, nodes.len() == 1, &mut taken);
         let body_from_sensor = pose(report, &s);
-        let sensor = sensor::sensor(report, &s, lost.contains(&index));
-        if let Some(Pattern::Rotating(pattern)) = sensor.as_ref().map(|sensor| &sensor.pattern) {
-            beams += pattern.beams().len();
+        s.text("mode");
+        let sensor = sensor::sensor(report, &s, ray_files, lost.contains(&index));
+        if let Some(pattern) = sensor.as_ref().map(|sensor| &sensor.pattern).filter(|p| !p.is_camera()) {
+            beams += pattern.rows();
             if beams > MAX_BEAMS {
                 let message = format!("the job's sensors have more than {MAX_BEAMS} beams");
                 report.error(node.place, message, "too many from here on", None);

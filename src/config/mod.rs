@@ -3,6 +3,9 @@
 mod check;
 mod job;
 mod near;
+pub mod presets;
+mod rays;
+mod schema;
 mod section;
 mod sensor;
 mod text;
@@ -20,6 +23,7 @@ use crate::sensor::Sensor;
 use crate::trace::kernel::Method;
 
 pub(crate) use near::{is_unprintable, missing_file_help, quoted};
+pub use schema::{Document, schema};
 use text::{Layer, Place, Report, Unreadable};
 use tree::Table;
 
@@ -55,11 +59,24 @@ pub struct Job {
     /// Sensor files that were read, each once: its name as the job writes it (an absolute path's last part), and its
     /// whole text.
     pub sensor_files: Vec<(String, String)>,
+    /// Tables of rays that were read, each once.
+    pub ray_files: Vec<InputFile>,
     /// The job with its sensors' files merged in, as the manifest tells it: what was given, without defaults, without
     /// the output's folder and without absolute paths.
     pub resolved: serde_json::Value,
     /// Problems that don't stop the job.
     pub warnings: Vec<Diagnostic>,
+}
+
+/// A file that was read, as a manifest lists it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InputFile {
+    /// Its name as the user wrote it (an absolute path's last part).
+    pub name: String,
+    /// Its length in bytes.
+    pub bytes: u64,
+    /// BLAKE3 of its content, in hexadecimal.
+    pub blake3: String,
 }
 
 /// A sensor of the rig.
@@ -91,6 +108,8 @@ pub struct SensorFile {
     pub path: PathBuf,
     /// The sensor.
     pub sensor: Sensor,
+    /// What it is in each of its modes, by their names.
+    pub modes: Vec<(String, Sensor)>,
     /// Problems that don't stop a job with it.
     pub warnings: Vec<Diagnostic>,
 }
@@ -125,25 +144,23 @@ pub fn load_job(path: &Path, overrides: &[String]) -> Result<Job, Error> {
 /// [`Error::Config`] with every problem of the file, warnings too, from top to bottom.
 pub fn load_sensor(path: &Path) -> Result<SensorFile, Error> {
     let (report, table) = read(path)?;
-    into_sensor(report, path, &table)
+    into_sensor(report, path, table)
 }
 
-/// The sensor files that come with beamcast: name and text.
-pub const SHIPPED_SENSORS: &[(&str, &str)] = &[
-    ("depth_camera", include_str!("../../configs/sensors/depth_camera.toml")),
-    ("lidar_128", include_str!("../../configs/sensors/lidar_128.toml")),
-    ("velodyne_vlp16", include_str!("../../configs/sensors/velodyne_vlp16.toml")),
-];
-
-/// Reads the text of a sensor file. `path` is what errors call it.
+/// Reads a built-in sensor by its name, such as `ouster/os1-128`.
 ///
 /// # Errors
-/// [`Error::Config`] as for [`load_sensor`].
-pub fn parse_sensor(path: &Path, text: &str) -> Result<SensorFile, Error> {
+/// [`Error::Config`] if there is none of that name; it says which are near.
+pub fn load_preset(name: &str) -> Result<SensorFile, Error> {
+    let path = Path::new(name);
+    let Some(text) = presets::text(name) else {
+        let message = format!("there is no built-in sensor {}", quoted(name));
+        return Err(Error::Config(vec![text::unreadable(path, message, presets::near_name(name))]));
+    };
     let mut report = Report::default();
     let source = report.add(path, text.to_owned(), Layer::Main);
     match tree::parse(&report, source) {
-        Some(table) => into_sensor(report, path, &table),
+        Some(table) => into_sensor(report, path, table),
         None => Err(Error::Config(report.into_diagnostics())),
     }
 }
@@ -155,15 +172,20 @@ pub fn parse_sensor(path: &Path, text: &str) -> Result<SensorFile, Error> {
 pub fn load(path: &Path) -> Result<Config, Error> {
     let (report, table) = read(path)?;
     if is_sensor_file(&table) {
-        into_sensor(report, path, &table).map(|sensor| Config::Sensor(Box::new(sensor)))
+        into_sensor(report, path, table).map(|sensor| Config::Sensor(Box::new(sensor)))
     } else {
         into_job(report, path, table, &[]).map(|job| Config::Job(Box::new(job)))
     }
 }
 
 fn is_sensor_file(table: &Table) -> bool {
-    let has_one_of = |keys: &[&str]| keys.iter().any(|key| table.contains_key(*key));
-    has_one_of(&["rotating", "pinhole"]) && !has_one_of(section::JOB.keys)
+    let is_there = |key: &str| table.contains_key(key);
+    sensor::pattern_names().any(is_there) && !section::JOB.keys.iter().any(|key| is_there(key))
+}
+
+/// A text as TOML writes it, with its quotes.
+pub(crate) fn toml_string(text: &str) -> String {
+    toml::Value::from(text).to_string()
 }
 
 /// A file that is fine, but not where it was given.
@@ -200,12 +222,30 @@ fn into_job(mut report: Report, path: &Path, table: Table, overrides: &[String])
     job.map(|job| Job { warnings: found.clone(), ..job }).ok_or(Error::Config(found))
 }
 
-fn into_sensor(report: Report, path: &Path, table: &Table) -> Result<SensorFile, Error> {
-    let section = section::Section::new(&report, &section::SENSOR_FILE, table, Place::new(0, 0..0));
-    let sensor = sensor::sensor(&report, &section, false).filter(|_| !report.has_errors());
+fn into_sensor(mut report: Report, path: &Path, mut table: Table) -> Result<SensorFile, Error> {
+    let mut ray_files = rays::RayFiles::default();
+    let mut all = vec![(None, table.clone())];
+    presets::check_modes(&report, &table);
+    for (name, mode) in presets::take_modes(&mut table) {
+        let mut moded = table.clone();
+        presets::lay_mode(&report, &mut moded, &mode);
+        all.push((Some(name), moded));
+    }
+    for (_, table) in &all {
+        ray_files.read(&mut report, table);
+    }
+    let place = Place::new(0, 0..0);
+    let read = |table: &Table| {
+        let section = section::Section::new(&report, &section::SENSOR_FILE, table, place);
+        sensor::sensor(&report, &section, &ray_files, false)
+    };
+    let mut sensors =
+        all.into_iter().map(|(name, table)| (name, read(&table))).collect::<Vec<_>>().into_iter();
+    let sensor = sensors.next().and_then(|(_, sensor)| sensor).filter(|_| !report.has_errors());
+    let modes = sensors.filter_map(|(name, sensor)| Some((name?, sensor?))).collect();
     let warnings = report.into_diagnostics();
     match sensor {
-        Some(sensor) => Ok(SensorFile { path: path.to_path_buf(), sensor, warnings }),
+        Some(sensor) => Ok(SensorFile { path: path.to_path_buf(), sensor, modes, warnings }),
         None => Err(Error::Config(warnings)),
     }
 }

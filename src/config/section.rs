@@ -12,26 +12,38 @@ pub(super) struct Shape {
 }
 
 macro_rules! shapes {
-    ($($name:ident = $title:literal [$($key:literal),*];)*) => {
+    ($($name:ident = $title:literal [$($key:literal),* $(,)?];)*) => {
         $(pub(super) const $name: Shape = Shape { title: $title, keys: &[$($key),*] };)*
-        const SHAPES: &[Shape] = &[$($name),*];
+        pub(super) const SHAPES: &[Shape] = &[$($name),*];
     };
 }
 shapes! {
     JOB = "a job" ["scene", "scene_name", "up", "seed", "labels", "sensor", "trajectory", "trace", "output",
         "check", "expect"];
-    SENSOR = "`[[sensor]]`" ["name", "preset", "pose", "rotating", "pinhole", "range", "ring"];
-    SENSOR_FILE = "a sensor file" ["rotating", "pinhole", "range", "ring"];
-    ROTATING = "`[rotating]`"
-        ["elevations_deg", "azimuth_offsets_deg", "beam_times_us", "columns", "sector_deg", "rate_hz"];
-    PINHOLE = "`[pinhole]`"
-        ["width_px", "height_px", "hfov_deg", "fx_px", "fy_px", "cx_px", "cy_px", "rate_hz"];
+    SENSOR = "`[[sensor]]`" ["name", "preset", "mode", "pose", "rotating", "raster", "mirror", "risley", "rays", "pinhole",
+        "fisheye", "equirectangular", "range", "ring"];
+    SENSOR_FILE = "a sensor file" ["rotating", "raster", "mirror", "risley", "rays", "pinhole", "fisheye",
+        "equirectangular", "range", "ring", "modes"];
+    MODE = "a mode" ["rotating", "raster", "mirror", "risley", "rays", "pinhole", "fisheye", "equirectangular", "range"];
+    ROTATING = "`[rotating]`" ["elevations_deg", "azimuth_offsets_deg", "beam_times_us", "beam_origins_m",
+        "range_offset_m", "turns_while_firing", "layout", "pixel_shift_by_row", "columns", "sector_deg", "rate_hz"];
+    RASTER = "`[raster]`" ["azimuths_deg", "elevations_deg", "order", "pulse_rate_hz", "rate_hz"];
+    MIRROR = "`[mirror]`" ["azimuth", "elevation", "beams_deg", "pulse_rate_hz", "rate_hz"];
+    AXIS = "an axis of `[mirror]`" ["motion", "rate_hz", "from_deg", "to_deg", "phase_deg"];
+    RISLEY = "`[risley]`" ["prisms", "beams_deg", "pulse_rate_hz", "rate_hz"];
+    PRISM = "a prism" ["rate_hz", "wedge_deg", "index", "phase_deg", "tilted"];
+    RAYS = "`[rays]`" ["file", "rate_hz"];
+    PINHOLE = "`[pinhole]`" ["width_px", "height_px", "hfov_deg", "vfov_deg", "fx_px", "fy_px", "cx_px", "cy_px",
+        "distortion", "rate_hz"];
+    FISHEYE = "`[fisheye]`" ["width_px", "height_px", "hfov_deg", "fx_px", "fy_px", "cx_px", "cy_px", "distortion",
+        "rate_hz"];
+    EQUIRECTANGULAR = "`[equirectangular]`" ["width_px", "height_px", "hfov_deg", "vfov_deg", "rate_hz"];
     RANGE = "`[range]`" ["min_m", "max_m"];
     TRAJECTORY = "`[trajectory]`" ["pose"];
     TRACE = "`[trace]`" ["kernel"];
     OUTPUT = "`[output]`" ["dir", "formats", "frame"];
     POSE = "`pose`" ["position_m", "rpy_deg", "quaternion_xyzw"];
-    ELEVATIONS = "`elevations_deg`" ["from", "to", "count"];
+    SPACED = "a range of angles" ["from", "to", "count"];
     SECTOR = "`sector_deg`" ["from", "to"];
     CHECK = "`[check]`" ["channels", "tolerance"];
     TOLERANCE = "a tolerance" ["absolute", "relative", "pixels"];
@@ -109,6 +121,11 @@ impl<'a> Section<'a> {
             report.error(entry.key, message, "", Some(help));
         }
         Self { report, shape, table, place, meant }
+    }
+
+    /// What the table is called in messages.
+    pub fn title(&self) -> &'static str {
+        self.shape.title
     }
 
     /// The value of a key as it stands.
@@ -255,6 +272,52 @@ impl<'a> Section<'a> {
                 None
             }
         }
+    }
+
+    /// `true` or `false`.
+    pub fn boolean(&self, key: &str) -> Option<bool> {
+        let node = self.get(key)?;
+        match node.value {
+            Value::Boolean(value) => Some(value),
+            _ => self.expected(key, node, "`true` or `false`"),
+        }
+    }
+
+    /// A list of lists of exactly `N` finite numbers, which are called `names`.
+    pub fn vectors<const N: usize>(&self, key: &str, names: &str) -> Option<At<Vec<At<[f64; N]>>>> {
+        let node = self.get(key)?;
+        let expected = format!("a list of lists of {N} numbers: {names}");
+        let Value::Array(elements) = &node.value else { return self.expected(key, node, &expected) };
+        let vectors: Vec<_> = elements
+            .iter()
+            .map(|element| {
+                let Value::Array(numbers) = &element.value else {
+                    return self.expected(key, element, &format!("a list of {N} numbers: {names}"));
+                };
+                let values: Option<Vec<f64>> =
+                    numbers.iter().map(|n| self.finite(key, n).map(|at| at.value)).collect();
+                match <[f64; N]>::try_from(values?) {
+                    Ok(value) => Some(At { value, place: element.place }),
+                    Err(_) => self.expected(key, element, &format!("{N} numbers: {names}")),
+                }
+            })
+            .collect();
+        Some(At { value: vectors.into_iter().collect::<Option<_>>()?, place: node.place })
+    }
+
+    /// A list of tables.
+    pub fn sections(&self, key: &str, shape: &'static Shape) -> Option<At<Vec<Section<'a>>>> {
+        let node = self.get(key)?;
+        let expected = || format!("a list of tables of {}", list(shape.keys.iter().copied(), "and"));
+        let Value::Array(elements) = &node.value else { return self.expected(key, node, &expected()) };
+        let tables: Vec<_> = elements
+            .iter()
+            .map(|element| match &element.value {
+                Value::Table(table) => Some(Section::new(self.report, shape, table, element.place)),
+                _ => self.expected(key, element, &expected()),
+            })
+            .collect();
+        Some(At { value: tables.into_iter().collect::<Option<_>>()?, place: node.place })
     }
 
     /// A table.

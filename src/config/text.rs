@@ -22,6 +22,11 @@ impl Place {
     pub fn new(source: u32, span: std::ops::Range<usize>) -> Self {
         Self { source, start: span.start as u32, end: span.end as u32 }
     }
+
+    /// The text that it is in.
+    pub fn source(self) -> u32 {
+        self.source
+    }
 }
 
 /// Where a text stands in the order of precedence: what is said later wins.
@@ -54,7 +59,8 @@ pub(super) struct Report {
 pub(super) enum Unreadable {
     Missing,
     NotAFile(&'static str),
-    TooLarge(u64),
+    /// Its bytes, and how many are read at most.
+    TooLarge(u64, u64),
     /// It was read, and what is wrong with it is in the report.
     Reported,
     Io(std::io::Error),
@@ -65,8 +71,8 @@ impl fmt::Display for Unreadable {
         match self {
             Self::Missing => f.write_str("there is no such file"),
             Self::NotAFile(kind) => write!(f, "this is {kind}, not a file"),
-            Self::TooLarge(bytes) => {
-                write!(f, "the file has {bytes} bytes, more than the {MAX_FILE_BYTES} of any configuration")
+            Self::TooLarge(bytes, limit) => {
+                write!(f, "the file has {bytes} bytes, more than the {limit} that are read of such a file")
             }
             Self::Reported => f.write_str("the file has errors"),
             Self::Io(error) => write!(f, "the file can't be read: {error}"),
@@ -83,6 +89,21 @@ const MAX_PROBLEMS: usize = 200;
 impl Report {
     /// Reads a file. Never waits for a pipe or a device.
     pub fn open(&mut self, path: &Path, layer: Layer) -> Result<u32, Unreadable> {
+        self.open_up_to(path, layer, MAX_FILE_BYTES)
+    }
+
+    /// The folder that paths in a text are relative to: its file's or, for what was said on the command line, the first
+    /// file's.
+    pub fn folder(&self, place: Place) -> &Path {
+        let source = match self.sources[place.source as usize].layer {
+            Layer::Override => 0,
+            _ => place.source as usize,
+        };
+        self.sources[source].path.parent().unwrap_or(Path::new(""))
+    }
+
+    /// Reads a file of at most `limit` bytes. Never waits for a pipe or a device.
+    pub fn open_up_to(&mut self, path: &Path, layer: Layer, limit: u64) -> Result<u32, Unreadable> {
         let kind = match std::fs::metadata(path) {
             Err(e)
                 if matches!(e.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory) =>
@@ -96,14 +117,16 @@ impl Report {
             return Err(Unreadable::NotAFile("a folder"));
         } else if !kind.is_file() {
             return Err(Unreadable::NotAFile("a pipe or a device"));
-        } else if kind.len() > MAX_FILE_BYTES {
-            return Err(Unreadable::TooLarge(kind.len()));
+        } else if kind.len() > limit {
+            return Err(Unreadable::TooLarge(kind.len(), limit));
         }
         let mut bytes = Vec::new();
-        let read = std::fs::File::open(path).and_then(|f| f.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes));
+        let read = std::fs::File::open(path).and_then(|f| f.take(limit + 1).read_to_end(&mut bytes));
         match read {
             Err(e) => return Err(Unreadable::Io(e)),
-            Ok(length) if length as u64 > MAX_FILE_BYTES => return Err(Unreadable::TooLarge(length as u64)),
+            Ok(length) if length as u64 > limit => {
+                return Err(Unreadable::TooLarge(length as u64, limit));
+            }
             Ok(_) => {}
         }
         match String::from_utf8(bytes) {
@@ -197,6 +220,15 @@ impl Report {
         let mut found = self.found.into_inner();
         found.sort_by_key(|(place, _)| (place.source, place.start));
         found.into_iter().map(|(_, diagnostic)| diagnostic).collect()
+    }
+}
+
+/// A path as the user wrote it or, if that says where on this machine the file is, its name alone.
+pub(super) fn portable(as_written: &str) -> String {
+    let path = Path::new(as_written);
+    match path.file_name() {
+        Some(name) if path.has_root() => name.to_string_lossy().into_owned(),
+        _ => as_written.to_owned(),
     }
 }
 

@@ -41,7 +41,7 @@ const MAX_SYNTAX_ERRORS: usize = 10;
 /// Keys that say the same thing in another way: laying one over the others removes those.
 const ALTERNATIVES: &[(&str, &[&str])] = &[
     ("hfov_deg", &["fx_px", "fy_px", "cx_px", "cy_px"]),
-    ("fx_px", &["hfov_deg"]),
+    ("fx_px", &["hfov_deg", "vfov_deg"]),
     ("rpy_deg", &["quaternion_xyzw"]),
     ("quaternion_xyzw", &["rpy_deg"]),
 ];

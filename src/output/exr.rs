@@ -96,21 +96,27 @@ fn attributes(capture: &Capture) -> LayerAttributes {
     // An attribute holds one byte a character.
     set("beamcast:sensor", text(&capture.name.escape_default().to_string()));
     set("beamcast:world_from_sensor", text(&pose_as_toml(&capture.world_from_sensor())));
-    match &capture.sensor.pattern {
-        Pattern::Rotating(_) => {
-            set("beamcast:pattern", text("rotating"));
-            set("beamcast:normal_frame", text("sensor"));
+    let pattern = &capture.sensor.pattern;
+    set("beamcast:pattern", text(pattern.name()));
+    set("beamcast:normal_frame", text(if pattern.is_camera() { "optical" } else { "sensor" }));
+    match pattern {
+        Pattern::Rotating(p) => {
+            set("beamcast:layout", text(if p.is_destaggered() { "destaggered" } else { "staggered" }));
+            set("beamcast:range_offset_m", AttributeValue::F64(p.range_offset_m()));
         }
-        Pattern::Pinhole(camera) => {
+        Pattern::Camera(camera) => {
             let world_from_optical = capture.world_from_sensor() * BODY_FROM_OPTICAL;
-            set("beamcast:pattern", text("pinhole"));
-            set("beamcast:normal_frame", text("optical"));
             set("beamcast:world_from_optical", text(&pose_as_toml(&world_from_optical)));
             set("beamcast:fx_px", AttributeValue::F64(camera.focal_px().0));
             set("beamcast:fy_px", AttributeValue::F64(camera.focal_px().1));
             set("beamcast:cx_px", AttributeValue::F64(camera.principal_px().0));
             set("beamcast:cy_px", AttributeValue::F64(camera.principal_px().1));
+            let numbers = camera.lens().coefficients().iter().map(f64::to_string).collect::<Vec<_>>();
+            if !numbers.is_empty() {
+                set("beamcast:distortion", text(&numbers.join(", ")));
+            }
         }
+        _ => {}
     }
     LayerAttributes { other, ..LayerAttributes::default() }
 }

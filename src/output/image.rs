@@ -3,7 +3,7 @@
 use super::{Capture, NO_RETURN_M};
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::scan::Return;
-use crate::sensor::{Pattern, Pinhole};
+use crate::sensor::{Camera, Pattern};
 
 /// The channels of frames, sorted; `Y` aside, which repeats another.
 pub const CHANNELS: [&str; 10] = [
@@ -68,16 +68,17 @@ impl Image {
             per_pixel(
                 &|_, _, hit| match sensor.pattern {
                     // Axes are only swapped and negated: nothing is rounded.
-                    Pattern::Pinhole(_) => {
+                    Pattern::Camera(_) => {
                         (BODY_FROM_OPTICAL.rotation.transpose() * hit.normal.as_dvec3())[axis] + 0.0
                     }
-                    Pattern::Rotating(_) => f64::from(hit.normal[axis]),
+                    _ => f64::from(hit.normal[axis]),
                 },
                 0.0,
             )
         };
         let range = per_pixel(&|_, _, hit| hit.range, NO_RETURN_M);
-        let time = per_pixel(&|row, column, _| sensor.pattern.pulse(row, column).time_s, 0.0);
+        let time_s = |row, column, _: &Return| sensor.pattern.pulse(row, column).map_or(0.0, |p| p.time_s);
+        let time = per_pixel(&time_s, 0.0);
         let mut channels = vec![
             ("id.instance", id(&|hit| hit.instance)),
             ("id.semantic", id(&|hit| hit.label)),
@@ -89,13 +90,13 @@ impl Image {
             ("time", time),
         ];
         match &sensor.pattern {
-            Pattern::Rotating(_) => channels.push(("Y", range.clone())),
-            Pattern::Pinhole(camera) => {
+            Pattern::Camera(camera) => {
                 let depth =
                     per_pixel(&|row, column, hit| planar_depth(camera, row, column, hit), NO_RETURN_M);
                 channels.push(("Y", depth.clone()));
                 channels.push(("Z", depth));
             }
+            _ => channels.push(("Y", range.clone())),
         }
         channels.push(("range", range));
         channels.sort_by_key(|(name, _)| *name);
@@ -155,6 +156,6 @@ impl Samples {
 }
 
 /// Depth along the optical axis, from the range along the ray.
-fn planar_depth(camera: &Pinhole, row: usize, column: usize, hit: &Return) -> f64 {
-    hit.range * camera.optical_direction(row, column).z
+fn planar_depth(camera: &Camera, row: usize, column: usize, hit: &Return) -> f64 {
+    camera.optical_direction(row, column).map_or(NO_RETURN_M, |direction| hit.range * direction.z)
 }

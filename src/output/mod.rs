@@ -4,6 +4,7 @@ mod exr;
 mod files;
 mod image;
 mod manifest;
+pub mod plot;
 mod ply;
 mod png;
 pub mod recorded;
@@ -132,9 +133,10 @@ impl Capture<'_> {
         self.world_from_body * self.body_from_sensor
     }
 
-    /// The point of a return in the cloud's frame, in metres.
-    pub fn point(&self, row: usize, column: usize, range: f64) -> DVec3 {
-        self.cloud_from_sensor().point(self.sensor.pattern.pulse(row, column).direction * range)
+    /// The point of a return in the cloud's frame, in metres. `None` if the pixel has no pulse.
+    pub fn point(&self, row: usize, column: usize, range: f64) -> Option<DVec3> {
+        let pulse = self.sensor.pattern.pulse(row, column)?;
+        Some(self.cloud_from_sensor().point(pulse.point(range)))
     }
 
     /// From the sensor's body frame to the cloud's.

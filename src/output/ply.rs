@@ -1,7 +1,7 @@
 //! Binary PLY point clouds.
 
 use super::{Capture, CloudFrame, EncodeError, Encoder, pose_as_toml};
-use crate::sensor::{Pattern, Sensor};
+use crate::sensor::Sensor;
 
 /// The fields in their order. Only `float` and `int`: Open3D silently drops fields of other integer types.
 const FIELDS: [(&str, &str); 10] = [
@@ -23,15 +23,9 @@ pub(super) struct Cloud;
 
 impl Encoder for Cloud {
     fn check(&self, sensor: &Sensor) -> Result<(), EncodeError> {
-        let Pattern::Rotating(pattern) = &sensor.pattern else { return Ok(()) };
-        int("column", pattern.columns() as u64)?;
-        int("ring", pattern.beams().len() as u64)?;
-        // Times grow along the columns, so the extremes are in the first and the last.
-        for column in [0, pattern.columns() - 1] {
-            for row in 0..pattern.beams().len() {
-                nanoseconds(pattern.pulse(row, column).time_s)?;
-            }
-        }
+        int("column", sensor.pattern.columns() as u64)?;
+        int("ring", sensor.pattern.rows() as u64)?;
+        nanoseconds(sensor.pattern.last_pulse_s())?;
         Ok(())
     }
 
@@ -49,9 +43,9 @@ impl Encoder for Cloud {
             let ring = int("ring", sensor.ring(row) as u64)?;
             for column in 0..frame.columns {
                 let Some(hit) = frame.get(row, column) else { continue };
-                let pulse = sensor.pattern.pulse(row, column);
+                let Some(pulse) = sensor.pattern.pulse(row, column) else { continue };
                 // f64 up to here; each coordinate is rounded once.
-                for coordinate in cloud_from_sensor.point(pulse.direction * hit.range).as_vec3().to_array() {
+                for coordinate in cloud_from_sensor.point(pulse.point(hit.range)).as_vec3().to_array() {
                     file.extend(coordinate.to_le_bytes());
                 }
                 file.extend(hit.intensity.to_le_bytes());
@@ -108,7 +102,7 @@ fn nanoseconds(time_s: f64) -> Result<i32, EncodeError> {
 mod tests {
     use super::*;
     use crate::angle::Angle;
-    use crate::sensor::{Beam, RangeLimits, RingOrder, Rotating};
+    use crate::sensor::{Beam, Pattern, RangeLimits, RingOrder, Rotating};
 
     fn at_rate(rate_hz: f64) -> Sensor {
         let beam = Beam {

@@ -1,10 +1,11 @@
 //! Colour previews for people.
 
+use super::plot::{Dot, scatter};
 use super::{Capture, EncodeError, Encoder};
-use crate::sensor::{Pattern, Rotating, Sensor};
+use crate::sensor::{Pattern, Rotating, Sensor, azimuth_elevation};
 
 /// The colour of a pixel with no return.
-const NO_RETURN_COLOUR: [u8; 3] = [0x10, 0x10, 0x14];
+pub(super) const NO_RETURN_COLOUR: [u8; 3] = [0x10, 0x10, 0x14];
 
 /// Ranges in the colours of Turbo, red near and blue far.
 pub(super) struct Preview;
@@ -22,11 +23,15 @@ impl Encoder for Preview {
 
     fn bytes_per_ray(&self, sensor: &Sensor) -> u64 {
         // The ranges to find the scale, then the pixels, and the file were it not to shrink.
-        4 + 2 * 3 * stretch(&sensor.pattern) as u64
+        // A scatter plot keeps a dot a ray instead.
+        if sensor.pattern.is_image() { 4 + 2 * 3 * stretch(&sensor.pattern) as u64 } else { 2 * 64 }
     }
 
     fn encode(&self, capture: &Capture) -> Result<Vec<u8>, EncodeError> {
         let frame = capture.frame;
+        if !capture.sensor.pattern.is_image() {
+            return scattered(capture);
+        }
         let stretch = stretch(&capture.sensor.pattern);
         let scale = Scale::of(frame.returns.iter().flatten().map(|hit| hit.range));
         let mut pixels = Vec::with_capacity(3 * frame.returns.len() * stretch);
@@ -45,6 +50,26 @@ impl Encoder for Preview {
     }
 }
 
+/// The preview of a frame whose rows and columns are no picture: each direction where it looks, near over far.
+fn scattered(capture: &Capture) -> Result<Vec<u8>, EncodeError> {
+    let Capture { frame, sensor, .. } = capture;
+    let scale = Scale::of(frame.returns.iter().flatten().map(|hit| hit.range));
+    let mut dots = Vec::with_capacity(frame.returns.len());
+    for (index, hit) in frame.returns.iter().enumerate() {
+        let pulse = sensor.pattern.pulse(index / frame.columns, index % frame.columns);
+        let Some(pulse) = pulse else { continue };
+        let (azimuth, elevation) = azimuth_elevation(pulse.direction);
+        let range = hit.as_ref().map(|hit| hit.range);
+        let colour = range.map_or(MISS_COLOUR, |range| scale.colour(range));
+        dots.push((range.unwrap_or(f64::INFINITY), Dot { azimuth, elevation, colour }));
+    }
+    dots.sort_by(|a, b| b.0.total_cmp(&a.0));
+    scatter(&dots.into_iter().map(|(_, dot)| dot).collect::<Vec<_>>())
+}
+
+/// The colour of a direction with no return, where the ground is [`NO_RETURN_COLOUR`].
+const MISS_COLOUR: [u8; 3] = [0x3a, 0x3a, 0x42];
+
 pub(super) fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
     let mut file = Vec::new();
     let side = |n: usize| u32::try_from(n).unwrap_or(0); // which no side may be
@@ -61,8 +86,8 @@ pub(super) fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8
 /// as tall as it is wide, and a person recognises what it saw.
 fn stretch(pattern: &Pattern) -> usize {
     match pattern {
-        Pattern::Pinhole(_) => 1,
         Pattern::Rotating(p) => rows_a_beam(p),
+        _ => 1,
     }
 }
 

@@ -17,14 +17,14 @@ pub struct Frame {
     pub rows: usize,
     /// Columns of the range image.
     pub columns: usize,
-    /// Row by row; `None` where nothing came back. `rows × columns` long.
+    /// Row by row; `None` where nothing came back, or no pulse went out. `rows × columns` long.
     pub returns: Vec<Option<Return>>,
 }
 
 /// What came back from one pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Return {
-    /// Metres along the ray.
+    /// Metres along the ray from the pulse's origin.
     pub range: f64,
     /// Unit geometric normal of the surface in the sensor's body frame, towards the sensor.
     pub normal: Vec3,
@@ -111,6 +111,9 @@ fn tiles(returns: &mut [Option<Return>], columns: usize) -> Vec<Tile<'_>> {
 /// Room for a tile's rays and hits, kept from tile to tile.
 #[derive(Default)]
 struct Batch {
+    /// Where in the tile each ray's pixel is: a pixel without a pulse has no ray.
+    pixels: Vec<(u8, u8)>,
+    origins: Vec<DVec3>,
     directions: Vec<DVec3>,
     hits: Vec<Option<Hit>>,
 }
@@ -126,28 +129,34 @@ struct Scanner<'a, C> {
 impl<C: Cast> Scanner<'_, C> {
     /// Casts the pulses of a tile and writes what comes back. Gives the number of rays.
     fn fill(&self, tile: &mut Tile, batch: &mut Batch) -> usize {
-        let Batch { directions, hits } = batch;
+        let Batch { pixels, origins, directions, hits } = batch;
+        pixels.clear();
+        origins.clear();
         directions.clear();
         for (row, piece) in tile.rows.iter().enumerate() {
-            directions.extend((0..piece.len()).map(|column| {
+            for column in 0..piece.len() {
                 let pulse = self.sensor.pattern.pulse(tile.first_row + row, tile.first_column + column);
-                self.world_from_sensor.direction(pulse.direction)
-            }));
+                let Some(pulse) = pulse else { continue };
+                pixels.push((row as u8, column as u8));
+                origins.push(self.world_from_sensor.point(pulse.origin));
+                directions.push(self.world_from_sensor.direction(pulse.direction));
+            }
         }
+        let common = origins.first().copied().filter(|first| origins.iter().all(|o| o == first));
         hits.clear();
         hits.resize(directions.len(), None);
         let rays = Rays {
-            origins: Origins::Common(self.world_from_sensor.translation),
+            origins: common.map_or(Origins::Each(origins), Origins::Common),
             directions,
             t_min: self.sensor.range.min_m,
             t_max: self.sensor.range.max_m,
         };
         self.tracer.cast(&rays, hits);
-        let found = directions.iter().zip(hits.iter());
-        for (cell, (&direction, hit)) in tile.rows.iter_mut().flat_map(|row| row.iter_mut()).zip(found) {
+        for ((&(row, column), &direction), hit) in pixels.iter().zip(directions.iter()).zip(hits.iter()) {
+            let cell = &mut tile.rows[usize::from(row)][usize::from(column)];
             *cell = hit.as_ref().map(|hit| self.receive(direction, hit));
         }
-        directions.len()
+        pixels.len()
     }
 
     /// What the sensor makes of a hit. Intensity is that of an ideal receiver and a Lambertian surface, ρ·cos θ.
@@ -173,7 +182,7 @@ mod tests {
     use super::*;
     use crate::angle::Angle;
     use crate::scene::{Instance, Material, Placed, SceneBuilder, SourceMesh, SourcePart};
-    use crate::sensor::{Pattern, Pinhole, RangeLimits, RingOrder};
+    use crate::sensor::{Camera, Pattern, RangeLimits, RingOrder};
     use crate::trace::Tracer;
 
     #[test]
@@ -211,9 +220,9 @@ mod tests {
             files: vec![],
         };
         let scene = builder.build().unwrap();
-        let camera = Pinhole::from_hfov((33, 33), Angle::deg(60.0), None).unwrap();
+        let camera = Camera::from_hfov((33, 33), Angle::deg(60.0), None).unwrap();
         let range = RangeLimits { min_m: 0.5, max_m: 2.2 };
-        let sensor = Sensor { pattern: Pattern::Pinhole(camera), range, ring: RingOrder::Row };
+        let sensor = Sensor { pattern: Pattern::Camera(camera), range, ring: RingOrder::Row };
         // The camera is turned upside down: what it reports is in its own frame.
         let pose = Pose::from_rpy(DVec3::ZERO, Angle::deg(180.0), Angle::default(), Angle::default());
         let progress = Progress::default();
@@ -224,12 +233,12 @@ mod tests {
         assert!(middle.normal.abs_diff_eq(Vec3::NEG_X, 1e-7));
         assert!((middle.intensity - 0.5).abs() < 1e-6);
         assert_eq!((middle.label, middle.instance, middle.triangle), (7, 0, 0));
-        let cos = sensor.pattern.pulse(16, 20).direction.x;
+        let cos = sensor.pattern.pulse(16, 20).unwrap().direction.x;
         let aside = frame.get(16, 20).unwrap();
         assert!((aside.range - 2.0 / cos).abs() < 1e-14);
         assert!((f64::from(aside.intensity) - 0.5 * cos).abs() < 1e-6);
         // The corners lie beyond the sensor's range.
-        assert!(frame.get(0, 0).is_none() && 2.0 / sensor.pattern.pulse(0, 0).direction.x > 2.2);
+        assert!(frame.get(0, 0).is_none() && 2.0 / sensor.pattern.pulse(0, 0).unwrap().direction.x > 2.2);
 
         progress.cancelled.store(true, Ordering::Relaxed);
         assert!(scan(&scene, &Tracer::build(&scene), &sensor, &pose, &progress).is_none());

@@ -1,11 +1,24 @@
 //! Sensors as pure geometry: a pattern yields pulses. No files, no scene.
 
-mod pinhole;
+mod camera;
+mod lens;
+mod mirror;
+mod polynomial;
+mod raster;
+mod rays;
+mod risley;
 mod rotating;
 
 use glam::DVec3;
 
-pub use pinhole::{Pinhole, PinholeError};
+use crate::angle::Angle;
+
+pub use camera::{Camera, CameraError};
+pub use lens::{BrownConrady, KannalaBrandt, Lens};
+pub use mirror::{Axis, Mirror, MirrorError, Motion};
+pub use raster::{Order, Raster, RasterError};
+pub use rays::{RayTable, RayTableError};
+pub use risley::{Prism, Risley, RisleyError, Tilted};
 pub use rotating::{Beam, Rotating, RotatingError};
 
 /// A LiDAR or a depth camera.
@@ -19,7 +32,8 @@ pub struct Sensor {
     pub ring: RingOrder,
 }
 
-/// The limits of a sensor's range, along the ray, inclusive. What is nearer than the least is not seen, and hides nothing.
+/// The limits of a sensor's range, along the ray from the pulse's origin, inclusive. What is nearer than the least is not
+/// seen, and hides nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeLimits {
     /// The least range in metres, 0 or more.
@@ -51,17 +65,57 @@ pub enum RingOrder {
 pub enum Pattern {
     /// Beams on a turning head.
     Rotating(Rotating),
-    /// An ideal camera.
-    Pinhole(Pinhole),
+    /// A grid of azimuths and elevations: line scans, flashes, spherical images.
+    Raster(Raster),
+    /// A beam on a mirror that moves about two axes.
+    Mirror(Mirror),
+    /// A beam through turning prisms.
+    Risley(Risley),
+    /// Rays from a table.
+    Rays(RayTable),
+    /// A camera with a lens.
+    Camera(Camera),
 }
 
-/// One beam of one firing, or one pixel. It leaves from the sensor's origin.
+/// One beam of one firing, or one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulse {
+    /// Where range is measured from, in the sensor's body frame, metres: a point at range r lies at origin + r·direction.
+    pub origin: DVec3,
     /// Unit direction in the sensor's body frame (x forward, y left, z up).
     pub direction: DVec3,
     /// Seconds from the frame's start.
     pub time_s: f64,
+}
+
+impl Pulse {
+    /// The point at a range, in the sensor's body frame.
+    pub fn point(&self, range: f64) -> DVec3 {
+        self.origin + self.direction * range
+    }
+}
+
+/// The unit direction of an azimuth and an elevation: (cos ε · cos α, cos ε · sin α, sin ε).
+pub fn direction(azimuth: Angle, elevation: Angle) -> DVec3 {
+    let (sin_az, cos_az) = azimuth.sin_cos();
+    let (sin_el, cos_el) = elevation.sin_cos();
+    DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el)
+}
+
+/// Azimuth and elevation of a direction of any length; of straight up, the azimuth is 0.
+pub fn azimuth_elevation(d: DVec3) -> (Angle, Angle) {
+    (Angle::rad(libm::atan2(d.y, d.x)), Angle::rad(libm::atan2(d.z, libm::hypot(d.x, d.y))))
+}
+
+/// The most pulses that a beam has in a frame.
+const MAX_PULSES: f64 = 1e8;
+
+/// Whole pulses of a beam in a frame, the rate of pulses over that of frames. `None` if that is not a number from 1 to
+/// [`MAX_PULSES`].
+fn pulses_a_frame(pulse_rate_hz: f64, rate_hz: f64) -> Option<usize> {
+    let pulses = (pulse_rate_hz / rate_hz).round();
+    let are_rates = pulse_rate_hz.is_finite() && rate_hz.is_finite() && rate_hz > 0.0;
+    (are_rates && (1.0..=MAX_PULSES).contains(&pulses)).then_some(pulses as usize)
 }
 
 impl Pattern {
@@ -69,7 +123,11 @@ impl Pattern {
     pub fn rows(&self) -> usize {
         match self {
             Self::Rotating(p) => p.beams().len(),
-            Self::Pinhole(p) => p.height(),
+            Self::Raster(p) => p.rows(),
+            Self::Risley(p) => p.beams().len(),
+            Self::Mirror(p) => p.beams().len(),
+            Self::Rays(_) => 1,
+            Self::Camera(p) => p.height(),
         }
     }
 
@@ -77,33 +135,101 @@ impl Pattern {
     pub fn columns(&self) -> usize {
         match self {
             Self::Rotating(p) => p.columns(),
-            Self::Pinhole(p) => p.width(),
+            Self::Raster(p) => p.columns(),
+            Self::Mirror(p) => p.columns(),
+            Self::Risley(p) => p.columns(),
+            Self::Rays(p) => p.len(),
+            Self::Camera(p) => p.width(),
         }
     }
 
-    /// Rays in a frame.
+    /// Rays in a frame, with the pixels that have none.
     pub fn rays(&self) -> usize {
         self.rows() * self.columns()
     }
 
-    /// The pulse of a pixel of the range image: row 0 is the top, column 0 the first firing (or the left).
-    pub fn pulse(&self, row: usize, column: usize) -> Pulse {
+    /// The pulse of a pixel of the range image: row 0 is the top, column 0 the first firing (or the left). Of the frame that
+    /// starts as the sensor is switched on.
+    ///
+    /// `None` where a pixel sees nothing at all: the lens's model has no ray for it, or a prism reflects the beam inward.
+    pub fn pulse(&self, row: usize, column: usize) -> Option<Pulse> {
+        self.pulse_in(row, column, 0.0)
+    }
+
+    /// The same of the frame that starts `start_s` seconds after the sensor was switched on: patterns that do not repeat
+    /// depend on it. The pulse's time is from the frame's start all the same.
+    pub fn pulse_in(&self, row: usize, column: usize, start_s: f64) -> Option<Pulse> {
         match self {
-            Self::Rotating(p) => p.pulse(row, column),
-            Self::Pinhole(p) => Pulse { direction: p.direction(row, column), time_s: 0.0 },
+            Self::Rotating(p) => Some(p.pulse(row, column)),
+            Self::Raster(p) => Some(p.pulse(row, column)),
+            Self::Mirror(p) => Some(p.pulse(row, column, start_s)),
+            Self::Risley(p) => p.pulse(row, column, start_s),
+            Self::Rays(p) => Some(p.pulse(column)),
+            Self::Camera(p) => {
+                let direction = p.direction(row, column)?;
+                Some(Pulse { origin: DVec3::ZERO, direction, time_s: 0.0 })
+            }
         }
+    }
+
+    /// How many pixels of a frame have no pulse. Asks each.
+    pub fn blind_pixels(&self) -> usize {
+        let can_be_blind = match self {
+            Self::Camera(p) => !matches!(p.lens(), Lens::Ideal),
+            Self::Risley(_) => true,
+            _ => false,
+        };
+        let is_blind = |i: &usize| self.pulse(i / self.columns(), i % self.columns()).is_none();
+        if can_be_blind { (0..self.rays()).filter(is_blind).count() } else { 0 }
     }
 
     /// Whether the sensor is a camera: its image has planar depth, and its points live in the optical frame.
     pub fn is_camera(&self) -> bool {
-        matches!(self, Self::Pinhole(_))
+        matches!(self, Self::Camera(_))
+    }
+
+    /// Whether rows and columns are neighbours in space, so that the frame is a picture. Otherwise a row is a beam's pulses
+    /// in their order, wherever they went.
+    pub fn is_image(&self) -> bool {
+        matches!(self, Self::Rotating(_) | Self::Raster(_) | Self::Camera(_))
+    }
+
+    /// What a sensor file calls the pattern.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Rotating(_) => "rotating",
+            Self::Raster(_) => "raster",
+            Self::Mirror(_) => "mirror",
+            Self::Risley(_) => "risley",
+            Self::Rays(_) => "rays",
+            Self::Camera(p) => match p.lens() {
+                Lens::Ideal | Lens::BrownConrady(_) => "pinhole",
+                Lens::KannalaBrandt(_) => "fisheye",
+            },
+        }
     }
 
     /// Frames a second, if the sensor file says so.
     pub fn rate_hz(&self) -> Option<f64> {
         match self {
             Self::Rotating(p) => Some(p.rate_hz()),
-            Self::Pinhole(p) => p.rate_hz(),
+            Self::Raster(p) => p.rate_hz(),
+            Self::Mirror(p) => Some(p.rate_hz()),
+            Self::Risley(p) => Some(p.rate_hz()),
+            Self::Rays(p) => p.rate_hz(),
+            Self::Camera(p) => p.rate_hz(),
+        }
+    }
+
+    /// The time of a frame's last pulse, in seconds from the frame's start.
+    pub fn last_pulse_s(&self) -> f64 {
+        match self {
+            Self::Rotating(p) => p.last_pulse_s(),
+            Self::Raster(p) => p.last_pulse_s(),
+            Self::Mirror(p) => p.last_pulse_s(),
+            Self::Risley(p) => p.last_pulse_s(),
+            Self::Rays(p) => p.last_pulse_s(),
+            Self::Camera(_) => 0.0,
         }
     }
 }

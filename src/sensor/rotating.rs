@@ -18,6 +18,14 @@ pub struct Rotating {
     turns: Vec<(f64, f64)>,
     /// Sine and cosine of each beam's elevation and azimuth offset.
     aims: Vec<[(f64, f64); 2]>,
+    /// Where each beam leaves the head, by row, in the head's frame as it is at the column's own time. Empty: all in the
+    /// sensor's origin.
+    origins: Vec<DVec3>,
+    range_offset_m: f64,
+    /// How far the head has turned when each beam fires, by row. Empty: not at all.
+    turns_before: Vec<Angle>,
+    /// How far each row of the image is moved to the right. Empty: none.
+    shifts: Vec<usize>,
 }
 
 /// One laser of a rotating LiDAR.
@@ -50,8 +58,17 @@ pub enum RotatingError {
     #[error("the rate must be positive")]
     Rate,
     /// A beam's angle or time is not finite, or its elevation is past straight up or down.
-    #[error("beam {0}: elevations lie within ±90 degrees, angles and times are finite")]
+    #[error("beam {0}: elevations lie within ±90 degrees, angles, times and origins are finite")]
     Beam(usize),
+    /// There is not one of something for each beam.
+    #[error("there must be one for each beam")]
+    Count,
+    /// Only the image of a full turn can be moved round.
+    #[error("only a full turn can be destaggered: its columns go round")]
+    NotFullTurn,
+    /// The range offset is negative or not finite.
+    #[error("a range offset is 0 or more")]
+    RangeOffset,
 }
 
 impl Rotating {
@@ -90,9 +107,105 @@ impl Rotating {
         }
         beams.sort_by(|a, b| b.elevation.radians().total_cmp(&a.elevation.radians()));
         let aims = beams.iter().map(|b| [b.elevation.sin_cos(), b.azimuth_offset.sin_cos()]).collect();
-        let mut pattern = Self { beams, columns, from, to, rate_hz, turns: Vec::new(), aims };
+        let mut pattern = Self {
+            beams,
+            columns,
+            from,
+            to,
+            rate_hz,
+            turns: Vec::new(),
+            aims,
+            origins: Vec::new(),
+            range_offset_m: 0.0,
+            turns_before: Vec::new(),
+            shifts: Vec::new(),
+        };
         pattern.turns = (0..columns).map(|column| pattern.azimuth(column).sin_cos()).collect();
         Ok(pattern)
+    }
+
+    /// The same with beams that do not leave from the sensor's origin. `origins_m` has one a beam, in the sensor file's
+    /// order, in the head's frame: x forward at the head's azimuth (without a beam's own offset), y left, z up from the
+    /// sensor's origin.
+    ///
+    /// Ouster's beams start on a circle of radius n at the encoder's angle, (n, 0, z) here; RoboSense's lens centre and the
+    /// vertical offsets of Velodyne's lasers are such points too.
+    pub fn with_origins(mut self, origins_m: &[DVec3]) -> Result<Self, RotatingError> {
+        if origins_m.len() != self.beams.len() {
+            return Err(RotatingError::Count);
+        }
+        if let Some(bad) = origins_m.iter().position(|o| !o.is_finite()) {
+            return Err(RotatingError::Beam(bad));
+        }
+        self.origins = self.beams.iter().map(|beam| origins_m[beam.file_index]).collect();
+        Ok(self)
+    }
+
+    /// The same with ranges that begin `metres` before the beam's origin, as the unit reports them.
+    ///
+    /// Ouster's range r counts from the turning axis to the beam's origin and on along the beam: r = n + the beam's length
+    /// (the lookup table of ouster-sdk goes r − n along it). A pulse's origin then lies n behind the beam's own, so that
+    /// origin + r·direction is the point that was hit, and range images compare with the unit's.
+    pub fn with_range_offset(mut self, metres: f64) -> Result<Self, RotatingError> {
+        if !(metres >= 0.0 && metres.is_finite()) {
+            return Err(RotatingError::RangeOffset);
+        }
+        self.range_offset_m = metres;
+        Ok(self)
+    }
+
+    /// The same with a head that turns on while the beams of a column fire one after the other: a beam that fires t later
+    /// looks, and has its origin, 2π·rate·t further round. Without this all beams of a column fire at the column's azimuth,
+    /// whatever their times. To be called once.
+    #[must_use]
+    pub fn turning_while_firing(mut self) -> Self {
+        let turn = std::f64::consts::TAU * self.rate_hz * (self.to - self.from).radians().signum();
+        for (row, beam) in self.beams.iter().enumerate() {
+            let further = Angle::rad(turn * beam.time_s);
+            self.turns_before.push(further);
+            self.aims[row][1] = (beam.azimuth_offset + further).sin_cos();
+            if let Some(origin) = self.origins.get_mut(row) {
+                *origin = turned(*origin, further.sin_cos());
+            }
+        }
+        self
+    }
+
+    /// The same with an image whose columns are azimuths: each row is moved by its beam's azimuth offset, to the nearest
+    /// column, so that neighbours in the image are neighbours in space. `column` then counts the image's, and a column's
+    /// pulses are not of one time. As measured, without this, a column is a firing.
+    pub fn destaggered(self) -> Result<Self, RotatingError> {
+        let step = self.azimuth_step().radians();
+        let shift = |beam: &Beam| (beam.azimuth_offset.radians() / step).round();
+        let columns = self.columns as f64;
+        let mut by_file = vec![0; self.beams.len()];
+        for beam in &self.beams {
+            by_file[beam.file_index] = shift(beam).rem_euclid(columns) as usize;
+        }
+        self.with_shifts(&by_file)
+    }
+
+    /// The same with each row of the image moved to the right by as many columns as `shifts` says, one a beam in the sensor
+    /// file's order: Ouster's `pixel_shift_by_row`. Beyond the right edge it goes on at the left.
+    pub fn with_shifts(mut self, shifts: &[usize]) -> Result<Self, RotatingError> {
+        if shifts.len() != self.beams.len() {
+            return Err(RotatingError::Count);
+        }
+        if !self.is_full_turn() {
+            return Err(RotatingError::NotFullTurn);
+        }
+        self.shifts = self.beams.iter().map(|beam| shifts[beam.file_index] % self.columns).collect();
+        Ok(self)
+    }
+
+    /// Whether rows of the image are moved against the order of firing.
+    pub fn is_destaggered(&self) -> bool {
+        !self.shifts.is_empty()
+    }
+
+    /// What a range counts before the beam's origin, in metres.
+    pub fn range_offset_m(&self) -> f64 {
+        self.range_offset_m
     }
 
     /// The beams, highest first: one a row of the image.
@@ -131,23 +244,57 @@ impl Rotating {
         self.from + Angle::rad(self.azimuth_step().radians() * column as f64)
     }
 
-    /// The pulse of beam `row` (highest first) in firing `column`.
+    /// The time from one column to the next, in seconds. 0 for one column.
+    pub fn column_s(&self) -> f64 {
+        self.azimuth_step().radians().abs() / std::f64::consts::TAU / self.rate_hz
+    }
+
+    /// The time of the last pulse, in seconds from the first column's own.
+    pub fn last_pulse_s(&self) -> f64 {
+        let last_beam = self.beams.iter().map(|beam| beam.time_s).fold(0.0, f64::max);
+        self.column_time_s(self.columns - 1) + last_beam
+    }
+
+    fn column_time_s(&self, firing: usize) -> f64 {
+        (self.azimuth_step().radians() * firing as f64).abs() / std::f64::consts::TAU / self.rate_hz
+    }
+
+    /// How far the head turns between a column's own time and the firing of a row's beam.
+    pub fn turn_before(&self, row: usize) -> Angle {
+        self.turns_before.get(row).copied().unwrap_or_default()
+    }
+
+    /// The firing that a pixel of the image is of.
+    pub fn firing(&self, row: usize, column: usize) -> usize {
+        match self.shifts.get(row) {
+            Some(shift) => (column + self.columns - shift) % self.columns,
+            None => column,
+        }
+    }
+
+    /// The pulse of beam `row` (highest first) in column `column` of the image, which is the firing unless the image is
+    /// destaggered.
     ///
     /// d = (cos ε · cos α, cos ε · sin α, sin ε) with elevation ε and azimuth α; its time is the part of the turn since
     /// the sector's start, over the rate, and the beam's own. The sine and cosine of α, column and offset together, are those
     /// of a sum of angles; all of it is good to a few 10⁻¹⁶.
     pub fn pulse(&self, row: usize, column: usize) -> Pulse {
-        let beam = &self.beams[row];
+        let firing = self.firing(row, column);
         let [(sin_el, cos_el), (sin_offset, cos_offset)] = self.aims[row];
-        let (sin_turn, cos_turn) = self.turns[column];
+        let (sin_turn, cos_turn) = self.turns[firing];
         let sin_az = sin_turn * cos_offset + cos_turn * sin_offset;
         let cos_az = cos_turn * cos_offset - sin_turn * sin_offset;
-        let turned = (self.azimuth_step().radians() * column as f64).abs() / std::f64::consts::TAU;
-        Pulse {
-            direction: DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el),
-            time_s: turned / self.rate_hz + beam.time_s,
-        }
+        let direction = DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el);
+        let leaves = self.origins.get(row).map_or(DVec3::ZERO, |&o| turned(o, (sin_turn, cos_turn)));
+        let origin =
+            if self.range_offset_m == 0.0 { leaves } else { leaves - direction * self.range_offset_m };
+        Pulse { origin, direction, time_s: self.column_time_s(firing) + self.beams[row].time_s }
     }
+}
+
+/// A point turned about z by the angle of a sine and a cosine.
+fn turned(p: DVec3, (sin, cos): (f64, f64)) -> DVec3 {
+    DVec3::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos, p.z)
 }
 
 #[cfg(test)]

@@ -134,7 +134,7 @@ fn a_camera_has_a_field_of_view_or_intrinsics() {
         let (folder, _) = folder("", &sensor);
         let file = config::load_sensor(&folder.path().join("sensor.toml")).unwrap();
         match file.sensor.pattern {
-            Pattern::Pinhole(p) => (p.focal_px(), p.principal_px(), p.rate_hz()),
+            Pattern::Camera(p) => (p.focal_px(), p.principal_px(), p.rate_hz()),
             other => panic!("{other:?}"),
         }
     };
@@ -150,7 +150,7 @@ fn a_camera_has_a_field_of_view_or_intrinsics() {
     let sensor = "[pinhole]\nwidth_px = 2\nheight_px = 2\nfx_px = 1\ncx_px = 9\n";
     let job = JOB.replace("[sensor.range]\nmax_m = 50", "[sensor.pinhole]\nhfov_deg = 90");
     match &load(&job, sensor, &[]).unwrap().sensors[0].sensor.pattern {
-        Pattern::Pinhole(p) => assert_eq!(p.principal_px(), (1.0, 1.0)),
+        Pattern::Camera(p) => assert_eq!(p.principal_px(), (1.0, 1.0)),
         other => panic!("{other:?}"),
     }
 }

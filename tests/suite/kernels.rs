@@ -566,7 +566,7 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
             if is_same {
                 continue;
             }
-            let pulse = sensor.pattern.pulse(index / 256, index % 256);
+            let pulse = sensor.pattern.pulse(index / 256, index % 256).unwrap();
             let direction = pose.direction(pulse.direction);
             let triangles = [exact, seen].into_iter().flatten().map(|r| r.triangle);
             let because = triangles

@@ -14,10 +14,17 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("scene", &["error", "frame"]),
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
-    ("output", &["error", "frame", "scan", "scene", "sensor"]),
+    ("output", &["angle", "error", "frame", "scan", "scene", "sensor"]),
     ("check", &["angle", "frame", "output", "scan", "scene", "sensor", "trace"]),
     ("config", &["angle", "check", "error", "frame", "output", "sensor", "trace"]),
-    ("cli", &["angle", "check", "config", "error", "frame", "output", "scan", "scene", "sensor", "trace"]),
+    ("import", &["config", "error"]),
+    (
+        "cli",
+        &[
+            "angle", "check", "config", "error", "frame", "import", "output", "scan", "scene", "sensor",
+            "trace",
+        ],
+    ),
     ("main", &["cli"]),
 ];
 

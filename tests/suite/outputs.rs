@@ -7,7 +7,7 @@ use beamcast::angle::Angle;
 use beamcast::frame::{BODY_FROM_OPTICAL, Pose};
 use beamcast::output::{Capture, CloudFrame, Format};
 use beamcast::scan::{Frame, Return};
-use beamcast::sensor::{Beam, Pattern, Pinhole, RangeLimits, RingOrder, Rotating, Sensor};
+use beamcast::sensor::{Beam, Camera, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use exr::meta::attribute::AttributeValue;
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, Text};
 use glam::{DVec3, Vec3};
@@ -28,14 +28,14 @@ fn lidar(beams: usize, columns: usize) -> Sensor {
 }
 
 fn camera(width: usize, height: usize) -> Sensor {
-    sensor(Pattern::Pinhole(Pinhole::from_hfov((width, height), Angle::deg(80.0), None).unwrap()))
+    sensor(Pattern::Camera(Camera::from_hfov((width, height), Angle::deg(80.0), None).unwrap()))
 }
 
 /// What `sensor` sees 2 m above the ground, whose normal is `up` in its frame, up to 30 m away: closed form.
 fn ground(sensor: &Sensor, up: DVec3) -> Frame {
     let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
     let hit = |i: usize| {
-        let down = -sensor.pattern.pulse(i / columns, i % columns).direction.dot(up);
+        let down = -sensor.pattern.pulse(i / columns, i % columns).unwrap().direction.dot(up);
         let range = 2.0 / down;
         (down > 0.0 && range < 30.0).then(|| Return {
             range,
@@ -291,10 +291,13 @@ fn a_cloud_is_in_the_frame_it_names() {
         let expected = body_from_optical.point(optical.position(i));
         assert!(body.position(i).abs_diff_eq(expected, 2e-6));
         assert!(world.position(i).abs_diff_eq(expected + DVec3::new(10.0, 20.0, 30.0), 4e-6));
-        assert_eq!(seen.point(i / 32, i % 32, frame.returns[i].unwrap().range).as_vec3().to_array(), {
-            let p = optical.position(i);
-            Vec3::new(p.x as f32, p.y as f32, p.z as f32).to_array()
-        });
+        assert_eq!(
+            seen.point(i / 32, i % 32, frame.returns[i].unwrap().range).unwrap().as_vec3().to_array(),
+            {
+                let p = optical.position(i);
+                Vec3::new(p.x as f32, p.y as f32, p.z as f32).to_array()
+            }
+        );
     }
     assert!(body.header.contains("comment frame: the body's frame"));
     assert!(world.header.contains("comment frame: the world"));

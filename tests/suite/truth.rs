@@ -4,7 +4,7 @@ use beamcast::angle::Angle;
 use beamcast::frame::Pose;
 use beamcast::scan::{Frame, Progress, scan};
 use beamcast::scene::Scene;
-use beamcast::sensor::{Beam, Pattern, Pinhole, RangeLimits, RingOrder, Rotating, Sensor};
+use beamcast::sensor::{Beam, Camera, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use beamcast::trace::Tracer;
 use glam::{DAffine3, DVec3};
 
@@ -23,8 +23,8 @@ fn lidar(limits: RangeLimits) -> Sensor {
 }
 
 fn camera(limits: RangeLimits) -> Sensor {
-    let pattern = Pinhole::new((160, 120), (97.0, 98.0), (80.3, 58.9), None).unwrap();
-    Sensor { pattern: Pattern::Pinhole(pattern), range: limits, ring: RingOrder::Row }
+    let pattern = Camera::new((160, 120), (97.0, 98.0), (80.3, 58.9), None).unwrap();
+    Sensor { pattern: Pattern::Camera(pattern), range: limits, ring: RingOrder::Row }
 }
 
 const NO_LIMITS: RangeLimits = RangeLimits { min_m: 0.0, max_m: f64::INFINITY };
@@ -37,7 +37,7 @@ fn see(scene: &Scene, sensor: &Sensor, pose: &Pose) -> Frame {
 fn each_ray(frame: &Frame, sensor: &Sensor, pose: &Pose, mut check: impl FnMut(DVec3, Option<f64>)) {
     for row in 0..frame.rows {
         for column in 0..frame.columns {
-            let direction = pose.direction(sensor.pattern.pulse(row, column).direction);
+            let direction = pose.direction(sensor.pattern.pulse(row, column).unwrap().direction);
             check(direction, frame.get(row, column).map(|r| r.range));
         }
     }
@@ -81,7 +81,7 @@ fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
     let mut hits = 0;
     for row in 0..frame.rows {
         for column in 0..frame.columns {
-            let d = pose.direction(sensor.pattern.pulse(row, column).direction);
+            let d = pose.direction(sensor.pattern.pulse(row, column).unwrap().direction);
             let found = frame.get(row, column);
             // The closed form, about the target's middle.
             let from = pose.translation - target.middle;

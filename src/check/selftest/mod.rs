@@ -31,7 +31,7 @@ use crate::scan::{Frame, Progress, scan};
 use crate::scene::{
     Instance, Material, Placed, Scene, SceneBuildError, SceneBuilder, SourceMesh, SourcePart,
 };
-use crate::sensor::{Pattern, RangeLimits, Sensor};
+use crate::sensor::{Lens, Pattern, RangeLimits, Sensor};
 use crate::trace::kernel::{Caster, Method};
 use shapes::{Model, Solid};
 
@@ -194,7 +194,8 @@ struct Target {
 /// The shapes around and ahead of a sensor. Ahead is where the beam in the middle of its image goes.
 fn targets(sensor: &Sensor, distance: f64) -> Vec<Target> {
     let pattern = &sensor.pattern;
-    let ahead = pattern.pulse(pattern.rows() / 2, pattern.columns() / 2).direction;
+    let middle = pattern.pulse(pattern.rows() / 2, pattern.columns() / 2);
+    let ahead = middle.map_or(DVec3::X, |pulse| pulse.direction);
     let turn = |roll, pitch, yaw| {
         Pose::from_rpy(DVec3::ZERO, Angle::deg(roll), Angle::deg(pitch), Angle::deg(yaw)).rotation
     };
@@ -327,9 +328,20 @@ fn judge(target: &Target, stage: &Stage, sensor: &Sensor, frame: &Frame, pose: &
     };
     let (mut facet, mut ideal) = (Sum::default(), Sum::default());
     for (row, column) in pixels(frame) {
-        let pulse = sensor.pattern.pulse(row, column);
         let found = frame.get(row, column);
-        let expected = expected(stage, DVec3::ZERO, pulse.direction, &sensor.range);
+        let Some(pulse) = sensor.pattern.pulse(row, column) else {
+            // A pixel without a pulse sees nothing, and there is no more to say.
+            match found {
+                None => result.misses += 1,
+                Some(hit) => {
+                    result.wrong += 1;
+                    let wrong = Wrong { row, column, found_m: Some(hit.range), expected_m: None };
+                    result.first_wrong.get_or_insert(wrong);
+                }
+            }
+            continue;
+        };
+        let expected = expected(stage, pulse.origin, pulse.direction, &sensor.range);
         let found_m = found.map(|hit| hit.range);
         let mut right = true;
         let mut expected_m = None;
@@ -350,7 +362,7 @@ fn judge(target: &Target, stage: &Stage, sensor: &Sensor, frame: &Frame, pose: &
         }
         if let Some(hit) = found {
             let d = pose.direction(pulse.direction);
-            let (n, h) = stage.plane(hit.triangle, pose.translation);
+            let (n, h) = stage.plane(hit.triangle, pose.point(pulse.origin));
             let cos = n.dot(d);
             let t = h / cos;
             facet.add(hit.range - t);
@@ -414,12 +426,16 @@ fn geometry(sensor: &Sensor, frame: &Frame) -> Vec<Check> {
     };
     let pattern = &sensor.pattern;
     let mut checks = angles(pattern, frame, &|row, column, range| capture.point(row, column, range));
-    let time = |row, column| pattern.pulse(row, column).time_s;
+    let time = |row, column| pattern.pulse(row, column).map(|pulse| pulse.time_s);
     checks.extend(times((pattern.rows(), pattern.columns()), pattern.rate_hz(), &time));
     checks
 }
 
-fn angles(pattern: &Pattern, frame: &Frame, point: &dyn Fn(usize, usize, f64) -> DVec3) -> Vec<Check> {
+fn angles(
+    pattern: &Pattern,
+    frame: &Frame,
+    point: &dyn Fn(usize, usize, f64) -> Option<DVec3>,
+) -> Vec<Check> {
     const ANGLE: f64 = 1e-12;
     let mut direction = Check::new("direction of the points", "rad", ANGLE);
     let mut range = Check::new("range of the points", "m", 1e-9);
@@ -429,8 +445,12 @@ fn angles(pattern: &Pattern, frame: &Frame, point: &dyn Fn(usize, usize, f64) ->
     for (row, column) in pixels(frame) {
         let Some(hit) = frame.get(row, column) else { continue };
         let at = (row, column);
-        let d = pattern.pulse(row, column).direction;
-        let p = point(row, column, hit.range);
+        // (That a pixel without a pulse sees nothing, the shapes have shown.)
+        let (Some(pulse), Some(p)) = (pattern.pulse(row, column), point(row, column, hit.range)) else {
+            continue;
+        };
+        let d = pulse.direction;
+        let p = p - pulse.origin;
         direction.add(p.cross(d).length() / p.length(), at);
         range.add((p.length() - hit.range).abs(), at);
         match pattern {
@@ -438,47 +458,62 @@ fn angles(pattern: &Pattern, frame: &Frame, point: &dyn Fn(usize, usize, f64) ->
                 let beam = &lidar.beams()[row];
                 let level = libm::hypot(p.x, p.y);
                 elevation.add((libm::atan2(p.z, level) - beam.elevation.radians()).abs(), at);
-                let expected = (lidar.azimuth(column) + beam.azimuth_offset).radians();
+                let head = lidar.azimuth(lidar.firing(row, column)) + lidar.turn_before(row);
+                let expected = (head + beam.azimuth_offset).radians();
                 let off = libm::remainder(libm::atan2(p.y, p.x) - expected, std::f64::consts::TAU);
                 // Straight up there is no azimuth: what counts is how far the point is off sideways.
                 azimuth.add(off.abs() * level / p.length(), at);
             }
-            Pattern::Pinhole(camera) => {
+            Pattern::Camera(camera) => {
                 let p = BODY_FROM_OPTICAL.inverse().direction(p);
-                let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.principal_px());
-                let (u, v) = (fx * p.x / p.z + cx, fy * p.y / p.z + cy);
-                pixel.add((u - column as f64 - 0.5).abs().max((v - row as f64 - 0.5).abs()), at);
-                // A pixel is 1/f or less of a radian, and its coordinate a sum with the principal point.
-                let largest = u.abs().max(v.abs()) + cx.abs().max(cy.abs());
-                pixel.allowed = pixel.allowed.max(ANGLE * fx.max(fy) + 8.0 * U * largest);
+                let (fx, fy) = camera.focal_px();
+                let (cx, cy) = camera.principal_px();
+                let off = camera.project(p).map_or(f64::INFINITY, |(u, v)| {
+                    (u - column as f64 - 0.5).abs().max((v - row as f64 - 0.5).abs())
+                });
+                pixel.add(off, at);
+                // A pixel is 1/f or less of a radian, and its coordinate a sum with the principal point. Lenses are undone to
+                // 1e-12 of the focal length, and no lens that can be undone magnifies that by much.
+                let largest = (column as f64 + 0.5).max(row as f64 + 0.5) + cx.abs().max(cy.abs());
+                let lens = if matches!(camera.lens(), Lens::Ideal) { 1.0 } else { 16.0 };
+                pixel.allowed = pixel.allowed.max(lens * ANGLE * fx.max(fy) + 8.0 * U * largest);
             }
+            _ => {}
         }
     }
     let mut checks = vec![direction, range];
     checks.extend(match pattern {
         Pattern::Rotating(_) => vec![elevation, azimuth],
-        Pattern::Pinhole(_) => vec![pixel],
+        Pattern::Camera(_) => vec![pixel],
+        _ => vec![],
     });
     checks
 }
 
-/// Times along each row: they never go back, and a row's last pulse comes within a frame's period of its first.
+/// Times along each row: they go back once at most, by less than a frame's period (an image that starts between firings), and
+/// all of a row's pulses come within a period.
 fn times(
     (rows, columns): (usize, usize),
     rate_hz: Option<f64>,
-    time_s: &dyn Fn(usize, usize) -> f64,
+    time_s: &dyn Fn(usize, usize) -> Option<f64>,
 ) -> Vec<Check> {
     let mut back = Check::new("time going back along a row", "s", 0.0);
     let period_s = rate_hz.map_or(f64::INFINITY, |rate| 1.0 / rate);
     let mut span = Check::new("time from a row's first pulse to its last", "s", period_s);
     for row in 0..rows {
-        let first = time_s(row, 0);
-        let mut before = first;
-        for column in 0..columns {
-            let time = time_s(row, column);
-            back.add(before - time, (row, column));
+        let times = (0..columns).filter_map(|column| time_s(row, column).map(|time| (column, time)));
+        let (mut first, mut last, mut turns) = (f64::INFINITY, f64::NEG_INFINITY, 0);
+        let mut before: Option<f64> = None;
+        for (column, time) in times {
+            let step_back = before.map_or(0.0, |before| before - time);
+            turns += usize::from(step_back > 0.0);
+            let starts_over = step_back > 0.0 && turns == 1 && time < first;
+            back.add(if starts_over { 0.0 } else { step_back }, (row, column));
+            first = first.min(time);
+            last = last.max(time);
             span.add(time - first, (row, column));
-            before = time;
+            span.add(last - first, (row, column));
+            before = Some(time);
         }
     }
     vec![back, span]

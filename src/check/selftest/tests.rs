@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use super::*;
-use crate::sensor::{Beam, Pinhole, RingOrder, Rotating};
+use crate::sensor::{Beam, Camera, RingOrder, Rotating};
 use crate::trace::Tracer;
 
 fn beams(elevations_deg: &[f64]) -> Vec<Beam> {
@@ -28,9 +28,9 @@ fn lidar() -> Sensor {
 }
 
 fn camera() -> Sensor {
-    let pattern = Pinhole::new((64, 48), (40.0, 41.0), (31.3, 24.9), Some(30.0)).unwrap();
+    let pattern = Camera::new((64, 48), (40.0, 41.0), (31.3, 24.9), Some(30.0)).unwrap();
     let range = RangeLimits::default();
-    Sensor { pattern: Pattern::Pinhole(pattern), range, ring: RingOrder::Row }
+    Sensor { pattern: Pattern::Camera(pattern), range, ring: RingOrder::Row }
 }
 
 fn somewhere() -> Pose {
@@ -168,14 +168,14 @@ fn the_geometry_of_a_wrong_image_is_caught() {
     (other[4].elevation, other[5].azimuth_offset) = (Angle::deg(1.000_000_1), Angle::deg(0.0));
     let other = lidar_of(other);
     let seen = frame(&sensor);
-    let point = |row, column, range| other.pattern.pulse(row, column).direction * range;
+    let point = |row, column, range| other.pattern.pulse(row, column).map(|p| p.point(range));
     let checks = angles(&sensor.pattern, &seen, &point);
     let failed: Vec<_> = checks.iter().filter(|c| !c.passed()).map(|c| (c.name, c.at.0)).collect();
     assert_eq!(
         failed,
         [("direction of the points", 5), ("elevation of the rows", 4), ("azimuth of the columns", 5)]
     );
-    let mirrored = |row, column, range| camera().pattern.pulse(row, 63 - column).direction * range;
+    let mirrored = |row, column, range| camera().pattern.pulse(row, 63 - column).map(|p| p.point(range));
     let checks = angles(&camera().pattern, &frame(&camera()), &mirrored);
     assert!(checks.iter().any(|c| c.name == "pixels of the points" && !c.passed()));
 }
@@ -183,12 +183,18 @@ fn the_geometry_of_a_wrong_image_is_caught() {
 #[test]
 fn times_that_go_back_or_take_too_long_are_caught() {
     let passed = |time: &dyn Fn(usize, usize) -> f64| {
-        times((2, 10), Some(10.0), time).iter().map(Check::passed).collect::<Vec<_>>()
+        times((2, 10), Some(10.0), &|row, column| Some(time(row, column)))
+            .iter()
+            .map(Check::passed)
+            .collect::<Vec<_>>()
     };
     let step = |column: usize| column as f64 * 0.01;
     assert_eq!(passed(&|row, column| step(column) + row as f64), [true, true]);
     assert_eq!(passed(&|_, column| step(column) - if column == 7 { 0.011 } else { 0.0 }), [false, true]);
     assert_eq!(passed(&|row, column| step(column) * (row + 1) as f64), [true, false]);
+    // An image that starts between firings.
+    assert_eq!(passed(&|_, column| step((column + 7) % 10)), [true, true]);
+    assert_eq!(passed(&|_, column| step((column + 7) % 5)), [false, true]);
     assert_eq!(passed(&|_, column| if column == 3 { f64::NAN } else { 0.0 }), [false, false]);
 }
 

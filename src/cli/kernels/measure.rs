@@ -162,7 +162,9 @@ struct Target {
 fn targets(scene: &Scene, tracer: &Tracer, sensor: &Sensor, at: DVec3) -> Vec<Target> {
     let pattern = &sensor.pattern;
     let pulses = (0..pattern.rows()).flat_map(|row| (0..pattern.columns()).map(move |column| (row, column)));
-    let directions: Vec<_> = pulses.map(|(row, column)| pattern.pulse(row, column).direction).collect();
+    let directions: Vec<_> = pulses
+        .map(|(row, column)| pattern.pulse(row, column).expect("every beam has a pulse").direction)
+        .collect();
     let mut hits = vec![None; directions.len()];
     tracer.cast(
         &Rays { origins: Origins::Common(at), directions: &directions, t_min: 0.0, t_max: f64::INFINITY },

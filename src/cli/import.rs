@@ -1,0 +1,139 @@
+//! `beamcast import`: a unit's calibration → a sensor file.
+
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::pipeline;
+use super::terminal::Terminal;
+use crate::error::Error;
+use crate::import::{self, Format, MAX_FILE_BYTES, Source};
+use crate::output::write_file;
+
+/// The arguments of `beamcast import`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The calibration
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Write the sensor file here instead of to stdout
+    #[arg(short, long, value_name = "SENSOR.toml")]
+    output: Option<PathBuf>,
+    /// What the file is, if its content doesn't tell
+    #[arg(long = "as", value_enum, value_name = "FORMAT")]
+    format: Option<As>,
+    /// Hesai: the unit's firetime correction
+    #[arg(long, value_name = "FILE")]
+    firetimes: Option<PathBuf>,
+    /// Replace the sensor file if it is there already
+    #[arg(long, requires = "output")]
+    overwrite: bool,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum As {
+    /// An Ouster sensor's metadata, JSON
+    Ouster,
+    /// The calibration of the ROS driver for Velodyne, YAML
+    Velodyne,
+    /// Hesai's angle correction, CSV
+    Hesai,
+    /// RoboSense's angles, CSV
+    Robosense,
+    /// ROS's camera_info or OpenCV's calibration, YAML
+    Camera,
+    /// A ray a line, CSV
+    Rays,
+}
+
+impl From<As> for Format {
+    fn from(format: As) -> Self {
+        match format {
+            As::Ouster => Self::Ouster,
+            As::Velodyne => Self::Velodyne,
+            As::Hesai => Self::Hesai,
+            As::Robosense => Self::Robosense,
+            As::Camera => Self::Camera,
+            As::Rays => Self::Rays,
+        }
+    }
+}
+
+/// Writes the sensor file.
+///
+/// # Errors
+/// [`Error::Config`] with all that is wrong in the calibration, [`Error::Input`] if it can't be read or is none that is known,
+/// [`Error::Output`] if the sensor file is there already or can't be written.
+pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
+    if let Some(output) = &args.output {
+        refuse_to_replace(output, args.overwrite)?;
+    }
+    let text = read(&args.file)?;
+    let format = match args.format {
+        Some(format) => format.into(),
+        None => Format::of(&text).ok_or_else(|| {
+            let known: Vec<_> = Format::ALL.map(Format::name).into();
+            let problem = format!(
+                "this is no calibration that is known ({}); --as says what it is meant to be",
+                known.join(", ")
+            );
+            Error::input(&args.file, problem)
+        })?,
+    };
+    // A table of rays is named in the sensor file, as that will find it.
+    let name = match (&args.output, format) {
+        (Some(output), Format::Rays) => {
+            pipeline::seen_from(output.parent().unwrap_or(Path::new("")), &args.file)
+        }
+        _ => args.file.to_string_lossy().into_owned(),
+    };
+    let firetimes = match &args.firetimes {
+        Some(path) => Some((path.to_string_lossy(), read(path)?)),
+        None => None,
+    };
+    let firetimes = firetimes.as_ref().map(|(name, text)| Source { name, text });
+    let sensor =
+        import::import(format, Source { name: &name, text: &text }, firetimes).map_err(Error::Config)?;
+    terminal.say(format_args!("{}: {}", args.file.display(), format.name()));
+    let Some(output) = &args.output else { return terminal.data(&sensor) };
+    write_file(output, sensor.as_bytes())?;
+    terminal.say(format_args!(
+        "wrote {}; its first comment says what was used and what was not",
+        output.display()
+    ));
+    Ok(())
+}
+
+/// Stops if a file that is to be written is there already.
+///
+/// # Errors
+/// [`Error::Output`] if it is.
+pub fn refuse_to_replace(path: &Path, overwrite: bool) -> Result<(), Error> {
+    match fs::symlink_metadata(path) {
+        Ok(_) if !overwrite => Err(Error::output(path, "is there already (--overwrite replaces it)")),
+        _ => Ok(()),
+    }
+}
+
+/// Reads a text. Never waits for a pipe or a device.
+fn read(path: &Path) -> Result<String, Error> {
+    let fault = |problem: String| Error::input(path, problem);
+    let kind = fs::metadata(path).map_err(|e| match e.kind() {
+        std::io::ErrorKind::NotFound => fault("there is no such file".into()),
+        _ => fault(format!("can't be read: {e}")),
+    })?;
+    if !kind.is_file() {
+        return Err(fault("is not a file".into()));
+    }
+    let mut bytes = Vec::new();
+    let file = fs::File::open(path).and_then(|file| file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes));
+    file.map_err(|e| fault(format!("can't be read: {e}")))?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(fault(format!("has more than the {MAX_FILE_BYTES} bytes of any calibration")));
+    }
+    String::from_utf8(bytes).map_err(|e| {
+        let at = e.utf8_error().valid_up_to();
+        let line = e.as_bytes()[..at].iter().filter(|b| **b == b'\n').count() + 1;
+        fault(format!("is not UTF-8 text: byte 0x{:02x} in line {line}", e.as_bytes()[at]))
+    })
+}

@@ -1,0 +1,329 @@
+//! `beamcast info`: what there is to know about a file at a glance.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::lint;
+use super::pipeline::Bytes;
+use super::terminal::Terminal;
+use crate::config::{is_unprintable, quoted};
+use crate::error::Error;
+use crate::output::Samples;
+use crate::output::recorded::{Cloud, Folder, Part, Recorded};
+
+/// The arguments of `beamcast info`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A job, sensor file, scene (.gltf, .glb), EXR, PLY, or a scan's folder or manifest
+    #[arg(value_name = "FILE")]
+    path: PathBuf,
+    /// Print it as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints on stdout what a file holds.
+///
+/// # Errors
+/// [`Error::Config`] if a job or sensor file is wrong, [`Error::Scene`] or [`Error::Input`] if another file can't be read.
+pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
+    let path = &args.path;
+    let is = |endings: &[&str]| {
+        endings.iter().any(|e| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e)))
+    };
+    if is(&["toml", "gltf", "glb"]) {
+        let facts = lint::facts_of(path, terminal)?;
+        let json = || serde_json::to_string_pretty(&facts).map_err(|e| Error::output("stdout", e));
+        return terminal.data(&if args.json { json()? + "\n" } else { facts.to_text() });
+    }
+    let name = path.to_string_lossy();
+    let (json, text) = match Recorded::open(path)? {
+        Recorded::Exr(parts) => {
+            let facts: Vec<PartFacts> = parts.iter().map(PartFacts::of).collect();
+            let text: String = facts.iter().map(PartFacts::to_text).collect();
+            (json!({ "path": name, "kind": "EXR", "parts": facts }), text)
+        }
+        Recorded::Cloud(cloud) => {
+            let facts = CloudFacts::of(&cloud);
+            let text = facts.to_text();
+            (json!({ "path": name, "kind": "PLY", "cloud": facts }), text)
+        }
+        Recorded::Folder(folder) => folder_facts(&name, &folder),
+    };
+    if args.json {
+        return terminal.data(&format!("{json:#}\n"));
+    }
+    let kind = json.get("kind").and_then(Value::as_str).unwrap_or_default();
+    terminal.data(&printable(&format!("{}: {kind}\n{text}", plain(&name))))
+}
+
+/// A name without the quotes that messages put around it.
+fn plain(name: &str) -> String {
+    quoted(name).trim_matches('`').to_owned()
+}
+
+/// Names in files are anything: only line feeds are kept of what a terminal acts on.
+fn printable(text: &str) -> String {
+    text.chars()
+        .map(|c| if c != '\n' && is_unprintable(c) { char::REPLACEMENT_CHARACTER } else { c })
+        .collect()
+}
+
+/// A part of an EXR.
+#[derive(Serialize)]
+struct PartFacts {
+    name: String,
+    rows: usize,
+    columns: usize,
+    /// Pixels with a finite `range`, else `Z`, else `Y`, if there is one of them.
+    returns: Option<usize>,
+    channels: Vec<ChannelFacts>,
+    attributes: BTreeMap<String, String>,
+}
+
+#[derive(Serialize)]
+struct ChannelFacts {
+    name: String,
+    kind: &'static str,
+    /// Of the pixels that have a return, or of all if the image doesn't say which have.
+    min: Option<f64>,
+    max: Option<f64>,
+    /// Pixels whose value is finite.
+    finite: usize,
+}
+
+impl PartFacts {
+    fn of(part: &Part) -> Self {
+        let channel = |name: &str| part.image.channels.iter().find(|c| c.name == name);
+        let main = ["range", "Z", "Y"].into_iter().find_map(channel);
+        let is_return = |pixel: usize| match main.map(|channel| &channel.samples) {
+            Some(Samples::F32(values)) => values[pixel].is_finite(),
+            _ => true,
+        };
+        let pixels = part.image.rows * part.image.columns;
+        let channels = part.image.channels.iter().map(|channel| {
+            let value = |pixel: usize| match &channel.samples {
+                Samples::F32(values) => f64::from(values[pixel]),
+                Samples::U32(values) => f64::from(values[pixel]),
+            };
+            let kind = match channel.samples {
+                Samples::F32(_) => "float",
+                Samples::U32(_) => "uint",
+            };
+            let returned = (0..pixels).filter(|&pixel| is_return(pixel)).map(value);
+            let (min, max) = bounds(returned);
+            let finite = (0..pixels).filter(|&pixel| value(pixel).is_finite()).count();
+            ChannelFacts { name: channel.name.clone(), kind, min, max, finite }
+        });
+        Self {
+            name: part.name.clone(),
+            rows: part.image.rows,
+            columns: part.image.columns,
+            returns: main.map(|_| (0..pixels).filter(|&pixel| is_return(pixel)).count()),
+            channels: channels.collect(),
+            attributes: part.attributes.clone(),
+        }
+    }
+
+    fn to_text(&self) -> String {
+        let mut text = String::new();
+        let name = if self.name.is_empty() { String::new() } else { format!("part {}: ", self.name) };
+        let pixels = self.rows * self.columns;
+        let _ = write!(text, "  {name}{} rows × {} columns", self.rows, self.columns);
+        if let Some(returns) = self.returns {
+            let _ = write!(text, ", {returns} returns ({})", share(returns, pixels));
+        }
+        text.push('\n');
+        for c in &self.channels {
+            let _ = write!(text, "    {:<14}{:<6}", c.name, c.kind);
+            let _ = write!(text, "{}", span(c.min, c.max));
+            // A miss is infinite in a range; anything else that is not finite is worth a word.
+            if self.returns.is_none_or(|returns| c.finite < returns) && c.finite < pixels {
+                let _ = write!(text, ", {} finite", share(c.finite, pixels));
+            }
+            text.push('\n');
+        }
+        for (name, value) in &self.attributes {
+            let _ = writeln!(text, "    {name} = {value}");
+        }
+        text
+    }
+}
+
+#[derive(Serialize)]
+struct CloudFacts {
+    points: usize,
+    fields: Vec<FieldFacts>,
+    /// The least and the largest x, y and z, if the cloud has them and any points.
+    extent: Option<[[f64; 2]; 3]>,
+    comments: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct FieldFacts {
+    name: String,
+    kind: &'static str,
+    min: Option<f64>,
+    max: Option<f64>,
+}
+
+impl CloudFacts {
+    fn of(cloud: &Cloud) -> Self {
+        let fields = cloud.fields.iter().map(|field| {
+            let (min, max) = bounds(field.values.iter().copied());
+            FieldFacts { name: field.name.clone(), kind: field.kind, min, max }
+        });
+        let axis = |name: &str| {
+            let (min, max) = bounds(cloud.field(name)?.iter().copied());
+            Some([min?, max?])
+        };
+        let extent = match (axis("x"), axis("y"), axis("z")) {
+            (Some(x), Some(y), Some(z)) => Some([x, y, z]),
+            _ => None,
+        };
+        Self { points: cloud.points, fields: fields.collect(), extent, comments: cloud.comments.clone() }
+    }
+
+    fn to_text(&self) -> String {
+        let mut text = format!("  {} points\n", self.points);
+        if let Some([x, y, z]) = self.extent {
+            let [x, y, z] = [x, y, z].map(|[low, high]| span(Some(low), Some(high)));
+            let _ = writeln!(text, "    extent        x {x}, y {y}, z {z}");
+        }
+        for f in &self.fields {
+            let _ = writeln!(text, "    {:<14}{:<7}{}", f.name, f.kind, span(f.min, f.max));
+        }
+        for comment in &self.comments {
+            let _ = writeln!(text, "    {comment}");
+        }
+        text
+    }
+}
+
+/// What a scan's manifest says, and which of its outputs are there.
+fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
+    let manifest = &folder.manifest;
+    let get = |pointer: &str| manifest.pointer(pointer).cloned().unwrap_or(Value::Null);
+    let sensors: Vec<Value> = match get("/job/sensor") {
+        Value::Array(sensors) => {
+            sensors.iter().map(|s| s.get("name").cloned().unwrap_or_else(|| "sensor".into())).collect()
+        }
+        _ => Vec::new(),
+    };
+    let count = |pointer: &str| get(pointer).as_array().map_or(0, Vec::len);
+    let json = json!({
+        "path": name,
+        "kind": "scan",
+        "tool": get("/tool"),
+        "seed": get("/seed"),
+        "scene": get("/job/scene"),
+        "triangles": get("/scene/triangles"),
+        "instances": count("/scene/instances"),
+        "materials": count("/scene/materials"),
+        "sensors": sensors,
+        "inputs": get("/inputs"),
+        "outputs": get("/outputs"),
+    });
+    let say = |pointer: &str| match get(pointer) {
+        Value::String(text) => text,
+        Value::Null => "?".to_owned(),
+        other => other.to_string(),
+    };
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "    made by       {} {}, seed {}",
+        say("/tool/name"),
+        say("/tool/version"),
+        say("/seed")
+    );
+    let _ = writeln!(
+        text,
+        "    scene         {}, {} triangles, {} instances, {} materials",
+        say("/job/scene"),
+        say("/scene/triangles"),
+        count("/scene/instances"),
+        count("/scene/materials")
+    );
+    let names: Vec<&str> = sensors.iter().filter_map(Value::as_str).collect();
+    let _ = writeln!(text, "    sensors       {}", names.join(", "));
+    for (label, list, key) in [("input", "/inputs", "name"), ("output", "/outputs", "path")] {
+        for file in get(list).as_array().into_iter().flatten() {
+            let word = |key: &str| file.get(key).and_then(Value::as_str).unwrap_or("?").to_owned();
+            let bytes = Bytes(file.get("bytes").and_then(Value::as_u64).unwrap_or(0));
+            let hash: String = word("blake3").chars().take(16).collect();
+            let _ = writeln!(text, "    {label:<14}{} ({bytes}, BLAKE3 {hash}…)", word(key));
+        }
+    }
+    (json, text)
+}
+
+/// The least and the largest of the finite values.
+fn bounds(values: impl Iterator<Item = f64>) -> (Option<f64>, Option<f64>) {
+    let mut found: Option<(f64, f64)> = None;
+    for value in values.filter(|value| value.is_finite()) {
+        found = Some(found.map_or((value, value), |(low, high)| (low.min(value), high.max(value))));
+    }
+    (found.map(|(low, _)| low), found.map(|(_, high)| high))
+}
+
+fn span(min: Option<f64>, max: Option<f64>) -> String {
+    // Measurements have 32 bits: their digits say all. Ids and nanoseconds are whole.
+    let digits = |x: f64| if x.fract() == 0.0 { x.to_string() } else { (x as f32).to_string() };
+    match (min, max) {
+        (Some(min), Some(max)) => format!("{} to {}", digits(min), digits(max)),
+        _ => "no finite value".to_owned(),
+    }
+}
+
+fn share(part: usize, whole: usize) -> String {
+    if whole == 0 { "of none".to_owned() } else { format!("{:.1} %", 100.0 * part as f64 / whole as f64) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::{Channel, Image};
+
+    fn part(channels: Vec<(&str, Samples)>) -> Part {
+        let channels =
+            channels.into_iter().map(|(name, samples)| Channel { name: name.into(), samples }).collect();
+        Part { name: String::new(), image: Image { rows: 1, columns: 3, channels }, attributes: [].into() }
+    }
+
+    #[test]
+    fn misses_count_in_no_channel() {
+        let image = part(vec![
+            ("id.semantic", Samples::U32(vec![4, 0, 7])),
+            ("range", Samples::F32(vec![2.5, f32::INFINITY, 10.0])),
+        ]);
+        let facts = PartFacts::of(&image);
+        assert_eq!(facts.returns, Some(2));
+        assert_eq!((facts.channels[0].min, facts.channels[0].max), (Some(4.0), Some(7.0)));
+        let text = facts.to_text();
+        assert!(text.contains("1 rows × 3 columns, 2 returns (66.7 %)\n"), "{text}");
+        assert!(text.contains("range         float 2.5 to 10\n"), "{text}");
+    }
+
+    #[test]
+    fn an_image_without_a_range_is_counted_whole() {
+        let facts = PartFacts::of(&part(vec![("R", Samples::F32(vec![f32::NAN, 1.0, 0.5]))]));
+        assert_eq!((facts.returns, facts.channels[0].finite), (None, 2));
+        assert!(
+            facts.to_text().contains("R             float 0.5 to 1, 66.7 % finite\n"),
+            "{}",
+            facts.to_text()
+        );
+    }
+
+    #[test]
+    fn an_empty_cloud_has_no_extent() {
+        let facts = CloudFacts::of(&Cloud::default());
+        assert_eq!((facts.points, facts.extent), (0, None));
+        assert_eq!(facts.to_text(), "  0 points\n");
+    }
+}

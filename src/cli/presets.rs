@@ -1,0 +1,193 @@
+//! `beamcast presets`: the built-in sensors.
+
+use std::path::PathBuf;
+
+use serde_json::{Value, json};
+
+use super::lint::{SensorFacts, grouped, tidy};
+use super::terminal::Terminal;
+use crate::config::{self, SensorFile, presets};
+use crate::error::Error;
+use crate::output::Destination;
+use crate::output::plot::{Dot, colour_of, scatter};
+use crate::sensor::{Pattern, azimuth_elevation};
+
+/// The arguments of `beamcast presets`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: Option<What>,
+    /// Print the list as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    /// List the built-in sensors [default]
+    List {
+        /// Print the list as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print a sensor's file, or plot where its beams go
+    Show {
+        /// The sensor, such as ouster/os1-128
+        #[arg(value_name = "NAME")]
+        name: String,
+        /// Plot its directions, azimuth by elevation and coloured by time, into this file
+        #[arg(long, value_name = "FILE")]
+        png: Option<PathBuf>,
+        /// Plot so many frames one after the other; some patterns do not repeat
+        #[arg(long, value_name = "N", default_value_t = 1, requires = "png",
+              value_parser = clap::value_parser!(u32).range(1..=1000))]
+        frames: u32,
+        /// The sensor's mode that is plotted
+        #[arg(long, value_name = "MODE", requires = "png")]
+        mode: Option<String>,
+        /// Replace the file if it's there already
+        #[arg(long, requires = "png")]
+        overwrite: bool,
+    },
+}
+
+/// The most dots of a plot: more would only hide each other.
+const MOST_DOTS: usize = 20_000_000;
+
+/// Lists the built-in sensors, or shows one.
+///
+/// # Errors
+/// [`Error::Config`] if there is no such sensor, [`Error::Usage`] if there is no such mode, [`Error::Output`] if the plot
+/// can't be written.
+pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
+    match &args.what {
+        None => list(args.json, terminal),
+        Some(What::List { json }) => list(*json || args.json, terminal),
+        Some(What::Show { name, png: None, .. }) => {
+            config::load_preset(name)?;
+            // Wherever this is kept, the schema isn't two folders up, but may be beside it, as import has it.
+            let text = presets::text(name).unwrap_or_default();
+            terminal.data(&text.replacen(
+                "#:schema ../../schema/sensor.json",
+                "#:schema sensor.schema.json",
+                1,
+            ))
+        }
+        Some(What::Show { name, png: Some(path), frames, mode, overwrite }) => {
+            let file = config::load_preset(name)?;
+            let pattern = pattern_in(&file, name, mode.as_deref())?;
+            let plot = plot(pattern, *frames).map_err(|e| Error::output(path, e))?;
+            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(".".as_ref());
+            let written = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            Destination::check(folder, vec![written.clone()], *overwrite)?.write(&written, &plot.0)?;
+            terminal.say(plot.1.trim_end());
+            Ok(())
+        }
+    }
+}
+
+fn pattern_in<'a>(file: &'a SensorFile, name: &str, mode: Option<&str>) -> Result<&'a Pattern, Error> {
+    let Some(mode) = mode else { return Ok(&file.sensor.pattern) };
+    let found = file.modes.iter().find(|(known, _)| known == mode).map(|(_, sensor)| &sensor.pattern);
+    found.ok_or_else(|| {
+        let modes: Vec<&str> = file.modes.iter().map(|(mode, _)| mode.as_str()).collect();
+        let modes = if modes.is_empty() { "none".to_owned() } else { modes.join(", ") };
+        Error::Usage(format!("{name} has no mode {mode:?}; its modes: {modes}"))
+    })
+}
+
+fn list(as_json: bool, terminal: &Terminal) -> Result<(), Error> {
+    let mut files = Vec::new();
+    for (name, _) in presets::BUILT_IN {
+        files.push((*name, config::load_preset(name)?));
+    }
+    let text = if as_json {
+        let all: Vec<Value> = files.iter().map(|(name, file)| as_value(name, file)).collect();
+        format!("{:#}\n", json!({ "presets": all }))
+    } else {
+        as_table(&files)
+    };
+    terminal.data(&text)
+}
+
+fn as_value(name: &str, file: &SensorFile) -> Value {
+    let mode = |(name, sensor): &(String, crate::sensor::Sensor)| json!({ "name": name, "sensor": SensorFacts::new(None, sensor, &[]) });
+    json!({
+        "name": name,
+        "pattern": file.sensor.pattern.name(),
+        "sensor": SensorFacts::new(None, &file.sensor, &[]),
+        "modes": file.modes.iter().map(mode).collect::<Vec<_>>(),
+    })
+}
+
+/// The sensors in columns, each as wide as it must be.
+fn as_table(files: &[(&str, SensorFile)]) -> String {
+    let head = ["sensor", "pattern", "image", "field of view", "rate", "points/s", "range", "modes"];
+    let mut rows = vec![head.map(str::to_owned)];
+    for (name, file) in files {
+        let facts = SensorFacts::new(None, &file.sensor, &[]);
+        let [low, high] = facts.elevation_deg;
+        let degrees = |x: f64| (x * 10.0).round() / 10.0;
+        let modes: Vec<&str> = file.modes.iter().map(|(mode, _)| mode.as_str()).collect();
+        rows.push([
+            (*name).to_owned(),
+            file.sensor.pattern.name().to_owned(),
+            format!("{} × {}", facts.rows, facts.columns),
+            format!(
+                "{}° × {}° ({}° to {}°)",
+                degrees(facts.horizontal_fov_deg),
+                degrees(high - low),
+                degrees(low),
+                degrees(high)
+            ),
+            facts.rate_hz.map_or(String::new(), |rate| format!("{} Hz", tidy(rate))),
+            facts.points_per_second.map_or(String::new(), |points| grouped(points.round() as u64)),
+            match facts.max_range_m {
+                Some(max) => format!("{} to {max} m", facts.min_range_m),
+                None => "any".to_owned(),
+            },
+            modes.join(" "),
+        ]);
+    }
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..head.len()).map(width).collect();
+    let line = |row: &[String; 8]| {
+        let cells = row.iter().zip(&widths).map(|(cell, &width)| format!("{cell:width$}"));
+        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned() + "\n"
+    };
+    rows.iter().map(line).collect()
+}
+
+/// A picture of where the pulses of `frames` frames go, and what is to be said about it.
+fn plot(pattern: &Pattern, frames: u32) -> Result<(Vec<u8>, String), String> {
+    let (rays, columns) = (pattern.rays(), pattern.columns());
+    let total = rays * frames as usize;
+    if total > MOST_DOTS {
+        return Err(format!("{total} directions are too many for a plot: at most {MOST_DOTS}"));
+    }
+    let period = pattern.rate_hz().map_or(0.0, |rate| 1.0 / rate);
+    let end = (period * f64::from(frames - 1) + pattern.last_pulse_s()).max(f64::MIN_POSITIVE);
+    let mut dots = Vec::with_capacity(total);
+    for frame in 0..frames {
+        let start = period * f64::from(frame);
+        for index in 0..rays {
+            let Some(pulse) = pattern.pulse_in(index / columns, index % columns, start) else { continue };
+            let (azimuth, elevation) = azimuth_elevation(pulse.direction);
+            dots.push(Dot { azimuth, elevation, colour: colour_of((start + pulse.time_s) / end) });
+        }
+    }
+    let file = scatter(&dots).map_err(|e| e.to_string())?;
+    let extent = |of: fn(&Dot) -> f64| {
+        let ends =
+            dots.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+        format!("{} to {}", tidy(ends.0), tidy(ends.1))
+    };
+    let said = format!(
+        "{} directions in {} ms, blue first and red last; azimuth {}°, positive to the left, elevation {}°",
+        grouped(dots.len() as u64),
+        tidy(end * 1e3),
+        extent(|dot| dot.azimuth.degrees()),
+        extent(|dot| dot.elevation.degrees()),
+    );
+    Ok((file, said))
+}

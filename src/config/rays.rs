@@ -1,0 +1,265 @@
+//! Tables of rays: CSV → pulses.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use super::near::{list, missing_file_help, nearest, quoted};
+use super::section::At;
+use super::text::{Layer, Place, Report, Unreadable};
+use super::tree::{Table, Value};
+use super::{InputFile, text};
+use crate::angle::Angle;
+use crate::sensor::{Pulse, direction};
+
+/// The largest file that is read.
+const MAX_BYTES: u64 = 256 << 20;
+
+/// Most rays of a table.
+const MAX_RAYS: usize = 4_000_000;
+
+/// How many errors of a file are told: most of them are the same mistake.
+const MAX_ERRORS: usize = 10;
+
+/// The tables of rays that a configuration names.
+#[derive(Default)]
+pub(super) struct RayFiles {
+    /// By the text that names it and the name. `None`: it can't be used, which was reported.
+    tables: BTreeMap<(u32, String), Option<Vec<Pulse>>>,
+    /// What was read, in that order.
+    pub files: Vec<InputFile>,
+}
+
+impl RayFiles {
+    /// Reads the file that a sensor's `[rays]` names, unless it was read before. Its path is relative to the file that
+    /// names it.
+    pub fn read(&mut self, report: &mut Report, sensor: &Table) {
+        let Some(Value::Table(rays)) = sensor.get("rays").map(|entry| &entry.node.value) else { return };
+        let Some(file) = rays.get("file").map(|entry| &entry.node) else { return };
+        let Value::String(as_written) = &file.value else { return }; // reported when it's read
+        let key = (file.place.source(), as_written.clone());
+        if as_written.is_empty() || self.tables.contains_key(&key) {
+            return;
+        }
+        let table = self.open(report, as_written, file.place);
+        self.tables.insert(key, table);
+    }
+
+    /// The rays of a file that was read, `None` if there is something wrong with it.
+    pub fn pulses(&self, file: At<&str>) -> Option<Vec<Pulse>> {
+        self.tables.get(&(file.place.source(), file.value.to_owned()))?.clone()
+    }
+
+    fn open(&mut self, report: &mut Report, as_written: &str, place: Place) -> Option<Vec<Pulse>> {
+        let path = report.folder(place).join(as_written);
+        match report.open_up_to(&path, Layer::Preset, MAX_BYTES) {
+            Ok(source) => {
+                let content = report.text(source);
+                self.files.push(InputFile {
+                    name: text::portable(as_written),
+                    bytes: content.len() as u64,
+                    blake3: blake3::hash(content.as_bytes()).to_hex().to_string(),
+                });
+                parse(report, source)
+            }
+            Err(Unreadable::Reported) => None,
+            Err(problem) => {
+                let help = match problem {
+                    Unreadable::Missing => missing_file_help(as_written, &path),
+                    _ => None,
+                };
+                let message = format!("the table of rays {} can't be used", quoted(as_written));
+                report.error(place, message, problem.to_string(), help);
+                None
+            }
+        }
+    }
+}
+
+/// The columns that a table may have; the first two or the next three must be there.
+const COLUMNS: [&str; 10] = [
+    "azimuth_deg",
+    "elevation_deg",
+    "x",
+    "y",
+    "z",
+    "time_s",
+    "time_us",
+    "origin_x_m",
+    "origin_y_m",
+    "origin_z_m",
+];
+const AZIMUTH: usize = 0;
+const ELEVATION: usize = 1;
+const X: usize = 2;
+const Y: usize = 3;
+const Z: usize = 4;
+const TIME_S: usize = 5;
+const TIME_US: usize = 6;
+const ORIGIN_X: usize = 7;
+const ORIGIN_Y: usize = 8;
+const ORIGIN_Z: usize = 9;
+
+/// Reads a table: a header, then a ray a line. Empty lines and such that begin with `#` are left out.
+fn parse(report: &Report, source: u32) -> Option<Vec<Pulse>> {
+    let text = report.text(source);
+    let mut lines = Lines { text: text.strip_prefix('\u{feff}').unwrap_or(text), whole: text };
+    let header = lines.next();
+    let Some((header_at, header)) = header else {
+        report.error(Place::new(source, 0..0), "the table of rays is empty", "expected a header", None);
+        return None;
+    };
+    let columns = columns(report, source, (header_at, header))?;
+    let mut pulses = Vec::new();
+    let mut errors = 0;
+    for (at, line) in lines {
+        if pulses.len() == MAX_RAYS {
+            let message = format!("the table has more than {MAX_RAYS} rays");
+            report.error(Place::new(source, at..at + line.len()), message, "too many from here on", None);
+            return None;
+        }
+        match ray(&columns, (at, line)) {
+            Ok(pulse) => pulses.push(pulse),
+            Err((span, message, label)) => {
+                report.error(Place::new(source, span), message, label, None);
+                errors += 1;
+                if errors == MAX_ERRORS {
+                    break;
+                }
+            }
+        }
+    }
+    if errors == 0 && pulses.is_empty() {
+        let place = Place::new(source, header_at..header_at + header.len());
+        report.error(place, "the table has no rays", "expected a ray a line after this", None);
+    }
+    (errors == 0 && !pulses.is_empty()).then_some(pulses)
+}
+
+/// The lines that say something, each with the byte where it begins.
+struct Lines<'a> {
+    text: &'a str,
+    whole: &'a str,
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = (usize, &'a str);
+    fn next(&mut self) -> Option<Self::Item> {
+        while !self.text.is_empty() {
+            let at = self.whole.len() - self.text.len();
+            let (line, rest) = self.text.split_once('\n').unwrap_or((self.text, ""));
+            self.text = rest;
+            let line = line.trim_end();
+            if !line.is_empty() && !line.starts_with('#') {
+                return Some((at, line));
+            }
+        }
+        None
+    }
+}
+
+/// The fields of a line, each without the blanks around it and with the bytes where it is.
+fn fields((at, line): (usize, &str)) -> impl Iterator<Item = (std::ops::Range<usize>, &str)> {
+    let mut start = at;
+    line.split(',').map(move |field| {
+        let begin = start + (field.len() - field.trim_start().len());
+        start += field.len() + 1;
+        let field = field.trim();
+        (begin..begin + field.len(), field)
+    })
+}
+
+/// What each of a table's columns is, as an index into [`COLUMNS`].
+fn columns(report: &Report, source: u32, header: (usize, &str)) -> Option<Vec<usize>> {
+    let whole = Place::new(source, header.0..header.0 + header.1.len());
+    let mut columns: Vec<usize> = Vec::new();
+    let mut is_fine = true;
+    for (span, name) in fields(header) {
+        let place = Place::new(source, span);
+        let known = COLUMNS.iter().position(|c| *c == name);
+        match known {
+            None => {
+                let help = match nearest(name, COLUMNS) {
+                    Some(near) => format!("did you mean {}?", quoted(near)),
+                    None => format!("the columns of a table of rays are {}", list(COLUMNS, "and")),
+                };
+                report.error(place, format!("unknown column {}", quoted(name)), "", Some(help));
+                is_fine = false;
+            }
+            Some(index) if columns.contains(&index) => {
+                report.error(place, format!("the column {} is there twice", quoted(name)), "", None);
+                is_fine = false;
+            }
+            Some(index) => columns.push(index),
+        }
+    }
+    if !is_fine {
+        return None;
+    }
+    let has = |list: &[usize]| list.iter().filter(|c| columns.contains(c)).count();
+    let (angles, axes) = (has(&[AZIMUTH, ELEVATION]), has(&[X, Y, Z]));
+    let complain = |message: &str, label: &str| {
+        report.error(whole, message, label, None);
+        None
+    };
+    if (angles, axes) != (2, 0) && (angles, axes) != (0, 3) {
+        return complain(
+            "a table of rays has one direction a line",
+            "expected the columns `azimuth_deg` and `elevation_deg`, or `x`, `y` and `z`",
+        );
+    }
+    if has(&[TIME_S, TIME_US]) == 2 {
+        return complain("the table has both `time_s` and `time_us`", "expected one of them at most");
+    }
+    if ![0, 3].contains(&has(&[ORIGIN_X, ORIGIN_Y, ORIGIN_Z])) {
+        return complain(
+            "an origin has three coordinates",
+            "expected `origin_x_m`, `origin_y_m` and `origin_z_m`",
+        );
+    }
+    Some(columns)
+}
+
+type Wrong = (std::ops::Range<usize>, String, String);
+
+/// The ray of a line, or what is wrong with it.
+fn ray(columns: &[usize], line: (usize, &str)) -> Result<Pulse, Wrong> {
+    let mut values = [0.0; COLUMNS.len()];
+    let mut read = 0;
+    for (span, field) in fields(line) {
+        let Some(&column) = columns.get(read) else {
+            let message = format!("the line has more than {} values", columns.len());
+            return Err((span, message, "one too many".into()));
+        };
+        let name = COLUMNS[column];
+        let number = field.parse::<f64>().ok().filter(|x| x.is_finite());
+        let Some(number) = number else {
+            return Err((span, format!("`{name}` is {}", quoted(field)), "expected a finite number".into()));
+        };
+        let expected = match column {
+            ELEVATION if number.abs() > 90.0 => "expected -90 (straight down) to 90 (straight up)",
+            TIME_S | TIME_US if number < 0.0 => "expected a time from the frame's start, 0 or more",
+            _ => "",
+        };
+        if !expected.is_empty() {
+            return Err((span, format!("`{name}` is {number}"), expected.into()));
+        }
+        values[column] = number;
+        read += 1;
+    }
+    let span = line.0..line.0 + line.1.len();
+    if read < columns.len() {
+        let missing = COLUMNS[columns[read]];
+        return Err((span, format!("the line has {read} values"), format!("`{missing}` is missing")));
+    }
+    let direction = if columns.contains(&AZIMUTH) {
+        direction(Angle::deg(values[AZIMUTH]), Angle::deg(values[ELEVATION]))
+    } else {
+        DVec3::new(values[X], values[Y], values[Z])
+    };
+    if direction.try_normalize().is_none() {
+        return Err((span, "`x`, `y` and `z` are no direction".into(), "expected a length".into()));
+    }
+    let origin = DVec3::new(values[ORIGIN_X], values[ORIGIN_Y], values[ORIGIN_Z]);
+    Ok(Pulse { origin, direction, time_s: values[TIME_S] + values[TIME_US] * 1e-6 })
+}

@@ -1,0 +1,125 @@
+//! Sensor files as text: comments that say where each value comes from, and values that are read back to the last bit.
+
+use std::fmt::Write as _;
+
+use crate::config::{is_unprintable, toml_string};
+
+/// Longest line that is written, in characters.
+const WIDTH: usize = 110;
+
+/// A sensor file that is being written.
+#[derive(Debug, Default)]
+pub(super) struct Toml(String);
+
+impl Toml {
+    /// A line or more of comment, wrapped; empty lines separate paragraphs.
+    pub fn comment(&mut self, text: &str) {
+        for line in text.split('\n') {
+            let mut width = 0;
+            for word in line.split_whitespace() {
+                let word: String = word
+                    .chars()
+                    .map(|c| if is_unprintable(c) { char::REPLACEMENT_CHARACTER } else { c })
+                    .collect();
+                let length = word.chars().count();
+                if width > 0 && width + 1 + length > WIDTH {
+                    self.0.push('\n');
+                    width = 0;
+                }
+                if width == 0 {
+                    self.0.push('#');
+                    width = 1;
+                }
+                self.0.push(' ');
+                self.0.push_str(&word);
+                width += 1 + length;
+            }
+            self.0.push_str(if width == 0 { "#\n" } else { "\n" });
+        }
+    }
+
+    /// A line that is neither comment for people nor TOML, such as `#:schema`.
+    pub fn line(&mut self, text: &str) {
+        self.0.push_str(text);
+        self.0.push('\n');
+    }
+
+    /// An empty line, then a table's head.
+    pub fn table(&mut self, name: &str) {
+        let _ = writeln!(self.0, "\n[{name}]");
+    }
+
+    pub fn integer(&mut self, key: &str, value: u32) {
+        let _ = writeln!(self.0, "{key} = {value}");
+    }
+
+    pub fn number(&mut self, key: &str, value: f64) {
+        let _ = writeln!(self.0, "{key} = {}", number(value));
+    }
+
+    pub fn sector(&mut self, key: &str, from: f64, to: f64) {
+        let _ = writeln!(self.0, "{key} = {{ from = {}, to = {} }}", number(from), number(to));
+    }
+
+    pub fn text(&mut self, key: &str, value: &str) {
+        let _ = writeln!(self.0, "{key} = {}", toml_string(value));
+    }
+
+    /// A list, in lines of eight.
+    pub fn numbers(&mut self, key: &str, values: &[f64]) {
+        let _ = writeln!(self.0, "{key} = [");
+        for line in values.chunks(8) {
+            let line: Vec<String> = line.iter().map(|value| number(*value)).collect();
+            let _ = writeln!(self.0, "    {},", line.join(", "));
+        }
+        self.0.push_str("]\n");
+    }
+
+    /// A list of positions: one alone if they are all the same, which stands for all.
+    pub fn vectors(&mut self, key: &str, values: &[[f64; 3]]) {
+        let vector = |[x, y, z]: &[f64; 3]| format!("[{}, {}, {}]", number(*x), number(*y), number(*z));
+        match values {
+            [first, rest @ ..] if rest.iter().all(|value| value == first) => {
+                let _ = writeln!(self.0, "{key} = {}", vector(first));
+            }
+            _ => {
+                let _ = writeln!(self.0, "{key} = [");
+                for value in values {
+                    let _ = writeln!(self.0, "    {},", vector(value));
+                }
+                self.0.push_str("]\n");
+            }
+        }
+    }
+
+    pub fn into_text(self) -> String {
+        self.0
+    }
+}
+
+/// A number as TOML has it: with a point, and with as many digits as it takes to read the same one back.
+fn number(value: f64) -> String {
+    // Debug writes the shortest digits, with a point or an exponent.
+    if value == 0.0 { "0.0".to_owned() } else { format!("{value:?}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn comments_wrap_and_carry_no_control_characters() {
+        let mut toml = Toml::default();
+        toml.comment(&format!("one\n\n{}", "word\u{1b}[2J ".repeat(30)));
+        let text = toml.into_text();
+        assert!(text.starts_with("# one\n#\n# word"), "{text}");
+        assert!(text.lines().all(|line| line.starts_with('#') && line.chars().count() <= WIDTH), "{text}");
+        assert!(!text.contains('\u{1b}'));
+    }
+
+    #[test]
+    fn values_are_toml() {
+        let written: Vec<_> = [0.1 + 0.2, -0.0, 3.0, 1e-9, 1e300].map(number).into();
+        assert_eq!(written, ["0.30000000000000004", "0.0", "3.0", "1e-9", "1e300"]);
+    }
+}

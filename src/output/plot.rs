@@ -1,0 +1,195 @@
+//! Scatter plots of directions: azimuth to the left, elevation upward, as the sensor sees them.
+
+use super::EncodeError;
+use super::png::{NO_RETURN_COLOUR, write};
+use crate::angle::Angle;
+
+/// A direction, and the colour that it has.
+#[derive(Clone, Copy, Debug)]
+pub struct Dot {
+    /// Azimuth, positive to the left.
+    pub azimuth: Angle,
+    /// Elevation, positive upward.
+    pub elevation: Angle,
+    /// Red, green, blue.
+    pub colour: [u8; 3],
+}
+
+/// The largest plot, without its margins.
+const LARGEST: (f64, f64) = (1500.0, 800.0);
+
+/// Pixels to the left of the plot and below it, for the labels of the axes.
+const MARGIN: (usize, usize) = (44, 24);
+
+/// Pixels to the right of the plot and above it.
+const EDGE: usize = 16;
+
+const INK: [u8; 3] = [0xb0, 0xb0, 0xb8];
+const GRID: [u8; 3] = [0x2c, 0x2c, 0x34];
+
+/// The colour of a part of a scale, 0 to 1: Turbo's, from blue to red.
+pub fn colour_of(part: f64) -> [u8; 3] {
+    let colour = colorous::TURBO.eval_continuous(0.06 + 0.86 * part.clamp(0.0, 1.0));
+    [colour.r, colour.g, colour.b]
+}
+
+/// A PNG of `dots`, with a degree as tall as wide, and the degrees at its axes. Later dots cover earlier ones.
+///
+/// # Errors
+/// When there are no dots.
+pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
+    let span = |of: &dyn Fn(&Dot) -> f64| {
+        dots.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)))
+    };
+    let azimuth = span(&|dot| dot.azimuth.degrees());
+    let elevation = span(&|dot| dot.elevation.degrees());
+    if dots.is_empty() || !(azimuth.0.is_finite() && elevation.0.is_finite()) {
+        return Err(EncodeError("there are no directions to plot".to_owned()));
+    }
+    let wide = |(low, high): (f64, f64)| (high - low).max(1e-3);
+    let scale = (LARGEST.0 / wide(azimuth)).min(LARGEST.1 / wide(elevation));
+    let side = |range| (wide(range) * scale).round() as usize + 1;
+    let mut canvas = Canvas::new(side(azimuth), side(elevation));
+    let x = |degrees: f64| ((azimuth.1 - degrees) * scale).round() as usize;
+    let y = |degrees: f64| ((elevation.1 - degrees) * scale).round() as usize;
+    for tick in ticks(azimuth, scale) {
+        canvas.vertical(x(tick));
+        canvas.label(&label(tick), MARGIN.0 + x(tick), canvas.height - MARGIN.1 + 8, Align::Middle);
+    }
+    for tick in ticks(elevation, scale) {
+        canvas.horizontal(y(tick));
+        canvas.label(&label(tick), MARGIN.0 - 6, EDGE + y(tick) - 5, Align::Right);
+    }
+    // A few dots would be lost if they were points.
+    let size = if dots.len() < 50_000 { 2 } else { 1 };
+    for dot in dots {
+        canvas.dot(x(dot.azimuth.degrees()), y(dot.elevation.degrees()), size, dot.colour);
+    }
+    write(canvas.width, canvas.height, &canvas.pixels)
+        .map_err(|e| EncodeError(format!("it can't be made a PNG: {e}")))
+}
+
+/// Round degrees in a range, at least 40 pixels apart.
+fn ticks((low, high): (f64, f64), scale: f64) -> Vec<f64> {
+    const STEPS: [f64; 15] =
+        [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0];
+    let step = STEPS.into_iter().find(|step| step * scale >= 40.0).unwrap_or(45.0);
+    let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
+    (first..=last).map(|i| i as f64 * step).collect()
+}
+
+/// A tick's degrees, without zeros at the end.
+fn label(degrees: f64) -> String {
+    let rounded = (degrees * 1e3).round() / 1e3;
+    if rounded == 0.0 { "0".to_owned() } else { rounded.to_string() }
+}
+
+enum Align {
+    Middle,
+    Right,
+}
+
+struct Canvas {
+    width: usize,
+    height: usize,
+    pixels: Vec<u8>,
+}
+
+impl Canvas {
+    /// Of a plot of `columns` by `rows` pixels, with its margins.
+    fn new(columns: usize, rows: usize) -> Self {
+        let (width, height) = (columns + MARGIN.0 + EDGE, rows + MARGIN.1 + EDGE);
+        Self { width, height, pixels: NO_RETURN_COLOUR.repeat(width * height) }
+    }
+
+    fn set(&mut self, x: usize, y: usize, colour: [u8; 3]) {
+        if x < self.width && y < self.height {
+            let at = 3 * (y * self.width + x);
+            self.pixels[at..at + 3].copy_from_slice(&colour);
+        }
+    }
+
+    /// A dot of `size` pixels a side at a place of the plot.
+    fn dot(&mut self, x: usize, y: usize, size: usize, colour: [u8; 3]) {
+        for (dx, dy) in (0..size).flat_map(|dx| (0..size).map(move |dy| (dx, dy))) {
+            self.set(MARGIN.0 + x + dx, EDGE + y + dy, colour);
+        }
+    }
+
+    fn vertical(&mut self, x: usize) {
+        (EDGE..self.height - MARGIN.1).for_each(|y| self.set(MARGIN.0 + x, y, GRID));
+    }
+
+    fn horizontal(&mut self, y: usize) {
+        (MARGIN.0..self.width - EDGE).for_each(|x| self.set(x, EDGE + y, GRID));
+    }
+
+    /// Writes digits, with a pixel of the font two of the canvas. (x, y) is the text's top, and its middle or right end.
+    fn label(&mut self, text: &str, x: usize, y: usize, align: Align) {
+        const PITCH: usize = 8;
+        let width = text.len() * PITCH - 2;
+        let start = x.saturating_sub(match align {
+            Align::Middle => width / 2,
+            Align::Right => width,
+        });
+        for (index, character) in text.bytes().enumerate() {
+            let glyph = FONT.iter().find(|(c, _)| *c == character).map_or([0; 5], |(_, rows)| *rows);
+            for (row, bits) in glyph.into_iter().enumerate() {
+                for column in (0..3).filter(|column| bits >> (2 - column) & 1 == 1) {
+                    for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                        self.set(start + index * PITCH + 2 * column + dx, y + 2 * row + dy, INK);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Digits of 3 × 5 pixels: five rows of three bits.
+const FONT: [(u8, [u8; 5]); 12] = [
+    (b'0', [0b111, 0b101, 0b101, 0b101, 0b111]),
+    (b'1', [0b010, 0b110, 0b010, 0b010, 0b111]),
+    (b'2', [0b111, 0b001, 0b111, 0b100, 0b111]),
+    (b'3', [0b111, 0b001, 0b111, 0b001, 0b111]),
+    (b'4', [0b101, 0b101, 0b111, 0b001, 0b001]),
+    (b'5', [0b111, 0b100, 0b111, 0b001, 0b111]),
+    (b'6', [0b111, 0b100, 0b111, 0b101, 0b111]),
+    (b'7', [0b111, 0b001, 0b001, 0b010, 0b010]),
+    (b'8', [0b111, 0b101, 0b111, 0b101, 0b111]),
+    (b'9', [0b111, 0b101, 0b111, 0b001, 0b111]),
+    (b'-', [0b000, 0b000, 0b111, 0b000, 0b000]),
+    (b'.', [0b000, 0b000, 0b000, 0b000, 0b010]),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_degree_is_as_tall_as_wide_and_left_is_left() {
+        let dot = |azimuth, elevation, colour| Dot {
+            azimuth: Angle::deg(azimuth),
+            elevation: Angle::deg(elevation),
+            colour,
+        };
+        let dots = [dot(20.0, 5.0, [1, 0, 0]), dot(-20.0, -5.0, [2, 0, 0])];
+        let file = scatter(&dots).unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(&file)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        let (width, height) = (info.width as usize, info.height as usize);
+        // 40° are 1500 pixels, so that 10° are 375.
+        assert_eq!((width, height), (1501 + MARGIN.0 + EDGE, 376 + MARGIN.1 + EDGE));
+        let at = |x: usize, y: usize| pixels[3 * (y * width + x)];
+        assert_eq!((at(MARGIN.0, EDGE), at(MARGIN.0 + 1500, EDGE + 375)), (1, 2));
+        assert!(scatter(&[]).is_err());
+        // One direction alone has an extent of nothing.
+        scatter(&dots[..1]).unwrap();
+    }
+
+    #[test]
+    fn ticks_are_round() {
+        assert_eq!(ticks((-12.0, 31.0), 5.0), [-10.0, 0.0, 10.0, 20.0, 30.0]);
+        assert_eq!([-0.0, 0.1 * 3.0, -45.0].map(label), ["0", "0.3", "-45"]);
+    }
+}

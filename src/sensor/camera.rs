@@ -1,0 +1,168 @@
+//! Depth cameras: pixels and their directions.
+
+use glam::{DVec2, DVec3};
+
+use super::Lens;
+use crate::angle::Angle;
+use crate::frame::BODY_FROM_OPTICAL;
+
+/// A camera with an ideal lens or another. Pixel (0, 0) is top left and its centre lies at (0.5, 0.5).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    width: usize,
+    height: usize,
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    lens: Lens,
+    rate_hz: Option<f64>,
+}
+
+/// Why a camera can't be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CameraError {
+    /// No pixels.
+    #[error("a camera needs at least one pixel each way")]
+    NoPixels,
+    /// A focal length that is not a positive number.
+    #[error("focal lengths must be positive")]
+    FocalLength,
+    /// A principal point that is not finite.
+    #[error("the principal point must be finite")]
+    PrincipalPoint,
+    /// A field of view of nothing, or of half a turn and more.
+    #[error("a pinhole's field of view lies between 0 and 180 degrees")]
+    FieldOfView,
+    /// The rate is not a positive number.
+    #[error("the rate must be positive")]
+    Rate,
+}
+
+impl Camera {
+    /// A camera from its intrinsics, in pixels: focal lengths (`fx`, `fy`) and principal point (`cx`, `cy`).
+    pub fn new(
+        (width, height): (usize, usize),
+        (fx, fy): (f64, f64),
+        (cx, cy): (f64, f64),
+        rate_hz: Option<f64>,
+    ) -> Result<Self, CameraError> {
+        if width == 0 || height == 0 {
+            return Err(CameraError::NoPixels);
+        }
+        if !(fx.is_finite() && fy.is_finite() && fx > 0.0 && fy > 0.0) {
+            return Err(CameraError::FocalLength);
+        }
+        if !(cx.is_finite() && cy.is_finite()) {
+            return Err(CameraError::PrincipalPoint);
+        }
+        if rate_hz.is_some_and(|r| !(r.is_finite() && r > 0.0)) {
+            return Err(CameraError::Rate);
+        }
+        Ok(Self { width, height, fx, fy, cx, cy, lens: Lens::Ideal, rate_hz })
+    }
+
+    /// The same camera behind another lens.
+    #[must_use]
+    pub fn with_lens(self, lens: Lens) -> Self {
+        Self { lens, ..self }
+    }
+
+    /// A camera with square pixels, its principal point in the middle, and a horizontal field of view from the left edge
+    /// of the image to the right: fx = width / (2 tan(hfov / 2)).
+    pub fn from_hfov(size: (usize, usize), hfov: Angle, rate_hz: Option<f64>) -> Result<Self, CameraError> {
+        if !(hfov.radians() > 0.0 && hfov.radians() < std::f64::consts::PI) {
+            return Err(CameraError::FieldOfView);
+        }
+        let (width, height) = (size.0 as f64, size.1 as f64);
+        let f = width / (2.0 * libm::tan(hfov.radians() / 2.0));
+        Self::new(size, (f, f), (width / 2.0, height / 2.0), rate_hz)
+    }
+
+    /// Columns of the image.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows of the image.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Focal lengths (fx, fy) in pixels.
+    pub fn focal_px(&self) -> (f64, f64) {
+        (self.fx, self.fy)
+    }
+
+    /// Principal point (cx, cy) in pixels; the centre of the top left pixel is (0.5, 0.5).
+    pub fn principal_px(&self) -> (f64, f64) {
+        (self.cx, self.cy)
+    }
+
+    /// Frames a second, if given.
+    pub fn rate_hz(&self) -> Option<f64> {
+        self.rate_hz
+    }
+
+    /// The lens.
+    pub fn lens(&self) -> &Lens {
+        &self.lens
+    }
+
+    /// The unit direction through a pixel's centre in the optical frame (x right, y down, z forward): what the lens draws at
+    /// ((u + ½ − cx)/fx, (v + ½ − cy)/fy). Its z turns a range along the ray into planar depth. `None` where the lens draws
+    /// nothing.
+    pub fn optical_direction(&self, row: usize, column: usize) -> Option<DVec3> {
+        self.optical_direction_at(column as f64 + 0.5, row as f64 + 0.5)
+    }
+
+    /// The same for any place (u, v) of the image, in pixels from its top left corner.
+    pub fn optical_direction_at(&self, u: f64, v: f64) -> Option<DVec3> {
+        self.lens.unproject(DVec2::new((u - self.cx) / self.fx, (v - self.cy) / self.fy))
+    }
+
+    /// Where a direction in the optical frame is drawn, in pixels from the image's top left corner, be it in the image or
+    /// not. `None` where the lens doesn't reach.
+    pub fn project(&self, optical: DVec3) -> Option<(f64, f64)> {
+        let drawn = self.lens.project(optical)?;
+        Some((drawn.x * self.fx + self.cx, drawn.y * self.fy + self.cy))
+    }
+
+    /// The direction of [`Self::optical_direction`] in the camera's body frame (x forward, y left, z up).
+    pub fn direction(&self, row: usize, column: usize) -> Option<DVec3> {
+        Some(BODY_FROM_OPTICAL.direction(self.optical_direction(row, column)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn field_of_view_reaches_the_image_edges() {
+        let camera = Camera::from_hfov((640, 480), Angle::deg(90.0), None).unwrap();
+        assert!((camera.focal_px().0 - 320.0).abs() < 1e-12);
+        // The centre of the last column is half a pixel inside the edge, which lies at 45°.
+        let d = camera.optical_direction(240, 639).unwrap();
+        assert!((d.x / d.z - 319.5 / 320.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn pixels_go_right_and_down() {
+        let camera = Camera::new((5, 5), (3.0, 3.0), (2.5, 2.5), None).unwrap();
+        assert_eq!(camera.direction(2, 2).unwrap(), DVec3::X);
+        assert!(camera.direction(2, 0).unwrap().y > 0.0, "the left column looks left");
+        assert!(camera.direction(0, 2).unwrap().z > 0.0, "the top row looks up");
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused() {
+        let centre = (1.0, 1.0);
+        assert_eq!(Camera::new((0, 2), (1.0, 1.0), centre, None), Err(CameraError::NoPixels));
+        assert_eq!(Camera::new((2, 2), (0.0, 1.0), centre, None), Err(CameraError::FocalLength));
+        assert_eq!(Camera::new((2, 2), (1.0, 1.0), (f64::NAN, 1.0), None), Err(CameraError::PrincipalPoint));
+        assert_eq!(Camera::new((2, 2), (1.0, 1.0), centre, Some(0.0)), Err(CameraError::Rate));
+        assert_eq!(Camera::from_hfov((2, 2), Angle::deg(180.0), None), Err(CameraError::FieldOfView));
+    }
+}

@@ -1,0 +1,177 @@
+//! Grids of azimuths and elevations: mirrors that scan line by line, flashes, spherical images.
+
+use glam::DVec3;
+
+use super::Pulse;
+use crate::angle::Angle;
+
+/// A grid: a row an elevation, a column an azimuth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Raster {
+    /// Sine and cosine of each column's azimuth.
+    azimuths: Vec<(f64, f64)>,
+    /// Sine and cosine of each row's elevation.
+    elevations: Vec<(f64, f64)>,
+    order: Order,
+    pulse_rate_hz: f64,
+    rate_hz: Option<f64>,
+}
+
+/// In which order the pulses of a grid go out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// All at once, as a flash's.
+    Flash,
+    /// Row by row, each from the first column.
+    Lines,
+    /// Row by row, the second from the last column, and so on in turns.
+    BackAndForth,
+}
+
+/// Why a grid can't be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RasterError {
+    /// No rows or no columns.
+    #[error("a grid needs at least one azimuth and one elevation")]
+    Empty,
+    /// An angle that is not finite, or an elevation past straight up or down.
+    #[error("azimuths are finite, and elevations lie within ±90 degrees")]
+    Angle,
+    /// A rate is not a positive number.
+    #[error("rates must be positive")]
+    Rate,
+}
+
+impl Raster {
+    /// A grid of `azimuths` (columns, left first) and `elevations` (rows, top first). `pulse_rate_hz` says how fast pulses
+    /// follow each other; a flash has no use for it.
+    pub fn new(
+        azimuths: &[Angle],
+        elevations: &[Angle],
+        order: Order,
+        pulse_rate_hz: f64,
+        rate_hz: Option<f64>,
+    ) -> Result<Self, RasterError> {
+        if azimuths.is_empty() || elevations.is_empty() {
+            return Err(RasterError::Empty);
+        }
+        let limit = std::f64::consts::FRAC_PI_2 * (1.0 + 1e-15);
+        let steep = |e: &Angle| e.radians().is_nan() || e.radians().abs() > limit;
+        if azimuths.iter().any(|a| !a.radians().is_finite()) || elevations.iter().any(steep) {
+            return Err(RasterError::Angle);
+        }
+        let is_rate = |rate: f64| rate > 0.0 && rate.is_finite();
+        if (order != Order::Flash && !is_rate(pulse_rate_hz)) || rate_hz.is_some_and(|r| !is_rate(r)) {
+            return Err(RasterError::Rate);
+        }
+        let sin_cos = |angles: &[Angle]| angles.iter().map(|a| a.sin_cos()).collect();
+        Ok(Self {
+            azimuths: sin_cos(azimuths),
+            elevations: sin_cos(elevations),
+            order,
+            pulse_rate_hz,
+            rate_hz,
+        })
+    }
+
+    /// An equirectangular image of (columns, rows) pixels that spans `hfov` by `vfov` about straight ahead: pixels have the
+    /// same angle each way, and the centre of the one in column u has the azimuth hfov/2 − (u + ½)·hfov/columns.
+    pub fn equirectangular(
+        (columns, rows): (usize, usize),
+        (hfov, vfov): (Angle, Angle),
+        rate_hz: Option<f64>,
+    ) -> Result<Self, RasterError> {
+        let centres = |count: usize, span: Angle| -> Vec<Angle> {
+            let pixel = span.radians() / count as f64;
+            (0..count).map(|i| Angle::rad(span.radians() / 2.0 - (i as f64 + 0.5) * pixel)).collect()
+        };
+        Self::new(&centres(columns, hfov), &centres(rows, vfov), Order::Flash, f64::INFINITY, rate_hz)
+    }
+
+    /// Rows: elevations.
+    pub fn rows(&self) -> usize {
+        self.elevations.len()
+    }
+
+    /// Columns: azimuths.
+    pub fn columns(&self) -> usize {
+        self.azimuths.len()
+    }
+
+    /// Frames a second, if given.
+    pub fn rate_hz(&self) -> Option<f64> {
+        self.rate_hz
+    }
+
+    /// The time of the last pulse, in seconds from the first.
+    pub fn last_pulse_s(&self) -> f64 {
+        self.time_s(self.rows() * self.columns() - 1)
+    }
+
+    fn time_s(&self, index: usize) -> f64 {
+        if self.order == Order::Flash { 0.0 } else { index as f64 / self.pulse_rate_hz }
+    }
+
+    /// The pulse of a pixel.
+    pub fn pulse(&self, row: usize, column: usize) -> Pulse {
+        let columns = self.columns();
+        let in_line =
+            if self.order == Order::BackAndForth && row % 2 == 1 { columns - 1 - column } else { column };
+        let ((sin_az, cos_az), (sin_el, cos_el)) = (self.azimuths[column], self.elevations[row]);
+        Pulse {
+            origin: DVec3::ZERO,
+            direction: DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el),
+            time_s: self.time_s(row * columns + in_line),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::azimuth_elevation;
+
+    fn grid(order: Order) -> Raster {
+        let degrees = |list: &[f64]| list.iter().map(|&d| Angle::deg(d)).collect::<Vec<_>>();
+        Raster::new(&degrees(&[10.0, 0.0, -10.0]), &degrees(&[5.0, -5.0]), order, 1e3, Some(10.0)).unwrap()
+    }
+
+    #[test]
+    fn pulses_go_out_in_their_order() {
+        let times = |order| -> Vec<f64> {
+            let p = grid(order);
+            (0..6).map(|i| (p.pulse(i / 3, i % 3).time_s * 1e3).round()).collect()
+        };
+        assert_eq!(times(Order::Flash), [0.0; 6]);
+        assert_eq!(times(Order::Lines), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert_eq!(times(Order::BackAndForth), [0.0, 1.0, 2.0, 5.0, 4.0, 3.0]);
+        assert_eq!(grid(Order::Lines).last_pulse_s(), 5e-3);
+        let (az, el) = azimuth_elevation(grid(Order::Lines).pulse(1, 0).direction);
+        assert!((az.degrees() - 10.0).abs() < 1e-12 && (el.degrees() + 5.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_sphere_has_pixels_of_equal_angle_and_none_twice() {
+        let whole = (Angle::deg(360.0), Angle::deg(180.0));
+        let sphere = Raster::equirectangular((8, 4), whole, None).unwrap();
+        let at = |row, column| {
+            let (az, el) = azimuth_elevation(sphere.pulse(row, column).direction);
+            (az.degrees(), el.degrees())
+        };
+        let near = |(a, b): (f64, f64), (c, d): (f64, f64)| (a - c).abs() < 1e-12 && (b - d).abs() < 1e-12;
+        assert!(near(at(0, 0), (157.5, 67.5)), "{:?}", at(0, 0));
+        assert!(near(at(3, 7), (-157.5, -67.5)));
+        assert!(near(at(1, 3), (22.5, 22.5)));
+        assert_eq!(sphere.last_pulse_s(), 0.0);
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused() {
+        let zero = [Angle::default()];
+        let new = |a: &[Angle], e: &[Angle], rate| Raster::new(a, e, Order::Lines, rate, None).unwrap_err();
+        assert_eq!(new(&[], &zero, 1.0), RasterError::Empty);
+        assert_eq!(new(&zero, &[Angle::deg(91.0)], 1.0), RasterError::Angle);
+        assert_eq!(new(&zero, &zero, 0.0), RasterError::Rate);
+    }
+}

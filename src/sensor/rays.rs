@@ -1,0 +1,90 @@
+//! Rays from a table: any pattern that someone measured.
+
+use std::sync::Arc;
+
+use super::Pulse;
+
+/// Rays in their order, each frame the same.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RayTable {
+    pulses: Arc<[Pulse]>,
+    rate_hz: Option<f64>,
+    last_pulse_s: f64,
+}
+
+/// Why a table of rays can't be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RayTableError {
+    /// No rays.
+    #[error("a table needs at least one ray")]
+    Empty,
+    /// A ray has a number that is not finite, a direction of no length or a time before the frame's start.
+    #[error("ray {0}: numbers are finite, a direction has a length, and times are 0 or more")]
+    Ray(usize),
+    /// The rate is not a positive number.
+    #[error("the rate must be positive")]
+    Rate,
+}
+
+impl RayTable {
+    /// A table of pulses, whose directions are made unit length here.
+    pub fn new(mut pulses: Vec<Pulse>, rate_hz: Option<f64>) -> Result<Self, RayTableError> {
+        if pulses.is_empty() {
+            return Err(RayTableError::Empty);
+        }
+        if rate_hz.is_some_and(|rate| !(rate > 0.0 && rate.is_finite())) {
+            return Err(RayTableError::Rate);
+        }
+        let mut last_pulse_s = 0.0_f64;
+        for (index, pulse) in pulses.iter_mut().enumerate() {
+            let direction = pulse.direction.try_normalize();
+            let fine = pulse.origin.is_finite() && pulse.time_s.is_finite() && pulse.time_s >= 0.0;
+            pulse.direction = direction.filter(|_| fine).ok_or(RayTableError::Ray(index))?;
+            last_pulse_s = last_pulse_s.max(pulse.time_s);
+        }
+        Ok(Self { pulses: pulses.into(), rate_hz, last_pulse_s })
+    }
+
+    /// Number of rays.
+    #[expect(clippy::len_without_is_empty, reason = "there is at least one")]
+    pub fn len(&self) -> usize {
+        self.pulses.len()
+    }
+
+    /// Frames a second, if given.
+    pub fn rate_hz(&self) -> Option<f64> {
+        self.rate_hz
+    }
+
+    /// The largest time of a ray, in seconds from the frame's start.
+    pub fn last_pulse_s(&self) -> f64 {
+        self.last_pulse_s
+    }
+
+    /// The pulse number `index`.
+    pub fn pulse(&self, index: usize) -> Pulse {
+        self.pulses[index]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn directions_are_made_unit_length_and_what_has_none_is_refused() {
+        let pulse = |direction, time_s| Pulse { origin: DVec3::X, direction, time_s };
+        let table =
+            RayTable::new(vec![pulse(DVec3::Y * 3.0, 0.5), pulse(DVec3::X, 0.25)], Some(2.0)).unwrap();
+        assert_eq!((table.len(), table.last_pulse_s(), table.rate_hz()), (2, 0.5, Some(2.0)));
+        assert_eq!(table.pulse(0), pulse(DVec3::Y, 0.5));
+        let new = |list| RayTable::new(list, None).unwrap_err();
+        assert_eq!(new(vec![]), RayTableError::Empty);
+        assert_eq!(new(vec![pulse(DVec3::X, 0.0), pulse(DVec3::ZERO, 0.0)]), RayTableError::Ray(1));
+        assert_eq!(new(vec![pulse(DVec3::X, -1.0)]), RayTableError::Ray(0));
+        assert_eq!(new(vec![pulse(DVec3::NAN, 0.0)]), RayTableError::Ray(0));
+    }
+}

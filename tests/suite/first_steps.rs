@@ -1,0 +1,165 @@
+//! The commands around a job, as someone meets them who has a scene and a sensor and begins in an empty folder: init,
+//! import, info, schema, completions, man.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Runs beamcast in a folder.
+fn beamcast(folder: &Path, args: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
+    command.args(args).current_dir(folder).stdin(Stdio::null()).output().unwrap()
+}
+
+fn ok(folder: &Path, args: &[&str]) -> String {
+    let output = beamcast(folder, args);
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The exit code and what is said of a command that fails.
+fn fails(folder: &Path, args: &[&str]) -> (i32, String) {
+    let output = beamcast(folder, args);
+    assert!(output.stdout.is_empty(), "{args:?}: {}", String::from_utf8_lossy(&output.stdout));
+    (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+}
+
+fn project(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+/// An empty folder but for a scene.
+fn folder() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::copy(project("scenes/room.glb"), folder.path().join("my room.glb")).unwrap();
+    folder
+}
+
+#[test]
+fn a_calibration_becomes_a_sensor_a_job_and_a_frame() {
+    let tmp = folder();
+    let here = tmp.path();
+    let calibration = project("tests/import/velodyne.yaml");
+    let calibration = calibration.to_str().unwrap();
+    ok(here, &["import", calibration, "-o", "sensors/unit.toml"]);
+    let sensor = fs::read_to_string(here.join("sensors/unit.toml")).unwrap();
+    assert!(sensor.starts_with("#:schema "), "{sensor}");
+    assert_eq!(sensor, ok(here, &["import", calibration]), "stdout is the same file");
+
+    let (code, said) = fails(here, &["import", calibration, "-o", "sensors/unit.toml"]);
+    assert!(code == 4 && said.contains("is there already (--overwrite replaces it)"), "{code}: {said}");
+    ok(here, &["import", calibration, "-o", "sensors/unit.toml", "--overwrite"]);
+
+    // The job is in a folder of its own: paths are as seen from there.
+    ok(here, &["init", "--preset", "sensors/unit.toml", "--scene", "my room.glb", "-o", "jobs/first.toml"]);
+    let job = fs::read_to_string(here.join("jobs/first.toml")).unwrap();
+    assert!(job.contains("scene = \"../my room.glb\"\n"), "{job}");
+    assert!(job.contains("preset = \"../sensors/unit.toml\"\n"), "{job}");
+    let lint = beamcast(here, &["lint", "jobs/first.toml"]);
+    assert!(lint.status.success() && lint.stderr.is_empty(), "{}", String::from_utf8_lossy(&lint.stderr));
+    ok(here, &["scan", "jobs/first.toml", "-q"]);
+    let (code, said) = fails(here, &["init", "-o", "jobs/first.toml"]);
+    assert!(code == 4 && said.contains("is there already"), "{code}: {said}");
+
+    // What came of it.
+    let scan: Value = serde_json::from_str(&ok(here, &["info", "--json", "jobs/out"])).unwrap();
+    assert_eq!((&scan["kind"], &scan["sensors"][0]), (&"scan".into(), &"sensor".into()));
+    let image: Value =
+        serde_json::from_str(&ok(here, &["info", "--json", "jobs/out/sensor/000000.exr"])).unwrap();
+    assert_eq!((&image["parts"][0]["rows"], &image["parts"][0]["columns"]), (&4.into(), &1800.into()));
+    let cloud = ok(here, &["info", "jobs/out/sensor/000000.ply"]);
+    assert!(
+        cloud.contains("000000.ply: PLY\n") && cloud.contains("    ring          int    0 to 3\n"),
+        "{cloud}"
+    );
+}
+
+#[test]
+fn lint_explains_a_job_that_has_its_scene_to_come() {
+    let tmp = folder();
+    let here = tmp.path();
+    let calibration = project("tests/import/robosense.csv");
+    ok(here, &["import", calibration.to_str().unwrap(), "-o", "sensor.toml"]);
+    let said = String::from_utf8(beamcast(here, &["init", "--preset", "sensor.toml"]).stderr).unwrap();
+    assert!(said.contains("wrote job.toml") && said.contains("there is no scene scene.glb yet"), "{said}");
+    let (code, said) = fails(here, &["scan", "job.toml"]);
+    assert!(code == 3 && said.contains("scene.glb: there is no such file"), "{code}: {said}");
+}
+
+#[test]
+fn an_empty_folder_a_scene_and_a_built_in_sensor_are_enough() {
+    let tmp = folder();
+    let here = tmp.path();
+    ok(here, &["init", "--scene", "my room.glb"]);
+    let lint = beamcast(here, &["lint", "job.toml"]);
+    assert!(lint.status.success() && lint.stderr.is_empty(), "{}", String::from_utf8_lossy(&lint.stderr));
+    ok(here, &["scan", "job.toml", "-q"]);
+    assert!(ok(here, &["info", "out"]).contains("sensors       sensor\n"));
+}
+
+#[test]
+fn info_of_jobs_sensors_and_scenes() {
+    let here = &project("");
+    let facts = |path: &str| serde_json::from_str::<Value>(&ok(here, &["info", "--json", path])).unwrap();
+    let scene = facts("scenes/room.glb");
+    assert_eq!(
+        (&scene["kind"], &scene["scene"]["centre_m"]),
+        (&"scene".into(), &serde_json::json!([0.0, 0.0, 1.5]))
+    );
+    let job = facts("configs/street_rig.toml");
+    let names: Vec<_> = job["sensors"].as_array().unwrap().iter().map(|s| &s["name"]).collect();
+    assert_eq!(job["kind"], "job");
+    assert_eq!(names, ["roof", "front_left", "windscreen"]);
+    let sensor = ok(here, &["info", "configs/sensors/depth_camera.toml"]);
+    assert!(sensor.contains("480 rows × 640 columns"), "{sensor}");
+}
+
+#[test]
+fn files_that_are_no_such_files_are_inputs_that_are_wrong() {
+    let tmp = folder();
+    let here = tmp.path();
+    let write = |name: &str, content: &[u8]| fs::write(here.join(name), content).unwrap();
+    write("cut.exr", &[0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0, b'c']);
+    write(
+        "cut.ply",
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty double x\nend_header\n",
+    );
+    write("notes.txt", b"hello");
+    write("manifest.json", b"{\"outputs\": [{\"path\": \"../../secret\"}]}");
+    write("broken.glb", b"glTF");
+    for name in ["cut.exr", "cut.ply", "notes.txt", "manifest.json", "broken.glb", "missing.exr", "."] {
+        let (code, said) = fails(here, &["info", name]);
+        assert!(code == 3 && said.starts_with("error: "), "{name}: {code}: {said}");
+    }
+    write("latin1.csv", b"Channel,Elevation,Azimuth\n1,2,\xb0\n");
+    for (args, problem) in [
+        (vec!["import", "notes.txt"], "this is no calibration that is known"),
+        (vec!["import", "missing.json"], "there is no such file"),
+        (vec!["import", "."], "is not a file"),
+        (vec!["import", "latin1.csv"], "byte 0xb0 in line 2"),
+    ] {
+        let (code, said) = fails(here, &args);
+        assert!(code == 3 && said.contains(problem), "{args:?}: {code}: {said}");
+    }
+    let (code, said) = fails(here, &["import", "notes.txt", "--as", "hesai"]);
+    assert!(code == 2 && said.contains("--> notes.txt:1:1"), "{code}: {said}");
+}
+
+#[test]
+fn editors_shells_and_man_are_told() {
+    let here = &project("");
+    for of in ["job", "sensor"] {
+        let schema: Value = serde_json::from_str(&ok(here, &["schema", of])).unwrap();
+        assert_eq!(schema["$schema"], "http://json-schema.org/draft-07/schema#");
+    }
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = ok(here, &["completions", shell]);
+        assert!(script.contains("overwrite") && script.contains("import"), "{shell}");
+    }
+    let page = ok(here, &["man"]);
+    assert!(page.contains(".TH beamcast 1"), "{page}");
+    assert!(page.contains(".SH \"BEAMCAST SCAN\"") && page.contains("overwrite"), "{page}");
+}
