@@ -29,6 +29,9 @@ pub(super) enum Value {
     Table(Vec<(String, Range<usize>, Node)>),
 }
 
+/// A mapping's key whose value is still to come, and where it is written.
+type PendingKey = Option<(String, Range<usize>)>;
+
 /// Reads the report's text. `None` if it's neither YAML nor JSON; the report says why.
 pub(super) fn parse(report: &Report) -> Option<Node> {
     let text = readable(report.text());
@@ -43,7 +46,7 @@ pub(super) fn parse(report: &Report) -> Option<Node> {
 
     let mut parser = Parser::new_from_str(&text);
     // Lists and tables that are open, each with its start and, of a table, the key that waits for its value.
-    let mut open: Vec<(Node, Option<(String, Range<usize>)>)> = Vec::new();
+    let mut open: Vec<(Node, PendingKey)> = Vec::new();
     let mut nodes = 0;
     loop {
         let (event, span) = match parser.next_event() {
