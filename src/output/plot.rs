@@ -69,11 +69,11 @@ pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
         .map_err(|e| EncodeError(format!("it can't be made a PNG: {e}")))
 }
 
-/// Round degrees in a range, at least 60 pixels apart.
+/// Round degrees in a range, at least 40 pixels apart.
 fn ticks((low, high): (f64, f64), scale: f64) -> Vec<f64> {
-    const STEPS: [f64; 14] =
-        [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0];
-    let step = STEPS.into_iter().find(|step| step * scale >= 60.0).unwrap_or(45.0);
+    const STEPS: [f64; 15] =
+        [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0];
+    let step = STEPS.into_iter().find(|step| step * scale >= 40.0).unwrap_or(45.0);
     let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
     (first..=last).map(|i| i as f64 * step).collect()
 }
@@ -189,7 +189,7 @@ mod tests {
 
     #[test]
     fn ticks_are_round() {
-        assert_eq!(ticks((-12.0, 31.0), 10.0), [-10.0, 0.0, 10.0, 20.0, 30.0]);
+        assert_eq!(ticks((-12.0, 31.0), 5.0), [-10.0, 0.0, 10.0, 20.0, 30.0]);
         assert_eq!([-0.0, 0.1 * 3.0, -45.0].map(label), ["0", "0.3", "-45"]);
     }
 }

@@ -14,7 +14,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("scene", &["error", "frame"]),
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
-    ("output", &["error", "frame", "scan", "scene", "sensor"]),
+    ("output", &["angle", "error", "frame", "scan", "scene", "sensor"]),
     ("check", &["angle", "output", "scan", "scene", "sensor"]),
     ("config", &["angle", "check", "error", "frame", "output", "sensor", "trace"]),
     ("import", &["config", "error"]),

@@ -12,6 +12,7 @@ mod layering;
 mod mistakes;
 mod open3d;
 mod outputs;
+mod patterns;
 mod scenes;
 mod shapes;
 mod trace;

@@ -72,7 +72,30 @@ pub(super) fn sensor(
         .collect();
     let [Some(pattern)] = <[Option<Pattern>; 1]>::try_from(patterns).ok()? else { return None };
     check_range_offset(report, table, &pattern, range)?;
+    warn_of_ambiguity(report, table, &pattern, range);
     Some(Sensor { pattern, range, ring: ring.unwrap_or_default() })
+}
+
+/// Warns of a sensor that sees farther than light goes and comes back from one pulse to the beam's next.
+fn warn_of_ambiguity(report: &Report, table: &Section<'_>, pattern: &Pattern, range: RangeLimits) {
+    const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
+    let period_s = match pattern {
+        Pattern::Rotating(p) => p.column_s(),
+        Pattern::Mirror(_) | Pattern::Risley(_) if pattern.columns() > 1 => {
+            pattern.last_pulse_s() / (pattern.columns() - 1) as f64
+        }
+        _ => return,
+    };
+    let unambiguous = SPEED_OF_LIGHT_M_S * period_s / 2.0;
+    if period_s > 0.0 && range.max_m.is_finite() && range.max_m > unambiguous {
+        let place = table.get("range").map_or(table.place, |node| node.place);
+        let message = format!(
+            "the sensor sees {} m far, and a beam pulses every {:.3} µs: the unambiguous range is {unambiguous:.1} m",
+            range.max_m,
+            period_s * 1e6
+        );
+        report.warning(place, message, "farther than light comes back from in time", None);
+    }
 }
 
 /// A range that begins before the beam's origin must not end there: the beam is not cast inside the sensor.
@@ -84,7 +107,7 @@ fn check_range_offset(
 ) -> Option<()> {
     let Pattern::Rotating(rotating) = pattern else { return Some(()) };
     let offset = rotating.range_offset_m();
-    if range.min_m >= offset {
+    if offset == 0.0 || range.min_m >= offset {
         return Some(());
     }
     let place = table.get("range").or(table.get("rotating")).map_or(table.place, |node| node.place);

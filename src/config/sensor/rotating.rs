@@ -79,6 +79,7 @@ pub(super) fn pattern(report: &Report, s: &Section<'_>) -> Option<Rotating> {
             if let Some(times) = &times {
                 warn_of_late_beams(report, times, &pattern);
             }
+            warn_of_aliases(report, &elevations, &pattern);
             Some(pattern)
         }
         Err(error) => {
@@ -223,6 +224,32 @@ fn warn_of_twins(report: &Report, elevations: &At<Vec<At<f64>>>, beams: &[Beam])
             n => format!("and {} more such pairs", n - 1),
         };
         report.warning(elevations.value[first[1]].place, message, label, None);
+    }
+}
+
+/// Warns of beams of one elevation whose azimuths are a whole number of columns apart: round a full turn they see the same
+/// points, one after the other.
+fn warn_of_aliases(report: &Report, elevations: &At<Vec<At<f64>>>, pattern: &Rotating) {
+    if !pattern.is_full_turn() {
+        return;
+    }
+    let step = pattern.azimuth_step().radians();
+    let columns_apart = |a: &Beam, b: &Beam| (a.azimuth_offset - b.azimuth_offset).radians() / step;
+    // Beams of the same elevation are neighbours: rows are sorted by it.
+    let alias = pattern.beams().windows(2).find(|pair| {
+        let apart = columns_apart(&pair[0], &pair[1]);
+        let is_whole = apart.abs() > 0.5 && (apart - apart.round()).abs() < 1e-6;
+        pair[0].elevation == pair[1].elevation && is_whole
+    });
+    if let Some([a, b]) = alias {
+        let columns = columns_apart(a, b).round().abs();
+        let message = format!(
+            "beams {} and {} (counted from 0) have one elevation and azimuths {columns} columns apart",
+            a.file_index, b.file_index
+        );
+        let help = "another number of columns, or offsets between the columns, would see other points";
+        let place = elevations.value[b.file_index].place;
+        report.warning(place, message, "round the turn they see the same points", Some(help.into()));
     }
 }
 

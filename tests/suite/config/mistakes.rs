@@ -214,7 +214,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "preset = \"sensor.toml\"",
         "",
-        "job.toml:5:1: the sensor has no pattern | needs one | add `[rotating]`, `[pinhole]` or, in a job, a `preset` that has one of them",
+        "job.toml:5:1: the sensor has no pattern | needs one | add `[rotating]`, `[pinhole]` or another pattern or, in a job, a `preset` that has one",
     ),
     // Names and files.
     (
@@ -250,7 +250,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "\"sensor.toml\"",
         "\".\"",
-        "job.toml:7:10: the sensor file `.` can't be used | this is a folder, not a file | ",
+        "job.toml:7:10: there is no built-in sensor `.` | expected its name, or a path that ends in `.toml` | a sensor file's name ends in `.toml`",
     ),
     // Syntax.
     (
