@@ -178,7 +178,8 @@ mod tests {
         assert_eq!((p.columns(), p.last_pulse_s()), (1000, 0.0999));
         for column in 0..1000 {
             let (az, el) = azimuth_elevation(p.pulse(0, column, 0.4).direction);
-            assert!(((az.degrees() / 20.0).powi(2) + (el.degrees() / 10.0).powi(2) - 1.0).abs() < 1e-12);
+            let (x, y) = (az.degrees() / 20.0, el.degrees() / 10.0);
+            assert!((x * x + y * y - 1.0).abs() < 1e-12);
             let (az2, el2) = azimuth_elevation(p.pulse(1, column, 0.4).direction);
             assert!((az2 - az).degrees() - 1.0 < 1e-12 && (el2 - el).degrees() - 2.0 < 1e-12);
         }
