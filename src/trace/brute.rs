@@ -16,54 +16,47 @@ pub struct BruteForce<'s>(
 
 impl Cast for BruteForce<'_> {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        assert_eq!(rays.directions.len(), hits.len());
-        for (run, origin) in rays.runs() {
-            let directions = &rays.directions[run.clone()];
-            self.cast_run(origin - self.0.centre, directions, (rays.t_min, rays.t_max), &mut hits[run]);
-        }
-    }
-}
-
-impl BruteForce<'_> {
-    /// Rays of one origin, which is counted from the scene's centre.
-    fn cast_run(
-        &self,
-        origin: DVec3,
-        directions: &[DVec3],
-        (t_min, t_max): (f64, f64),
-        hits: &mut [Option<Hit>],
-    ) {
+        rays.check(hits.len());
         let scene = self.0;
+        let all: Vec<LocalRay> = rays
+            .directions
+            .iter()
+            .enumerate()
+            .map(|(ray, &direction)| LocalRay { origin: rays.origin(ray) - scene.centre, direction })
+            .collect();
         let mut nearest: Vec<Option<Candidate>> = vec![None; hits.len()];
         for (index, placement) in scene.placements.iter().enumerate() {
-            let carried = |direction| LocalRay { origin, direction }.carried(placement);
-            let local_origin = carried(DVec3::ZERO).origin; // wherever the ray goes
-            let local: Vec<_> = directions
+            let local: Vec<_> = all
                 .iter()
-                .map(|&d| carried(d).direction)
-                .map(|direction| (direction, direction.try_normalize().unwrap_or(DVec3::NAN)))
+                .map(|ray| ray.carried(placement))
+                .map(|ray| (ray, ray.direction.try_normalize().unwrap_or(DVec3::NAN)))
                 .collect();
+            let farthest = local.iter().map(|(ray, _)| ray.origin.abs().max_element()).fold(0.0, f64::max);
             let mesh = &scene.meshes[placement.mesh as usize];
             for triangle in 0..mesh.triangles.len() as u32 {
-                let corners = Corners::of(mesh, triangle, local_origin);
-                let sphere = Sphere::around(&corners);
-                for (&(direction, unit), best) in local.iter().zip(&mut nearest) {
-                    if sphere.is_clear_of(unit) || !corners.passes(direction) {
+                let sphere = Sphere::around(&Corners::of(mesh, triangle, DVec3::ZERO), farthest);
+                for (&(ray, unit), best) in local.iter().zip(&mut nearest) {
+                    if sphere.is_clear_of(ray.origin, unit) {
                         continue;
                     }
-                    let t = corners.depth(direction);
+                    let corners = Corners::of(mesh, triangle, ray.origin);
+                    if !corners.passes(ray.direction) {
+                        continue;
+                    }
+                    let t = corners.depth(ray.direction);
                     let found = Candidate { t, placement: index as u32, triangle };
-                    if (t_min..=t_max).contains(&t) && best.is_none_or(|known| found.beats(&known)) {
+                    if (rays.t_min..=rays.t_max).contains(&t) && best.is_none_or(|known| found.beats(&known))
+                    {
                         *best = Some(found);
                     }
                 }
             }
         }
-        for ((&direction, best), hit) in directions.iter().zip(nearest).zip(hits) {
+        for ((ray, best), hit) in all.into_iter().zip(nearest).zip(hits) {
             *hit = best.map(|found| {
                 let placement = &scene.placements[found.placement as usize];
                 let mesh = &scene.meshes[placement.mesh as usize];
-                let local = LocalRay { origin, direction }.carried(placement);
+                let local = ray.carried(placement);
                 found.finish(&Corners::of(mesh, found.triangle, local.origin), local.direction, placement)
             });
         }
@@ -73,23 +66,25 @@ impl BruteForce<'_> {
 /// A sphere around a triangle: a line that keeps clear of it needs no exact answer.
 struct Sphere {
     middle: DVec3,
-    /// |middle|² − radius², with room for rounding: a millionfold more than the few u·|middle|² that it takes.
-    tangent_squared: f64,
+    radius_squared: f64,
 }
 
 impl Sphere {
-    fn around(corners: &Corners) -> Self {
+    /// Large enough for rays from origins whose coordinates are at most `farthest`: a millionfold what rounding takes.
+    fn around(corners: &Corners, farthest: f64) -> Self {
         let Corners { a, b, c } = *corners;
         let middle = (a + b + c) / 3.0;
-        let radius_squared = [a, b, c].map(|p| (p - middle).length_squared()).into_iter().fold(0.0, f64::max);
-        let tangent_squared = middle.length_squared() * (1.0 - 1e-9) - radius_squared * (1.0 + 1e-9);
-        Self { middle, tangent_squared }
+        let radius = [a, b, c].map(|p| (p - middle).length()).into_iter().fold(0.0, f64::max);
+        let radius = radius * (1.0 + 1e-9) + (middle.abs().max_element() + farthest) * 1e-10;
+        Self { middle, radius_squared: radius * radius }
     }
 
-    /// Whether the line from the origin along the unit vector d passes the middle m farther than the radius: at
+    /// Whether the line along the unit vector d passes the middle m, seen from the origin, farther than the radius: at
     /// √(|m|² − (m·d)²). Never of a vector that is NaN.
-    fn is_clear_of(&self, unit: DVec3) -> bool {
-        let along = self.middle.dot(unit);
-        along * along < self.tangent_squared
+    fn is_clear_of(&self, origin: DVec3, unit: DVec3) -> bool {
+        let middle = self.middle - origin;
+        let along = middle.dot(unit);
+        // Of the difference of squares 10⁻⁹ is more than rounding takes.
+        along * along < middle.length_squared() * (1.0 - 1e-9) - self.radius_squared
     }
 }

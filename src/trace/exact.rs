@@ -7,7 +7,7 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::Hit;
+use super::{Hit, Origins};
 use crate::scene::{Mesh, Placement};
 
 /// A number or several side by side, with the operations of IEEE 754 f64, whose results are fixed to the bit. The
@@ -223,21 +223,29 @@ fn linear(map: &DAffine3, v: DVec3) -> DVec3 {
     (m.x_axis * v.x + m.y_axis * v.y) + m.z_axis * v.z
 }
 
-/// Carries rays of one origin as [`LocalRay::carried`] does: the directions go to `carried`, the origin comes back.
-pub(super) fn carry(
+/// Carries rays as [`LocalRay::carried`] does: the directions go to `carried`, the origins come back; `room` is for them.
+pub(super) fn carry<'o>(
     placement: &Placement,
-    origin: DVec3,
+    origins: Origins<'o>,
     directions: &[DVec3],
     carried: &mut Vec<DVec3>,
-) -> DVec3 {
+    room: &'o mut Vec<DVec3>,
+) -> Origins<'o> {
     let map = &placement.mesh_from_scene;
     carried.clear();
     if *map == DAffine3::IDENTITY {
         carried.extend_from_slice(directions);
-        return origin;
+        return origins;
     }
     carried.extend(directions.iter().map(|&d| linear(map, d)));
-    linear(map, origin) + map.translation
+    match origins {
+        Origins::Common(origin) => Origins::Common(linear(map, origin) + map.translation),
+        Origins::Each(all) => {
+            room.clear();
+            room.extend(all.iter().map(|&origin| linear(map, origin) + map.translation));
+            Origins::Each(room)
+        }
+    }
 }
 
 /// A triangle's corners relative to a ray's origin, each rounded once. All triangles that share a vertex get the same

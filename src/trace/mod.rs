@@ -10,9 +10,11 @@
 mod bounds;
 mod brute;
 pub mod exact;
+mod finish;
 pub mod kernel;
 mod lanes;
 mod packet;
+mod single;
 mod tracer;
 mod wide;
 
@@ -51,6 +53,15 @@ impl Rays<'_> {
         match self.origins {
             Origins::Common(origin) => origin,
             Origins::Each(origins) => origins[ray],
+        }
+    }
+
+    /// # Panics
+    /// If there are not as many directions, and origins, as results.
+    fn check(&self, results: usize) {
+        assert_eq!(self.directions.len(), results);
+        if let Origins::Each(origins) = self.origins {
+            assert_eq!(origins.len(), results);
         }
     }
 
@@ -97,4 +108,17 @@ pub trait Cast: Sync {
     /// # Panics
     /// If the lengths differ, those of each ray's origin included.
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]);
+
+    /// Writes whether each ray hits anything within the limits: for shadows and lines of sight. With directions that reach
+    /// from one point to another, `t_max` of 1 is the other point.
+    ///
+    /// # Panics
+    /// As [`Cast::cast`].
+    fn blocked(&self, rays: &Rays, blocked: &mut [bool]) {
+        let mut hits = vec![None; blocked.len()];
+        self.cast(rays, &mut hits);
+        for (blocked, hit) in blocked.iter_mut().zip(hits) {
+            *blocked = hit.is_some();
+        }
+    }
 }

@@ -1,11 +1,14 @@
 //! The tracer: a hierarchy of placements over a hierarchy a mesh, walked by packets.
 
+use std::ops::Range;
+
 use glam::{DAffine3, DVec3};
 
 use super::bounds::Bounds;
-use super::exact::{self, Candidate, Corners, Facet, LocalRay, Xyz};
-use super::lanes::{self, Doubles, Lanes, Portable, Work};
-use super::packet::{Nearest, RAYS, Tile, Visit};
+use super::exact::{self, Candidate, Corners, LocalRay};
+use super::lanes::{self, Lanes, Portable, Work};
+use super::packet::{Nearest, PerRay, RAYS, Tile, Visit};
+use super::single::{Single, Stack, Together};
 use super::wide::{self, Block, Child, Slot, Wide};
 use super::{Cast, Hit, Origins, Rays};
 use crate::scene::{Mesh, Placement, Scene};
@@ -21,6 +24,7 @@ pub struct Tracer<'s> {
     /// Over the placements; without nodes if all there is is mesh 0.
     pub(super) top: Wide,
     instructions: Instructions,
+    packets: bool,
 }
 
 /// How a [`Tracer`] computes. The hits are the same.
@@ -28,10 +32,10 @@ pub struct Tracer<'s> {
 pub enum Instructions {
     /// The best that the processor has.
     Best,
-    /// Packets in portable code.
+    /// Those of any processor.
     Portable,
-    /// One ray at a time, in f64.
-    SingleRays,
+    /// One ray, box and triangle at a time, in f64.
+    Scalar,
 }
 
 impl<'s> Tracer<'s> {
@@ -51,7 +55,7 @@ impl<'s> Tracer<'s> {
             })
             .collect();
         let top = if boxes.len() > 1 { wide::build_over(&boxes) } else { Wide::default() };
-        Self { scene, meshes, top, instructions: Instructions::Best }
+        Self { scene, meshes, top, instructions: Instructions::Best, packets: true }
     }
 
     /// The same with other instructions.
@@ -59,244 +63,252 @@ impl<'s> Tracer<'s> {
         Self { instructions, ..self }
     }
 
+    /// The same without packets: each ray by itself.
+    pub fn ray_by_ray(self) -> Self {
+        Self { packets: false, ..self }
+    }
+
     /// Bytes held beside the scene.
     pub fn bytes(&self) -> usize {
         self.top.bytes() + self.meshes.iter().map(Wide::bytes).sum::<usize>()
     }
 
-    /// The hits of a batch, by packets of any kind of lanes.
+    /// The hits of rays, by any kind of lanes: packet by packet.
     #[inline(always)]
-    fn cast_packets<S: Lanes>(&self, rays: &Batch, hits: &mut [Option<Hit>]) {
+    fn cast_all<S: Lanes>(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
         let mut room = Room::default();
-        let mut pending: Vec<(usize, usize)> = Vec::new();
-        for start in (0..rays.directions.len()).step_by(RAYS) {
-            pending.push((start, (start + RAYS).min(rays.directions.len())));
-            while let Some((from, to)) = pending.pop() {
-                let tile = Batch { directions: &rays.directions[from..to], ..*rays };
-                let hits = &mut hits[from..to];
-                if self.cast_tile::<S>(&tile, hits, &mut room) {
-                    continue;
-                }
-                if to - from == 1 {
-                    self.cast_singly(&tile, hits, &mut room);
+        let mut origins = Vec::new();
+        for start in (0..hits.len()).step_by(RAYS) {
+            let end = (start + RAYS).min(hits.len());
+            let batch = self.batch(rays, start..end, &mut origins);
+            self.cast_batch::<S>(&batch, &mut hits[start..end], &mut room);
+        }
+    }
+
+    /// Some of the rays, in the scene's space; `room` is for their origins.
+    #[inline(always)]
+    fn batch<'r>(&self, rays: &Rays<'r>, range: Range<usize>, room: &'r mut Vec<DVec3>) -> Batch<'r> {
+        let centre = self.scene.centre;
+        let origins = match rays.origins {
+            Origins::Common(origin) => Origins::Common(origin - centre),
+            Origins::Each(all) => {
+                let all = &all[range.clone()];
+                if all.iter().all(|o| *o == all[0]) {
+                    Origins::Common(all[0] - centre)
                 } else {
+                    room.clear();
+                    room.extend(all.iter().map(|&origin| origin - centre));
+                    Origins::Each(room)
+                }
+            }
+        };
+        Batch { origins, directions: &rays.directions[range], t_min: rays.t_min, t_max: rays.t_max }
+    }
+
+    /// The hits of up to [`RAYS`] rays.
+    #[inline(always)]
+    fn cast_batch<S: Lanes>(&self, batch: &Batch, hits: &mut [Option<Hit>], room: &mut Room) {
+        let mut pending = [(0, 0); 8];
+        pending[0] = (0, hits.len());
+        let mut count = 1;
+        while count > 0 {
+            count -= 1;
+            let (from, to) = pending[count];
+            let part = batch.part(from..to);
+            let mut nearest = Nearest::new(part.t_max);
+            // A packet takes as long as a few single rays; those that start apart and are no packet at once are seldom one
+            // in pieces.
+            let least = if matches!(part.origins, Origins::Common(_)) { 4 } else { RAYS / 4 };
+            let is_packet =
+                self.packets && to - from >= 4 && self.cast_packet::<S>(&part, &mut nearest, room);
+            if !is_packet {
+                if self.packets && to - from > least {
                     // No narrow pyramid; its halves may be.
                     let middle = from + (to - from) / 2;
-                    pending.extend([(middle, to), (from, middle)]);
+                    (pending[count], pending[count + 1]) = ((middle, to), (from, middle));
+                    count += 2;
+                    continue;
                 }
+                self.cast_singles::<S>(&part, false, &mut nearest, &mut room.single);
             }
+            self.finish_all::<S::Doubles>(&part, &nearest, &mut hits[from..to]);
         }
     }
 
-    /// The hits of up to [`RAYS`] rays; false if they are no narrow pyramid.
+    /// The nearest hits of up to [`RAYS`] rays; false if they are no narrow pyramid.
     #[inline(always)]
-    fn cast_tile<S: Lanes>(&self, tile: &Batch, hits: &mut [Option<Hit>], room: &mut Room) -> bool {
-        let mut nearest = Nearest::new(tile.t_max);
-        let limits = (tile.t_min, tile.t_max);
-        if self.top.nodes.is_empty() {
-            let Some(mut packet) =
-                Tile::new::<S>(&self.meshes[0], 0, tile.origin, tile.directions, limits, &nearest)
-            else {
-                return false;
-            };
-            packet.walk_mesh::<S>(&mut room.mesh);
-            packet.leave(&mut nearest, false);
-        } else {
-            let Some(mut top) = Tile::new::<S>(&self.top, 0, tile.origin, tile.directions, limits, &nearest)
-            else {
-                return false;
-            };
-            let Room { top: stack, mesh: mesh_stack, carried, single } = room;
-            top.enter_root::<S>(stack);
-            while let Some(leaf) = top.next_leaf::<S>(stack) {
-                let index = leaf.number;
-                let placement = &self.scene.placements[index as usize];
-                let origin = exact::carry(placement, tile.origin, tile.directions, carried);
-                let wide = &self.meshes[placement.mesh as usize];
-                if let Some(mut packet) = Tile::new::<S>(wide, index, origin, carried, limits, &nearest) {
-                    packet.walk_mesh::<S>(mesh_stack);
-                    packet.leave(&mut nearest, true);
-                } else {
-                    for (ray, &direction) in carried.iter().enumerate() {
-                        let mut best = nearest.get(ray);
-                        self.nearest_in(
-                            index,
-                            LocalRay { origin, direction },
-                            limits,
-                            &mut best,
-                            &mut single.mesh,
-                        );
-                        nearest.set(ray, best);
-                    }
-                }
-                top.update(&nearest);
-            }
+    fn cast_packet<S: Lanes>(&self, rays: &Batch, nearest: &mut Nearest, room: &mut Room) -> bool {
+        match rays.origins {
+            Origins::Common(_) => self.cast_tile::<S, false>(rays, nearest, room),
+            Origins::Each(_) => self.cast_tile::<S, true>(rays, nearest, room),
         }
-        let mut last = None;
-        for (four, hits) in hits.chunks_mut(4).enumerate() {
-            if !self.finish_alike::<S::Doubles>(tile, &nearest, four * 4, hits, &mut last) {
-                self.finish_four::<S::Doubles>(tile, &nearest, four * 4, hits);
-            }
-        }
-        true
     }
 
-    /// The whole hits of four rays from number `first` on that all hit the same triangle of placement 0; false if they don't.
-    /// `last` is the triangle of the previous ones.
     #[inline(always)]
-    fn finish_alike<D: Doubles>(
+    fn cast_tile<S: Lanes, const APART: bool>(
         &self,
-        tile: &Batch,
-        nearest: &Nearest,
-        first: usize,
-        hits: &mut [Option<Hit>],
-        last: &mut Option<Seen>,
+        rays: &Batch,
+        nearest: &mut Nearest,
+        room: &mut Room,
     ) -> bool {
-        let Some(slot) = nearest.all_in(first, 0) else { return false };
-        let (Ok(hits), Some(directions)) =
-            (<&mut [_; 4]>::try_from(hits), tile.directions.get(first..first + 4))
+        let limits = (rays.t_min, rays.t_max);
+        let Room {
+            top: stack,
+            mesh: mesh_stack,
+            carried,
+            carried_origins,
+            single,
+            rays: of_top,
+            rays_of_mesh,
+        } = room;
+        if self.top.nodes.is_empty() {
+            let wide = &self.meshes[0];
+            let Some(mut packet) = Tile::<APART>::new::<S>(
+                wide,
+                0,
+                rays.origins,
+                rays.directions,
+                limits,
+                nearest,
+                rays_of_mesh,
+            ) else {
+                return false;
+            };
+            packet.walk_mesh::<S>(mesh_stack);
+            packet.leave(nearest, false);
+            return true;
+        }
+        let Some(mut top) =
+            Tile::<APART>::new::<S>(&self.top, 0, rays.origins, rays.directions, limits, nearest, of_top)
         else {
             return false;
         };
-        let Seen { facet, normal, triangle, .. } = match last {
-            Some(seen) if seen.slot == slot => seen,
-            _ => {
-                let block = Block::at(&self.wide(0).blocks, slot.granule());
-                let facet =
-                    Facet::new(Corners::from_positions(block.positions(slot.lane()), tile.origin).xyz());
-                let Xyz(x, y, z) = facet.normal.normalized();
-                last.insert(Seen {
-                    slot,
-                    facet,
-                    normal: DVec3::new(x, y, z),
-                    triangle: block.id(slot.lane()),
-                })
+        top.enter_root::<S>(stack);
+        while let Some(leaf) = top.next_leaf::<S>(stack) {
+            let index = leaf.number;
+            let placement = &self.scene.placements[index as usize];
+            let origins = exact::carry(placement, rays.origins, rays.directions, carried, carried_origins);
+            let wide = &self.meshes[placement.mesh as usize];
+            if let Some(mut packet) =
+                Tile::<APART>::new::<S>(wide, index, origins, carried, limits, nearest, rays_of_mesh)
+            {
+                packet.walk_mesh::<S>(mesh_stack);
+                packet.leave(nearest, true);
+            } else {
+                for ray in 0..rays.directions.len() {
+                    let mut best = nearest.get(ray);
+                    self.single_in::<S>(index, rays.ray(ray), limits, false, &mut best, &mut single.mesh);
+                    nearest.set(ray, best);
+                }
             }
-        };
-        let (normal, triangle) = (*normal, *triangle);
-        let facet = Facet::<D>::splat(facet);
-        let d = Xyz(
-            D::load(&[directions[0].x, directions[1].x, directions[2].x, directions[3].x]),
-            D::load(&[directions[0].y, directions[1].y, directions[2].y, directions[3].y]),
-            D::load(&[directions[0].z, directions[1].z, directions[2].z, directions[3].z]),
-        );
-        let (t, within) = facet.plane_depth(d);
-        if within != 0b1111 {
-            return false;
-        }
-        let (u, v) = facet.weights(d);
-        let (mut ts, mut us, mut vs) = ([0.0; 4], [0.0; 4], [0.0; 4]);
-        t.store(&mut ts);
-        u.store(&mut us);
-        v.store(&mut vs);
-        for (k, hit) in hits.iter_mut().enumerate() {
-            *hit = Some(Hit { t: ts[k], u: us[k], v: vs[k], normal, placement: 0, triangle });
+            top.update(nearest);
         }
         true
     }
 
-    /// The whole hits of up to four rays from number `first` on: [`Candidate::finish`] and the depth, side by side.
+    /// The nearest hits of up to [`RAYS`] rays that are no packet, or with `any` a hit of each.
     #[inline(always)]
-    fn finish_four<D: Doubles>(
-        &self,
-        tile: &Batch,
-        nearest: &Nearest,
-        first: usize,
-        hits: &mut [Option<Hit>],
-    ) {
-        let mut origins = [[0.0; 4]; 3];
-        let mut directions = [[1.0; 4]; 3];
-        let mut positions = [[[1.0; 4]; 3]; 3];
-        let mut triangles = [0; 4];
-        let mut any = false;
-        for (k, hit) in hits.iter_mut().enumerate() {
-            *hit = None;
-            let Some(best) = nearest.get(first + k) else { continue };
-            any = true;
-            let mut ray = LocalRay { origin: tile.origin, direction: tile.directions[first + k] };
-            if best.placement != 0 {
-                ray = ray.carried(&self.scene.placements[best.placement as usize]);
+    fn cast_singles<S: Lanes>(&self, rays: &Batch, any: bool, nearest: &mut Nearest, room: &mut SingleRoom) {
+        let limits = (rays.t_min, rays.t_max);
+        if !self.top.nodes.is_empty() {
+            for ray in 0..rays.directions.len() {
+                let mut best = None;
+                self.cast_single::<S>(rays.ray(ray), limits, any, &mut best, room);
+                nearest.set(ray, best);
             }
-            let block = Block::at(&self.wide(best.placement).blocks, best.slot.granule());
-            triangles[k] = block.id(best.slot.lane());
-            let corners = block.positions(best.slot.lane());
-            for axis in 0..3 {
-                origins[axis][k] = ray.origin[axis];
-                directions[axis][k] = ray.direction[axis];
-                positions[0][axis][k] = f64::from(corners[0][axis]);
-                positions[1][axis][k] = f64::from(corners[1][axis]);
-                positions[2][axis][k] = f64::from(corners[2][axis]);
-            }
-        }
-        if !any {
             return;
         }
-        let load = load_xyz::<D>;
-        let origin = load(&origins);
-        let d = load(&directions);
-        let corners = [
-            load(&positions[0]).sub(origin),
-            load(&positions[1]).sub(origin),
-            load(&positions[2]).sub(origin),
-        ];
-        let facet = Facet::new(corners);
-        let (t, within) = facet.plane_depth(d);
-        let (u, v) = facet.weights(d);
-        let mut normals = store_xyz(facet.normal);
-        if !self.top.nodes.is_empty() {
-            let [x, y, z] = &mut normals;
-            for (k, ((x, y), z)) in x.iter_mut().zip(y).zip(z).enumerate().take(hits.len()) {
-                if let Some(best) = nearest.get(first + k) {
-                    let placement = &self.scene.placements[best.placement as usize];
-                    Xyz(*x, *y, *z) = exact::out_of(placement, Xyz(*x, *y, *z));
-                }
-            }
-        }
-        let normals = store_xyz(load(&normals).normalized());
-        let (mut ts, mut us, mut vs) = ([0.0; 4], [0.0; 4], [0.0; 4]);
-        t.store(&mut ts);
-        u.store(&mut us);
-        v.store(&mut vs);
-        for (k, hit) in hits.iter_mut().enumerate() {
-            let Some(best) = nearest.get(first + k) else { continue };
-            if within >> k & 1 == 0 {
-                let at = |xyz: &[[f64; 4]; 3]| DVec3::new(xyz[0][k], xyz[1][k], xyz[2][k]);
-                let [a, b, c] = [0, 1, 2].map(|corner| at(&positions[corner]) - at(&origins));
-                ts[k] = Corners { a, b, c }.depth(at(&directions));
-            }
-            *hit = Some(Hit {
-                t: ts[k],
-                u: us[k],
-                v: vs[k],
-                normal: DVec3::new(normals[0][k], normals[1][k], normals[2][k]),
-                placement: best.placement,
-                triangle: triangles[k],
-            });
+        let mut rest = room.together.walk::<S>(&self.meshes[0], rays, any, nearest);
+        while rest != 0 {
+            let ray = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let mut best = None;
+            self.cast_in_f64(rays.ray(ray), limits, &mut best, &mut room.scalar);
+            nearest.set(ray, best);
         }
     }
 
-    /// The hits of rays taken one by one.
-    #[inline(never)]
-    fn cast_singly(&self, rays: &Batch, hits: &mut [Option<Hit>], room: &mut Room) {
-        let limits = (rays.t_min, rays.t_max);
-        let SingleRoom { top, mesh } = &mut room.single;
-        for (&direction, hit) in rays.directions.iter().zip(hits) {
-            let ray = LocalRay { origin: rays.origin, direction };
-            let mut best: Option<Best> = None;
-            if self.top.nodes.is_empty() {
-                self.nearest_in(0, ray, limits, &mut best, mesh);
-            } else {
-                self.top.visit(&ray, limits, top, |index| {
-                    let local = ray.carried(&self.scene.placements[index as usize]);
-                    self.nearest_in(index, local, limits, &mut best, mesh);
-                    best.map_or(limits.1, |b| b.t)
-                });
+    /// The nearest hit of one ray, or with `any` a hit, where there are placements.
+    #[inline(always)]
+    fn cast_single<S: Lanes>(
+        &self,
+        ray: LocalRay,
+        limits: (f64, f64),
+        any: bool,
+        best: &mut Option<Best>,
+        room: &mut SingleRoom,
+    ) {
+        let Some(mut top) = Single::new(ray, self.top.largest, limits) else {
+            return self.cast_in_f64(ray, limits, best, &mut room.scalar);
+        };
+        room.top.start(&self.top);
+        while let Some(index) = top.next_leaf::<S>(&self.top, &mut room.top) {
+            self.single_in::<S>(index, ray, limits, any, best, &mut room.mesh);
+            if let Some(best) = best {
+                if any {
+                    return;
+                }
+                top.limit(best.t);
             }
+        }
+    }
+
+    /// Betters `best` by what one ray, of the scene's space, hits in a placement.
+    #[inline(always)]
+    fn single_in<S: Lanes>(
+        &self,
+        placement: u32,
+        ray: LocalRay,
+        limits: (f64, f64),
+        any: bool,
+        best: &mut Option<Best>,
+        stack: &mut Stack,
+    ) {
+        let ray = if placement == 0 { ray } else { ray.carried(&self.scene.placements[placement as usize]) };
+        let wide = self.wide(placement);
+        let Some(mut single) = Single::new(ray, wide.largest, limits) else {
+            return self.nearest_in(placement, ray, limits, best, &mut Vec::new());
+        };
+        if let Some(best) = best {
+            single.limit(best.t);
+        }
+        stack.start(wide);
+        while let Some(granule) = single.next_leaf::<S>(wide, stack) {
+            if single.test_leaf::<S>(wide, granule, placement, limits, best) && any {
+                return;
+            }
+        }
+    }
+
+    /// The hits of rays taken one by one, in f64.
+    #[inline(never)]
+    fn cast_all_in_f64(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
+        let mut room = ScalarRoom::default();
+        for (ray, hit) in hits.iter_mut().enumerate() {
+            let ray =
+                LocalRay { origin: rays.origin(ray) - self.scene.centre, direction: rays.directions[ray] };
+            let mut best: Option<Best> = None;
+            self.cast_in_f64(ray, (rays.t_min, rays.t_max), &mut best, &mut room);
             *hit = best.map(|best| self.finish(ray, &best));
         }
     }
 
-    /// Betters `best` by what one ray, in the placement's space, hits there.
+    /// The nearest hit of a ray, in f64.
+    #[inline(never)]
+    fn cast_in_f64(&self, ray: LocalRay, limits: (f64, f64), best: &mut Option<Best>, room: &mut ScalarRoom) {
+        let ScalarRoom { top, mesh } = room;
+        if self.top.nodes.is_empty() {
+            return self.nearest_in(0, ray, limits, best, mesh);
+        }
+        self.top.visit(&ray, limits, top, |index| {
+            let local = ray.carried(&self.scene.placements[index as usize]);
+            self.nearest_in(index, local, limits, best, mesh);
+            best.map_or(limits.1, |b| b.t)
+        });
+    }
+
+    /// Betters `best` by what one ray, in the placement's space, hits there; in f64.
+    #[inline(never)]
     fn nearest_in(
         &self,
         placement: u32,
@@ -324,7 +336,7 @@ impl<'s> Tracer<'s> {
         });
     }
 
-    fn wide(&self, placement: u32) -> &Wide {
+    pub(super) fn wide(&self, placement: u32) -> &Wide {
         &self.meshes[self.scene.placements[placement as usize].mesh as usize]
     }
 
@@ -345,67 +357,116 @@ impl<'s> Tracer<'s> {
 
 impl Cast for Tracer<'_> {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        assert_eq!(rays.directions.len(), hits.len());
-        if let Origins::Each(origins) = rays.origins {
-            assert_eq!(origins.len(), hits.len());
+        rays.check(hits.len());
+        let all = All { tracer: self, rays, hits };
+        match self.instructions {
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Best if lanes::has_avx2() => lanes::with_avx2(all),
+            Instructions::Best | Instructions::Portable => all.run::<Portable>(),
+            Instructions::Scalar => self.cast_all_in_f64(all.rays, all.hits),
         }
-        for (run, origin) in rays.runs() {
-            let rays = Batch {
-                origin: origin - self.scene.centre,
-                directions: &rays.directions[run.clone()],
-                t_min: rays.t_min,
-                t_max: rays.t_max,
-            };
-            let hits = &mut hits[run];
-            let packets = Packets { tracer: self, rays, hits };
-            match self.instructions {
-                #[cfg(target_arch = "x86_64")]
-                Instructions::Best if lanes::has_avx2() => lanes::with_avx2(packets),
-                Instructions::Best | Instructions::Portable => packets.run::<Portable>(),
-                Instructions::SingleRays => {
-                    self.cast_singly(&packets.rays, packets.hits, &mut Room::default())
-                }
+    }
+
+    fn blocked(&self, rays: &Rays, blocked: &mut [bool]) {
+        rays.check(blocked.len());
+        let any = Any { tracer: self, rays, blocked };
+        match self.instructions {
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Best if lanes::has_avx2() => lanes::with_avx2(any),
+            Instructions::Best | Instructions::Portable => any.run::<Portable>(),
+            Instructions::Scalar => any.run_in_f64(),
+        }
+    }
+}
+
+/// [`Cast::cast`].
+struct All<'a, 's, 'r> {
+    tracer: &'a Tracer<'s>,
+    rays: &'a Rays<'r>,
+    hits: &'a mut [Option<Hit>],
+}
+
+impl Work for All<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self) {
+        self.tracer.cast_all::<S>(self.rays, self.hits);
+    }
+}
+
+/// [`Cast::blocked`].
+struct Any<'a, 's, 'r> {
+    tracer: &'a Tracer<'s>,
+    rays: &'a Rays<'r>,
+    blocked: &'a mut [bool],
+}
+
+impl Any<'_, '_, '_> {
+    fn run_in_f64(self) {
+        let Self { tracer, rays, blocked } = self;
+        let mut room = ScalarRoom::default();
+        for (ray, blocked) in blocked.iter_mut().enumerate() {
+            let origin = rays.origin(ray) - tracer.scene.centre;
+            let ray = LocalRay { origin, direction: rays.directions[ray] };
+            let mut best = None;
+            tracer.cast_in_f64(ray, (rays.t_min, rays.t_max), &mut best, &mut room);
+            *blocked = best.is_some();
+        }
+    }
+}
+
+impl Work for Any<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self) {
+        let Self { tracer, rays, blocked } = self;
+        let mut room = SingleRoom::default();
+        let mut origins = Vec::new();
+        for start in (0..blocked.len()).step_by(RAYS) {
+            let end = (start + RAYS).min(blocked.len());
+            let batch = tracer.batch(rays, start..end, &mut origins);
+            let mut nearest = Nearest::new(rays.t_max);
+            tracer.cast_singles::<S>(&batch, true, &mut nearest, &mut room);
+            for (ray, blocked) in blocked[start..end].iter_mut().enumerate() {
+                *blocked = nearest.get(ray).is_some();
             }
         }
     }
 }
 
-struct Packets<'a, 's, 'r> {
-    tracer: &'a Tracer<'s>,
-    rays: Batch<'r>,
-    hits: &'a mut [Option<Hit>],
+/// Rays of the scene's space.
+#[derive(Clone, Copy)]
+pub(super) struct Batch<'r> {
+    pub origins: Origins<'r>,
+    pub directions: &'r [DVec3],
+    pub t_min: f64,
+    pub t_max: f64,
 }
 
-impl Work for Packets<'_, '_, '_> {
-    type Output = ();
+impl Batch<'_> {
+    #[inline(always)]
+    pub fn origin(&self, ray: usize) -> DVec3 {
+        match self.origins {
+            Origins::Common(origin) => origin,
+            Origins::Each(origins) => origins[ray],
+        }
+    }
 
     #[inline(always)]
-    fn run<S: Lanes>(self) {
-        self.tracer.cast_packets::<S>(&self.rays, self.hits);
+    pub fn ray(&self, ray: usize) -> LocalRay {
+        LocalRay { origin: self.origin(ray), direction: self.directions[ray] }
     }
-}
 
-#[inline(always)]
-fn load_xyz<D: Doubles>(x: &[[f64; 4]; 3]) -> Xyz<D> {
-    Xyz(D::load(&x[0]), D::load(&x[1]), D::load(&x[2]))
-}
-
-#[inline(always)]
-fn store_xyz<D: Doubles>(x: Xyz<D>) -> [[f64; 4]; 3] {
-    let mut to = [[0.0; 4]; 3];
-    x.0.store(&mut to[0]);
-    x.1.store(&mut to[1]);
-    x.2.store(&mut to[2]);
-    to
-}
-
-/// Rays of one origin, in the scene's space.
-#[derive(Clone, Copy)]
-struct Batch<'r> {
-    origin: DVec3,
-    directions: &'r [DVec3],
-    t_min: f64,
-    t_max: f64,
+    #[inline(always)]
+    fn part(&self, range: Range<usize>) -> Self {
+        let origins = match self.origins {
+            Origins::Common(origin) => Origins::Common(origin),
+            Origins::Each(origins) => Origins::Each(&origins[range.clone()]),
+        };
+        Self { origins, directions: &self.directions[range], ..*self }
+    }
 }
 
 /// Where a ray's nearest hit lies.
@@ -416,25 +477,28 @@ pub(super) struct Best {
     pub slot: Slot,
 }
 
-/// A triangle of placement 0, as the last rays that hit it needed it.
-struct Seen {
-    slot: Slot,
-    facet: Facet<f64>,
-    normal: DVec3,
-    triangle: u32,
-}
-
-/// Room to work in, kept from tile to tile.
+/// Room to work in, kept from packet to packet.
 #[derive(Default)]
 struct Room {
     top: Vec<Visit>,
     mesh: Vec<Visit>,
     carried: Vec<DVec3>,
+    carried_origins: Vec<DVec3>,
+    rays: PerRay,
+    rays_of_mesh: PerRay,
     single: SingleRoom,
 }
 
 #[derive(Default)]
 struct SingleRoom {
+    top: Stack,
+    mesh: Stack,
+    together: Together,
+    scalar: ScalarRoom,
+}
+
+#[derive(Default)]
+struct ScalarRoom {
     top: Vec<(Child, f64)>,
     mesh: Vec<(Child, f64)>,
 }

@@ -155,7 +155,7 @@ fn baselines_hold_for_portable_code_and_for_single_rays() {
     let folder = shipped("configs/room_vlp16.baseline");
     let accepted = Baseline::decode(&fs::read(folder.join(Baseline::NAME)).unwrap()).unwrap();
     let mounted = &job.sensors[0];
-    for instructions in [Instructions::Portable, Instructions::SingleRays] {
+    for instructions in [Instructions::Portable, Instructions::Scalar] {
         let tracer = Tracer::build(&scene).with_instructions(instructions);
         let pose = job.world_from_body * mounted.body_from_sensor;
         let frame = scan(&scene, &tracer, &mounted.sensor, &pose, &Progress::default()).unwrap();

@@ -10,24 +10,30 @@ use rayon::prelude::*;
 use crate::hostile_scenes::open;
 use crate::shapes::{Random, alone, cuboid, mesh, placed, quad, soup, sphere};
 
-type Tracers<'s> = Vec<(&'static str, Box<dyn Cast + 's>)>;
+type Tracers<'s> = Vec<(&'static str, Tracer<'s>)>;
 
 /// The tracers under test.
 fn tracers(scene: &Scene) -> Tracers<'_> {
-    let kinds = [
-        ("packets", Instructions::Best),
-        ("portable packets", Instructions::Portable),
-        ("single rays", Instructions::SingleRays),
-    ];
-    kinds
-        .map(|(name, kind)| (name, Box::new(Tracer::build(scene).with_instructions(kind)) as Box<dyn Cast>))
-        .into()
+    let tracer = |kind| Tracer::build(scene).with_instructions(kind);
+    vec![
+        ("packets", tracer(Instructions::Best)),
+        ("portable packets", tracer(Instructions::Portable)),
+        ("single rays", tracer(Instructions::Best).ray_by_ray()),
+        ("portable single rays", tracer(Instructions::Portable).ray_by_ray()),
+        ("scalar", tracer(Instructions::Scalar)),
+    ]
 }
 
-fn cast(tracer: &dyn Cast, origin: DVec3, directions: &[DVec3], t_min: f64, t_max: f64) -> Vec<Option<Hit>> {
-    let mut hits = vec![None; directions.len()];
-    tracer.cast(&Rays { origins: Origins::Common(origin), directions, t_min, t_max }, &mut hits);
+fn cast(tracer: &dyn Cast, rays: &Rays) -> Vec<Option<Hit>> {
+    let mut hits = vec![None; rays.directions.len()];
+    tracer.cast(rays, &mut hits);
     hits
+}
+
+/// How many times the usual number of rays: `BEAMCAST_THOROUGH=12` takes ten million of each kind.
+fn thorough() -> usize {
+    std::env::var("BEAMCAST_THOROUGH")
+        .map_or(1, |times| times.parse().expect("BEAMCAST_THOROUGH is a number"))
 }
 
 /// A vertex of the scene in the world, or a point on one of its edges, as exactly as f64 has it.
@@ -56,11 +62,12 @@ fn target_near(scene: &Scene, random: &mut Random, near: u64) -> DVec3 {
 }
 
 /// Rays in batches of 64 from points near the scene: random ones and ones aimed at vertices and edges, neighbours in a
-/// narrow fan, axis-parallel ones, with and without limits. Every tracer must agree with brute force bit for bit. Gives
+/// narrow fan, axis-parallel ones, with and without limits; from one point, from points along a short way (a moving
+/// sensor) and from anywhere. Every tracer must agree with brute force bit for bit. Gives
 /// the number of hits.
 fn agrees(scene: &Scene, batches: usize, seed: u64, spread: f64) -> usize {
     let tracers = tracers(scene);
-    let batches = (0..batches).into_par_iter();
+    let batches = (0..batches * thorough()).into_par_iter();
     batches
         .map(|batch| batch_agrees(scene, &tracers, batch, &mut Random(seed << 32 | batch as u64), spread))
         .sum()
@@ -73,42 +80,49 @@ fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Ran
         2 => target(scene, random) + random.point() * spread * 1e-3,
         _ => (scene.centre + random.point() * spread).as_vec3().as_dvec3(),
     };
+    // Where each ray starts, from the common point.
+    let step = random.point() * spread * [1e-7, 1e-5, 1e-3][batch / 60 % 3];
+    let offsets: Vec<DVec3> = match batch / 20 % 3 {
+        0 => vec![],
+        1 => (0..64).map(|ray| step * (ray % 8) as f64).collect(),
+        _ => (0..64).map(|_| random.point() * spread).collect(),
+    };
+    let origins: Vec<DVec3> = offsets.iter().map(|offset| origin + *offset).collect();
     let main = random.direction();
     let near = random.bits();
     let directions: Vec<DVec3> = (0..64)
-        .map(|ray| match (batch / 4 % 5, ray % 4) {
-            (0, _) => (main + random.point() * 0.05).normalize(),
-            (1, 0) => DVec3::AXES[ray / 4 % 3] * random.signed().signum(),
-            (2, 0) => random.direction(),
-            // Aimed: as a unit vector, and unrounded, so that determinants are exactly zero.
-            (3, 1) => target(scene, random) - origin,
-            // A bundle: vertices and edges of triangles that are neighbours, or nearly, so that the packet stays whole.
-            (4, 3) => target_near(scene, random, near) - origin,
-            (4, _) => (target_near(scene, random, near) - origin).normalize(),
-            _ => (target(scene, random) - origin).normalize(),
+        .map(|ray| {
+            let origin = origins.get(ray).copied().unwrap_or(origin);
+            match (batch / 4 % 5, ray % 4) {
+                (0, _) => (main + random.point() * 0.05).normalize(),
+                (1, 0) => DVec3::AXES[ray / 4 % 3] * random.signed().signum(),
+                (2, 0) => random.direction(),
+                // Aimed: as a unit vector, and unrounded, so that determinants are exactly zero.
+                (3, 1) => target(scene, random) - origin,
+                // A bundle: vertices and edges of triangles that are neighbours, or nearly, so that the packet stays whole.
+                (4, 3) => target_near(scene, random, near) - origin,
+                (4, _) => (target_near(scene, random, near) - origin).normalize(),
+                _ => (target(scene, random) - origin).normalize(),
+            }
         })
         .map(|d| if d.is_finite() && d != DVec3::ZERO { d } else { DVec3::X })
         .collect();
+    let origins = if origins.is_empty() { Origins::Common(origin) } else { Origins::Each(&origins) };
     let (t_min, t_max) = match batch % 5 {
         0 => (0.3 * spread, 1.5 * spread),
         1 => (spread, f64::INFINITY),
         _ => (0.0, f64::INFINITY),
     };
-    same_hits(scene, tracers, batch, origin, &directions, (t_min, t_max))
+    same_hits(scene, tracers, batch, &Rays { origins, directions: &directions, t_min, t_max })
 }
 
 /// Holds every tracer to brute force, bit for bit. The number of hits.
-fn same_hits(
-    scene: &Scene,
-    tracers: &Tracers,
-    batch: usize,
-    origin: DVec3,
-    directions: &[DVec3],
-    (t_min, t_max): (f64, f64),
-) -> usize {
-    let expected = cast(&BruteForce(scene), origin, directions, t_min, t_max);
+fn same_hits(scene: &Scene, tracers: &Tracers, batch: usize, rays: &Rays) -> usize {
+    let expected = cast(&BruteForce(scene), rays);
     for (name, tracer) in tracers {
-        let found = cast(tracer.as_ref(), origin, directions, t_min, t_max);
+        let found = cast(tracer, rays);
+        let mut blocked = vec![false; found.len()];
+        tracer.blocked(rays, &mut blocked);
         for (index, (e, f)) in expected.iter().zip(&found).enumerate() {
             let bits = |h: &Option<Hit>| {
                 h.map(|h| {
@@ -117,14 +131,23 @@ fn same_hits(
                 })
             };
             assert!(
-                bits(e) == bits(f),
-                "{name}: batch {batch}, ray {index} from {origin:?} along {:?} in {t_min} to {t_max}: \
-                 brute force {e:?}, found {f:?}",
-                directions[index]
+                bits(e) == bits(f) && blocked[index] == e.is_some(),
+                "{name}: batch {batch}, ray {index} from {:?} along {:?} in {} to {}: brute force {e:?}, found {f:?}, \
+                 blocked: {}",
+                rays.origin(index),
+                rays.directions[index],
+                rays.t_min,
+                rays.t_max,
+                blocked[index]
             );
         }
     }
     expected.iter().flatten().count()
+}
+
+/// Without limits.
+fn from<'r>(origins: Origins<'r>, directions: &'r [DVec3]) -> Rays<'r> {
+    Rays { origins, directions, t_min: 0.0, t_max: f64::INFINITY }
 }
 
 fn rotated(axis: DVec3, angle: f64, scale: DVec3, translation: DVec3) -> DAffine3 {
@@ -201,7 +224,7 @@ fn near_coincident_layers_agree_with_brute_force() {
     };
     let scene = alone(both);
     for (_, tracer) in tracers(&scene) {
-        let hits = cast(tracer.as_ref(), DVec3::new(0.2, 0.1, 3.0), &[DVec3::NEG_Z], 0.0, f64::INFINITY);
+        let hits = cast(&tracer, &from(Origins::Common(DVec3::new(0.2, 0.1, 3.0)), &[DVec3::NEG_Z]));
         assert_eq!(hits[0].unwrap().triangle, 0);
         assert_eq!(hits[0].unwrap().t, 3.0);
     }
@@ -254,7 +277,11 @@ fn grazed_layers_agree_with_brute_force() {
                     .normalize(),
             })
             .collect();
-        hits += same_hits(&scene, &tracers, batch, origin, &directions, (0.0, f64::INFINITY));
+        hits += same_hits(&scene, &tracers, batch, &from(Origins::Common(origin), &directions));
+        // A moving sensor: depths are as uncertain, and origins differ.
+        let origins: Vec<DVec3> =
+            (0..64).map(|ray| origin + DVec3::X * (1e-6 * f64::from(ray % 8))).collect();
+        hits += same_hits(&scene, &tracers, batch, &from(Origins::Each(&origins), &directions));
     }
     assert!(hits > 10_000, "{hits}");
 }
@@ -311,7 +338,7 @@ fn closed_meshes_have_no_leaks() {
             let place = rotated(random.direction(), random.unit(), DVec3::ONE, offset);
             let scene = placed(vec![sphere(radius, DVec3::ZERO, 4)], vec![(0, place)]);
             for (name, tracer) in tracers(&scene) {
-                for _ in 0..320 {
+                for batch in 0..320 * thorough() {
                     let origin = offset + random.point() * radius * 0.5;
                     let directions: Vec<_> = (0..90)
                         .map(|ray| {
@@ -322,7 +349,10 @@ fn closed_meshes_have_no_leaks() {
                             }
                         })
                         .collect();
-                    let hits = cast(tracer.as_ref(), origin, &directions, 0.0, f64::INFINITY);
+                    let origins: Vec<_> = (0..90).map(|_| origin + random.point() * radius * 1e-4).collect();
+                    let origins =
+                        if batch % 2 == 0 { Origins::Common(origin) } else { Origins::Each(&origins) };
+                    let hits = cast(&tracer, &from(origins, &directions));
                     rays += hits.len() as u64;
                     if let Some(leak) = hits.iter().position(Option::is_none) {
                         panic!("{name}: radius {radius}, from {origin:?} along {:?}", directions[leak]);

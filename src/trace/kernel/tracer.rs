@@ -143,7 +143,7 @@ const SLACK: f64 = 1.0 / (1 << 20) as f64;
 
 impl<K: Kernel> Cast for KernelTracer<'_, K> {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        assert_eq!(rays.directions.len(), hits.len());
+        rays.check(hits.len());
         let scene = self.exact.scene;
         let limits = (rays.t_min, rays.t_max);
         let (mut top_stack, mut stack) = (Vec::new(), Vec::new());

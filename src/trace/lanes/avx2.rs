@@ -147,6 +147,26 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
+    fn mask(bits: u32) -> Self {
+        // SAFETY: AVX2, see the module.
+        Self(unsafe {
+            let of_lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let set = _mm256_and_si256(_mm256_set1_epi32(bits as i32), of_lane);
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(set, of_lane))
+        })
+    }
+
+    #[inline(always)]
+    fn largest(self) -> f32 {
+        // SAFETY: AVX, see the module.
+        unsafe {
+            let four = _mm_max_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+            let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+            _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)))
+        }
+    }
+
+    #[inline(always)]
     fn gather(low: Self, high: Self, indices: u64) -> Self {
         // SAFETY: AVX2, see the module.
         Self(unsafe {
@@ -193,6 +213,12 @@ impl Doubles for Avx2Doubles {
     fn store(self, to: &mut [f64; 4]) {
         // SAFETY: AVX, see the module; the reference covers the 32 bytes written.
         unsafe { _mm256_storeu_pd(to.as_mut_ptr(), self.0) }
+    }
+
+    #[inline(always)]
+    fn from_f32(x: [f32; 4]) -> Self {
+        // SAFETY: AVX, see the module; the array has the 16 bytes read.
+        Self(unsafe { _mm256_cvtps_pd(_mm_loadu_ps(x.as_ptr())) })
     }
 
     #[inline(always)]

@@ -42,6 +42,8 @@ pub(super) trait Lanes: Copy {
     fn select(mask: Self, yes: Self, no: Self) -> Self;
     /// One bit a lane: its sign, which of a mask is whether it is true.
     fn bits(self) -> u32;
+    /// A mask, true in the lanes whose bit is set in the low eight of `bits`.
+    fn mask(bits: u32) -> Self;
     /// Lane k is number `indices`' byte k of the sixteen in `low` and `high`; anything where the byte is larger.
     fn gather(low: Self, high: Self, indices: u64) -> Self;
     /// Where `indices`' byte k is 16 or more: number (byte − 16) of `high`, else as in `below`.
@@ -61,15 +63,12 @@ pub(super) trait Lanes: Copy {
     }
 
     /// The largest lane.
+    fn largest(self) -> f32;
+
+    /// The least lane.
     #[inline(always)]
-    fn largest(self) -> f32 {
-        let mut lanes = [0.0; 8];
-        self.store(&mut lanes);
-        let pair = |a: f32, b: f32| if a > b { a } else { b };
-        pair(
-            pair(pair(lanes[0], lanes[1]), pair(lanes[2], lanes[3])),
-            pair(pair(lanes[4], lanes[5]), pair(lanes[6], lanes[7])),
-        )
+    fn least(self) -> f32 {
+        -self.xor(Self::splat(-0.0)).largest()
     }
 }
 
@@ -77,6 +76,8 @@ pub(super) trait Lanes: Copy {
 pub(super) trait Doubles: Real {
     fn load(x: &[f64; 4]) -> Self;
     fn store(self, to: &mut [f64; 4]);
+    /// The same numbers.
+    fn from_f32(x: [f32; 4]) -> Self;
     /// Rounded to nearest.
     fn to_f32(self) -> [f32; 4];
 }
@@ -122,6 +123,20 @@ impl<S: Lanes> Triple<S> {
     #[inline(always)]
     pub fn dot_ray(self, u: S, v: S) -> S {
         u.mul_add(self.0, v.mul_add(self.1, self.2))
+    }
+
+    /// self · side + term.
+    #[inline(always)]
+    pub fn dot_onto(self, side: Self, term: S) -> S {
+        self.0.mul_add(side.0, self.1.mul_add(side.1, self.2.mul_add(side.2, term)))
+    }
+
+    /// volume − s·self, for the s whose 2·(g × s) is `moment`: (s_u, s_v) = (m_v, −m_u)/2.
+    #[inline(always)]
+    pub fn less_offset(self, moment: Self, volume: S) -> S {
+        let (half_u, half_v) = (self.0.mul(S::splat(0.5)), self.1.mul(S::splat(-0.5)));
+        let shift = moment.1.mul_add(half_u, moment.0.mul(half_v));
+        volume.sub(shift)
     }
 
     /// Turns over the coordinates of lanes where `signs` has the sign bit.

@@ -119,6 +119,16 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn mask(bits: u32) -> Self {
+        Self(from_fn(|k| mask(bits >> k & 1 != 0)))
+    }
+
+    #[inline(always)]
+    fn largest(self) -> f32 {
+        self.0.into_iter().fold(f32::NEG_INFINITY, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
     fn gather(low: Self, high: Self, indices: u64) -> Self {
         let bytes = indices.to_le_bytes();
         Self(from_fn(|k| {
@@ -157,6 +167,11 @@ impl Doubles for PortableDoubles {
     #[inline(always)]
     fn store(self, to: &mut [f64; 4]) {
         *to = self.0;
+    }
+
+    #[inline(always)]
+    fn from_f32(x: [f32; 4]) -> Self {
+        Self(x.map(f64::from))
     }
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! Packets: up to 64 rays from one point, walked through the hierarchy together.
+//! Packets: up to 64 rays from one point, or nearly, walked through the hierarchy together.
 //!
 //! # The pyramid
 //! All rays of a tile leave from o, so they are a pyramid. With w the axis along which they mostly go (turned over if they
@@ -6,12 +6,18 @@
 //! o) is met by a ray of the rectangle only if, for some w in the box and in front of the origin, w·[u₀, u₁] meets the box's
 //! u and w·[v₀, v₁] its v: two products and two comparisons a side.
 //!
+//! # Origins that differ a little
+//! A turning sensor on a moving body fires each column from a place of its own. The rays of a tile still start near one
+//! point o, chosen such that none starts before it along w; the line of a ray crosses the plane through o (w = 0) at
+//! s = (s_u, s_v, 0), and is s + w·g. Boxes grow by the bounds of s, once a tile. What triangles need more is in [`leaf`].
+//!
 //! What happens at a leaf is in [`leaf`].
 
 mod leaf;
 
 use glam::DVec3;
 
+use super::Origins;
 use super::exact::Real;
 use super::lanes::{Doubles, Lanes};
 use super::tracer::Best;
@@ -22,12 +28,16 @@ pub(super) const RAYS: usize = 64;
 const GROUPS: usize = RAYS / 8;
 
 /// Unit roundoff of f32.
-const U: f32 = f32::EPSILON / 2.0;
+pub(super) const U: f32 = f32::EPSILON / 2.0;
 /// What underflow may cost.
-const TINY: f32 = 1e-36;
+pub(super) const TINY: f32 = 1e-36;
 
 /// The steepest ray of a tile: |g_u| and |g_v| stay below.
 const STEEPEST: f64 = 8.0;
+
+/// How far from their common point a tile's rays may start, for 1 as the mesh's largest coordinate. (Farther apart, they
+/// would have too little in common.)
+const SPREAD: f64 = 1.0 / 256.0;
 
 /// The nearest hits of a tile's rays so far, over all placements.
 pub(super) struct Nearest {
@@ -68,11 +78,43 @@ impl Nearest {
     }
 }
 
-/// A tile in the space of one mesh.
-pub(super) struct Tile<'a> {
+/// What a tile knows of each of its rays: room that is used again from tile to tile.
+pub(super) struct PerRay {
+    /// g_u and g_v.
+    g: [[f32; RAYS]; 2],
+    /// 2·m, m = g × s: (−2s_v, 2s_u, 2(g_u·s_v − g_v·s_u)), if origins differ.
+    moment: [[f32; RAYS]; 3],
+    /// Bounds of the depth along w of the nearest hit; −1 for lanes without a ray.
+    z_low: [f32; RAYS],
+    z_high: [f32; RAYS],
+    /// Where the nearest hit lies, for rays whose nearest hit is `here`.
+    slot: [u32; RAYS],
+    /// Its depth, where `known`.
+    t: [f64; RAYS],
+    /// In which placement it lies, for rays whose nearest hit is not `here`.
+    foreign: [u32; RAYS],
+}
+
+impl Default for PerRay {
+    fn default() -> Self {
+        let none = [0.0; RAYS];
+        Self {
+            g: [none; 2],
+            moment: [none; 3],
+            z_low: none,
+            z_high: none,
+            slot: [0; RAYS],
+            t: [0.0; RAYS],
+            foreign: [0; RAYS],
+        }
+    }
+}
+
+/// A tile in the space of one mesh. `APART` says whether its rays' origins differ.
+pub(super) struct Tile<'a, const APART: bool> {
     wide: &'a Wide,
     placement: u32,
-    origin: DVec3,
+    origins: Origins<'a>,
     directions: &'a [DVec3],
     t_min: f64,
     t_max: f64,
@@ -80,32 +122,30 @@ pub(super) struct Tile<'a> {
     axes: [usize; 3],
     /// Whether w is turned over.
     turned: bool,
-    /// The origin along u, v, w (turned over as w is), in two parts.
+    /// o along u, v, w (turned over as w is), in two parts.
     high: [f32; 3],
     low: [f32; 3],
     /// What the lower and the upper planes of boxes are measured from, along u, v and w (w not turned over).
     lower_from: [f32; 3],
     upper_from: [f32; 3],
-    /// g_u and g_v of each ray.
-    g: [[f32; RAYS]; 2],
-    /// Bounds of the depth along w of the nearest hit of each ray; −1 for lanes without a ray.
-    z_low: [f32; RAYS],
-    z_high: [f32; RAYS],
-    /// Where the nearest hit lies, for rays whose nearest hit is `here`.
-    slot: [u32; RAYS],
-    /// Its depth, where `known`.
-    t: [f64; RAYS],
+    rays: &'a mut PerRay,
+    /// Rays whose hit's depth is worked out, rays with a hit, and those whose hit is in this mesh: a bit each.
     known: u64,
     hit: u64,
     here: u64,
-    foreign: [u32; RAYS],
     /// Of each group of eight rays: its rectangle on the plane w = 1, with some room, and its largest `z_high`.
     rectangle: Rectangle<[f32; GROUPS]>,
     far: [f32; GROUPS],
+    /// The largest of `far`.
+    farthest: f32,
     /// Depths along w that may be too near for the sensor end here.
     near: f32,
     /// G.
     reach: f32,
+    /// The largest |s_u| or |s_v|; 0 if the origins are one.
+    offset: f32,
+    /// o along w (not turned over).
+    start: f64,
 }
 
 /// u₀, u₁, v₀, v₁.
@@ -139,26 +179,22 @@ pub(super) struct Visit {
     place: u32,
 }
 
-impl<'a> Tile<'a> {
-    /// Prepares up to [`RAYS`] rays of one origin for a mesh. `None` if they are no narrow pyramid: more than a right angle
-    /// apart or nearly so, not finite, or from so far away that f32 can't tell.
+impl<'a, const APART: bool> Tile<'a, APART> {
+    /// Prepares up to [`RAYS`] rays for a mesh. `None` if they are no narrow pyramid: more than a right angle apart or nearly
+    /// so, not finite, from places too far apart, or from so far away that f32 can't tell.
     #[inline(always)]
     pub fn new<S: Lanes>(
         wide: &'a Wide,
         placement: u32,
-        origin: DVec3,
+        origins: Origins<'a>,
         directions: &'a [DVec3],
         (t_min, t_max): (f64, f64),
         nearest: &Nearest,
+        rays: &'a mut PerRay,
     ) -> Option<Self> {
-        debug_assert!(directions.len() <= RAYS);
-        let size = f64::from(wide.largest).max(origin.abs().max_element());
+        debug_assert!(directions.len() <= RAYS && APART == matches!(origins, Origins::Each(_)));
         let sum: DVec3 = directions.iter().sum();
         let along = sum.abs();
-        // Sizes whose cubes leave f32's range are not worth a packet.
-        if !(size < 1e12 && along.is_finite()) {
-            return None;
-        }
         let w = if along.x >= along.y && along.x >= along.z {
             0
         } else if along.y >= along.z {
@@ -168,10 +204,31 @@ impl<'a> Tile<'a> {
         };
         let axes = [(w + 1) % 3, (w + 2) % 3, w];
         let turned = sum[w] < 0.0;
+        let side = if turned { -1.0 } else { 1.0 };
+        let mut origin = first_origin(origins);
+        if let (true, Origins::Each([.., last])) = (APART, origins) {
+            // Rays from all over are seen at a glance.
+            let is_near = (*last - origin).abs().max_element() <= f64::from(wide.largest) * (2.0 * SPREAD);
+            if !is_near {
+                return None;
+            }
+        }
+        if let (true, Origins::Each(all)) = (APART, origins) {
+            // None starts before it along w.
+            origin[w] = side * all.iter().map(|o| o[w] * side).fold(f64::INFINITY, f64::min);
+        }
+        let size = f64::from(wide.largest).max(origin.abs().max_element());
+        // Sizes whose cubes leave f32's range are not worth a packet.
+        if !(size < 1e12 && along.is_finite()) {
+            return None;
+        }
+        if nearest.hit != 0 {
+            (rays.slot, rays.t, rays.foreign) = (nearest.slot, nearest.t, nearest.placement);
+        }
         let mut tile = Self {
             wide,
             placement,
-            origin,
+            origins,
             directions,
             t_min,
             t_max,
@@ -181,32 +238,32 @@ impl<'a> Tile<'a> {
             low: [0.0; 3],
             lower_from: [0.0; 3],
             upper_from: [0.0; 3],
-            g: [[0.0; RAYS]; 2],
-            z_low: [0.0; RAYS],
-            z_high: [0.0; RAYS],
-            slot: nearest.slot,
-            t: nearest.t,
+            rays,
             known: u64::MAX,
             hit: nearest.hit,
             here: 0,
-            foreign: nearest.placement,
             rectangle: Rectangle { u: [[0.0; GROUPS]; 2], v: [[0.0; GROUPS]; 2] },
             far: [-1.0; GROUPS],
+            farthest: -1.0,
             near: 0.0,
             reach: 0.0,
+            offset: 0.0,
+            start: origin[w],
         };
         let zero = S::Doubles::splat(0.0);
         let (mut steepest, mut longest) = (zero, zero);
-        let side = S::Doubles::splat(if turned { -1.0 } else { 1.0 });
+        let sides = S::Doubles::splat(side);
         let has_hits = nearest.hit != 0 || t_max.is_finite();
         let last = directions.len() - 1;
+        // The bounds of s_u and s_v, and the largest distance along w that a ray starts beyond o.
+        let (mut least_s, mut most_s, mut latest) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2], 0.0_f64);
         for first in (0..directions.len().next_multiple_of(8)).step_by(4) {
             // Past the last ray, copies of it, which with a far end of −1 see nothing.
             let d: [&DVec3; 4] = match directions.get(first..first + 4) {
                 Some(four) => [&four[0], &four[1], &four[2], &four[3]],
                 None => [0, 1, 2, 3].map(|k| &directions[(first + k).min(last)]),
             };
-            let along = S::Doubles::load(&[d[0][w], d[1][w], d[2][w], d[3][w]]).mul(side);
+            let along = S::Doubles::load(&[d[0][w], d[1][w], d[2][w], d[3][w]]).mul(sides);
             let (iu, iv) = (axes[0], axes[1]);
             let gu = S::Doubles::load(&[d[0][iu], d[1][iu], d[2][iu], d[3][iu]]).div(along);
             let gv = S::Doubles::load(&[d[0][iv], d[1][iv], d[2][iv], d[3][iv]]).div(along);
@@ -220,50 +277,96 @@ impl<'a> Tile<'a> {
             }
             steepest = steepest.max(steep);
             longest = longest.max(along);
-            tile.g[0][first..first + 4].copy_from_slice(&gu.to_f32());
-            tile.g[1][first..first + 4].copy_from_slice(&gv.to_f32());
+            tile.rays.g[0][first..first + 4].copy_from_slice(&gu.to_f32());
+            tile.rays.g[1][first..first + 4].copy_from_slice(&gv.to_f32());
+            let mut starts = [0.0; 4];
+            if let (true, Origins::Each(all)) = (APART, origins) {
+                let (mut gus, mut gvs) = ([0.0; 4], [0.0; 4]);
+                gu.store(&mut gus);
+                gv.store(&mut gvs);
+                for k in 0..4 {
+                    let from = all[(first + k).min(last)] - origin;
+                    starts[k] = from[w] * side;
+                    let s = [from[iu] - gus[k] * starts[k], from[iv] - gvs[k] * starts[k]];
+                    let [m_u, m_v, m_w] = &mut tile.rays.moment;
+                    m_u[first + k] = (-2.0 * s[1]) as f32;
+                    m_v[first + k] = (2.0 * s[0]) as f32;
+                    m_w[first + k] = (2.0 * (gus[k] * s[1] - gvs[k] * s[0])) as f32;
+                    latest = latest.max(starts[k]);
+                    for axis in 0..2 {
+                        least_s[axis] = least_s[axis].min(s[axis]);
+                        most_s[axis] = most_s[axis].max(s[axis]);
+                    }
+                }
+            }
             if has_hits {
                 let mut lengths = [0.0; 4];
                 along.store(&mut lengths);
                 for (k, along) in lengths.into_iter().enumerate() {
                     let ray = first + k;
-                    (tile.z_low[ray], tile.z_high[ray]) = bounds(nearest.t[ray] * along);
+                    (tile.rays.z_low[ray], tile.rays.z_high[ray]) =
+                        bounds(nearest.t[ray] * along + starts[k]);
                 }
             }
         }
         if !has_hits {
-            tile.z_low[..directions.len()].fill(f32::INFINITY);
-            tile.z_high[..directions.len()].fill(f32::INFINITY);
+            tile.rays.z_low[..directions.len()].fill(f32::INFINITY);
+            tile.rays.z_high[..directions.len()].fill(f32::INFINITY);
         }
-        tile.z_low[directions.len()..].fill(-1.0);
-        tile.z_high[directions.len()..].fill(-1.0);
+        tile.rays.z_low[directions.len()..].fill(-1.0);
+        tile.rays.z_high[directions.len()..].fill(-1.0);
         let (mut steep, mut long) = ([0.0; 4], [0.0; 4]);
         steepest.store(&mut steep);
         longest.store(&mut long);
         let most = |four: [f64; 4]| four.into_iter().fold(0.0, f64::max);
         tile.reach = (1.0 + 2.0 * most(steep)) as f32 * (1.0 + 2.0 * U);
-        tile.near = bounds(t_min * most(long)).1;
+        tile.near = bounds(t_min * most(long) + latest).1;
+        let mut grown = [[0.0_f32; 2]; 3];
+        if APART {
+            let offset = least_s.into_iter().chain(most_s).fold(0.0, |a: f64, b| a.max(b.abs()));
+            // (In this form NaN doesn't pass.)
+            let is_near = offset.max(latest) <= f64::from(wide.largest) * SPREAD;
+            if !is_near {
+                return None;
+            }
+            tile.offset = offset as f32 * (1.0 + 2.0 * U) + TINY;
+            let room = tile.offset * (4.0 * U);
+            for axis in 0..2 {
+                grown[axis] = [most_s[axis] as f32 + room, least_s[axis] as f32 - room];
+            }
+        }
         // The planes of boxes lose 2⁻²⁴ of the origin a few times: in its rounding, here, and in the subtraction. (What they
         // lose of their own size is in their padding.)
         let slack = (origin.abs().max_element() as f32) * (8.0 * U) + TINY;
         for (k, &axis) in axes.iter().enumerate() {
             let high = origin[axis] as f32;
             let low = (origin[axis] - f64::from(high)) as f32;
-            (tile.lower_from[k], tile.upper_from[k]) = (high + slack, high - slack);
+            (tile.lower_from[k], tile.upper_from[k]) =
+                (high + (slack + grown[k][0]), high + (grown[k][1] - slack));
             let turn = if k == 2 && turned { -1.0 } else { 1.0 };
             (tile.high[k], tile.low[k]) = (high * turn, low * turn);
         }
         for group in 0..directions.len().div_ceil(8) {
             for (k, sides) in [&mut tile.rectangle.u, &mut tile.rectangle.v].into_iter().enumerate() {
-                let lanes = S::load(eight(&tile.g[k], group));
+                let lanes = S::load(eight(&tile.rays.g[k], group));
                 let (least, most) = (-lanes.xor(S::splat(-0.0)).largest(), lanes.largest());
                 // Room for the rounding of g and of products with it.
                 sides[0][group] = least - 4e-7 * (1.0 + least.abs());
                 sides[1][group] = most + 4e-7 * (1.0 + most.abs());
             }
-            tile.far[group] = S::load(eight(&tile.z_high, group)).largest();
+            tile.far[group] = S::load(eight(&tile.rays.z_high, group)).largest();
         }
+        tile.farthest = S::load(&tile.far).largest();
         Some(tile)
+    }
+
+    /// Where a ray starts.
+    #[inline(always)]
+    fn origin(&self, ray: usize) -> DVec3 {
+        match self.origins {
+            Origins::Common(origin) => origin,
+            Origins::Each(origins) => origins[ray],
+        }
     }
 
     /// Finds the nearest hits in the mesh.
@@ -288,7 +391,7 @@ impl<'a> Tile<'a> {
     #[inline(always)]
     pub fn next_leaf<S: Lanes>(&self, stack: &mut Vec<Visit>) -> Option<Leaf> {
         while let Some(visit) = stack.pop() {
-            if visit.near > self.farthest() {
+            if visit.near > self.farthest {
                 continue;
             }
             let (index, lane) = (visit.place / WIDTH as u32, visit.place as usize % WIDTH);
@@ -310,20 +413,20 @@ impl<'a> Tile<'a> {
 
     /// Takes over hits that were found elsewhere since.
     pub fn update(&mut self, nearest: &Nearest) {
-        let w = self.axes[2];
-        for (ray, d) in self.directions.iter().enumerate() {
-            (self.z_low[ray], self.z_high[ray]) = bounds(nearest.t[ray] * d[w].abs());
+        for ray in 0..self.directions.len() {
+            (self.rays.z_low[ray], self.rays.z_high[ray]) = self.along(ray, nearest.t[ray]);
         }
         for (group, far) in self.far.iter_mut().enumerate() {
-            *far = eight(&self.z_high, group).iter().copied().fold(-1.0, f32::max);
+            *far = eight(&self.rays.z_high, group).iter().copied().fold(-1.0, f32::max);
         }
+        self.farthest = self.far.into_iter().fold(-1.0, f32::max);
     }
 
     /// Hands the hits found here to `nearest`, with their f64 depths if `with_depths`.
     #[inline(always)]
     pub fn leave(mut self, nearest: &mut Nearest, with_depths: bool) {
         if self.here == u64::MAX && !with_depths {
-            nearest.slot = self.slot;
+            nearest.slot = self.rays.slot;
             nearest.placement = [self.placement; RAYS];
         } else {
             let mut rest = self.here;
@@ -333,15 +436,25 @@ impl<'a> Tile<'a> {
                 if with_depths {
                     nearest.t[ray] = self.depth_of_best(ray);
                 }
-                nearest.slot[ray] = self.slot[ray];
+                nearest.slot[ray] = self.rays.slot[ray];
                 nearest.placement[ray] = self.placement;
             }
         }
         nearest.hit |= self.here;
     }
 
-    fn farthest(&self) -> f32 {
-        self.far.iter().copied().fold(-1.0, |a, b| if b > a { b } else { a })
+    /// Bounds of the depth along w, from o, of a depth along a ray.
+    #[inline(always)]
+    fn along(&self, ray: usize, t: f64) -> (f32, f32) {
+        let w = self.axes[2];
+        let start = match (APART, self.origins) {
+            (true, Origins::Each(origins)) => {
+                let from = origins[ray][w] - self.start;
+                if self.turned { -from } else { from }
+            }
+            _ => 0.0,
+        };
+        bounds(t * self.directions[ray][w].abs() + start)
     }
 
     /// The box of one child.
@@ -370,13 +483,13 @@ impl<'a> Tile<'a> {
     /// Puts the children that the rays of `groups` may meet on the stack, the nearest on top.
     #[inline(always)]
     fn visit_children<S: Lanes>(&self, index: u32, node: &Node, groups: u32, stack: &mut Vec<Visit>) {
-        let rectangle = self.rectangle_of(groups);
+        let rectangle = self.rectangle_of::<S>(groups);
         let rectangle = Rectangle::<S> { u: spread(rectangle.u), v: spread(rectangle.v) };
         let w = self.sides::<S>(node, 2);
         let turn = S::splat(-0.0);
         let w = if self.turned { [w[1].xor(turn), w[0].xor(turn)] } else { w };
         let boxes = RelativeBox { u: self.sides(node, 0), v: self.sides(node, 1), w };
-        let far = S::splat(self.farthest());
+        let far = S::splat(self.farthest);
         let mut met = meets(&rectangle, &boxes).and(far.ge(w[0])).and(w[1].ge(S::splat(0.0))).bits();
         if met == 0 {
             return;
@@ -387,10 +500,7 @@ impl<'a> Tile<'a> {
         while met != 0 {
             let lane = met.trailing_zeros() as usize;
             met &= met - 1;
-            match node.child[lane].get() {
-                Err(child) => S::prefetch(&self.wide.nodes[child as usize]),
-                Ok(number) => prefetch_block::<S>(&self.wide.blocks, number),
-            }
+            self.wide.prefetch::<S>(node.child[lane]);
             let visit = Visit { near: near[lane], place: index * WIDTH as u32 + lane as u32 };
             // Insertion, farthest first: there are three or four of them.
             let mut at = stack.len();
@@ -415,17 +525,21 @@ impl<'a> Tile<'a> {
 
     /// The rectangle around those of `groups`.
     #[inline(always)]
-    fn rectangle_of(&self, groups: u32) -> Rectangle<f32> {
+    fn rectangle_of<S: Lanes>(&self, groups: u32) -> Rectangle<f32> {
+        // Groups without rays are never asked for, but with `!0` at the root.
+        let mask = S::mask(groups & ((1 << self.directions.len().div_ceil(8)) - 1));
         let Rectangle { u, v } = &self.rectangle;
-        let mut all =
-            Rectangle { u: [f32::INFINITY, f32::NEG_INFINITY], v: [f32::INFINITY, f32::NEG_INFINITY] };
-        for group in 0..self.directions.len().div_ceil(8) {
-            if groups >> group & 1 != 0 {
-                all.u = [all.u[0].min(u[0][group]), all.u[1].max(u[1][group])];
-                all.v = [all.v[0].min(v[0][group]), all.v[1].max(v[1][group])];
-            }
+        let (none_above, none_below) = (S::splat(f32::INFINITY), S::splat(f32::NEG_INFINITY));
+        Rectangle {
+            u: [
+                S::select(mask, S::load(&u[0]), none_above).least(),
+                S::select(mask, S::load(&u[1]), none_below).largest(),
+            ],
+            v: [
+                S::select(mask, S::load(&v[0]), none_above).least(),
+                S::select(mask, S::load(&v[1]), none_below).largest(),
+            ],
         }
-        all
     }
 }
 
@@ -449,6 +563,13 @@ fn overlaps<S: Lanes>(r: [S; 2], b: [S; 2], near: S, far: S) -> S {
 #[inline(always)]
 fn spread<S: Lanes>(side: [f32; 2]) -> [S; 2] {
     [S::splat(side[0]), S::splat(side[1])]
+}
+
+fn first_origin(origins: Origins) -> DVec3 {
+    match origins {
+        Origins::Common(origin) => origin,
+        Origins::Each(origins) => origins[0],
+    }
 }
 
 /// f32 bounds of an f64 depth, with a few ulps of room.
@@ -476,13 +597,4 @@ fn eight(values: &[f32; RAYS], group: usize) -> &[f32; 8] {
 #[inline(always)]
 fn eight_mut<T>(values: &mut [T; RAYS], group: usize) -> &mut [T; 8] {
     (&mut values[group * 8..group * 8 + 8]).try_into().unwrap()
-}
-
-#[inline(always)]
-fn prefetch_block<S: Lanes>(blocks: &[u32], granule: u32) {
-    let start = granule as usize * super::wide::GRANULE;
-    if let Some(words) = blocks.get(start..start + 48) {
-        let words: &[u32; 48] = words.try_into().unwrap();
-        S::prefetch(words);
-    }
 }

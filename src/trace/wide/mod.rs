@@ -147,13 +147,14 @@ impl<'a> Block<'a> {
     /// The corners of a triangle.
     #[inline(always)]
     pub fn positions(&self, lane: usize) -> [[f32; 3]; 3] {
-        let at = HEADER + 3 * self.vertices;
+        let (coordinates, rest) = self.words[HEADER..].split_at(3 * self.vertices);
+        let (x, yz) = coordinates.split_at(self.vertices);
+        let (y, z) = yz.split_at(self.vertices);
+        let (word, shift) = ((lane / 4) & 1, 8 * (lane % 4));
         let [mut a, mut b, mut c] = [[0.0; 3]; 3];
-        for (corner, position) in [&mut a, &mut b, &mut c].into_iter().enumerate() {
-            let vertex = (self.words[at + 2 * corner + lane / 4] >> (8 * (lane % 4)) & 0xff) as usize;
-            for (axis, coordinate) in position.iter_mut().enumerate() {
-                *coordinate = f32::from_bits(self.words[HEADER + axis * self.vertices + vertex]);
-            }
+        for (position, corner) in [(&mut a, rest[word]), (&mut b, rest[2 + word]), (&mut c, rest[4 + word])] {
+            let vertex = (corner >> shift & 0xff) as usize;
+            *position = [f32::from_bits(x[vertex]), f32::from_bits(y[vertex]), f32::from_bits(z[vertex])];
         }
         [a, b, c]
     }
@@ -181,6 +182,25 @@ impl Slot {
 }
 
 impl Wide {
+    /// Asks for what a child is.
+    #[inline(always)]
+    pub fn prefetch<S: Lanes>(&self, child: Child) {
+        match child.get() {
+            Err(node) => S::prefetch(&self.nodes[node as usize]),
+            Ok(leaf) => self.prefetch_block::<S>(leaf),
+        }
+    }
+
+    /// Asks for a block's first cache lines.
+    #[inline(always)]
+    pub fn prefetch_block<S: Lanes>(&self, granule: u32) {
+        let start = granule as usize * GRANULE;
+        if let Some(words) = self.blocks.get(start..start + 48) {
+            let words: &[u32; 48] = words.try_into().unwrap();
+            S::prefetch(words);
+        }
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>() + self.blocks.capacity() * size_of::<u32>()

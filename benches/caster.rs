@@ -1,0 +1,147 @@
+//! Casts rays from files against a scene, on command: the half of `benches/open3d/bench.py` that is measured.
+//!
+//! `caster SCENE.glb [triangles]` builds, answers with a line of JSON, then reads commands from stdin, a line each, and
+//! answers each with a line of JSON:
+//!
+//! | command | does |
+//! |---|---|
+//! | `rays FILE` | reads rays: u64 n, u64 m, n directions, m origins (1 for all, or n), each three f64, little-endian |
+//! | `cast 1` | casts them on this thread: CPU seconds of the thread, and wall seconds |
+//! | `cast N` | casts them on N threads: wall seconds |
+//! | `hits FILE` | writes the depths (f64, infinite for a miss) and triangle ids (u32) of the last cast |
+//!
+//! Hits are written in full (f64 depth, u, v, normal, ids), into memory that is used again, as a scan does.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use beamcast::frame::UpAxis;
+use beamcast::scene::{Scene, gltf};
+use beamcast::trace::{Cast, Hit, Origins, Rays, Tracer};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Rays of a work item on several threads: tiles of 64, enough of them that sharing out costs nothing.
+const ITEM: usize = 64 * 32;
+
+fn main() {
+    let Some(path) = std::env::args().nth(1).filter(|a| !a.starts_with('-')) else {
+        println!("benches/open3d/bench.py runs this: see there");
+        return;
+    };
+    let start = Instant::now();
+    let labels = BTreeMap::new();
+    let options = gltf::Options { scene_name: None, up: UpAxis::Y, labels: &labels };
+    let scene = gltf::load(Path::new(&path), &path, &options).expect("a scene that loads").scene;
+    let load_s = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let tracer = Tracer::build(&scene);
+    let build_s = start.elapsed().as_secs_f64();
+    println!(
+        r#"{{"load_s": {load_s}, "build_s": {build_s}, "triangles": {}, "bytes": {}, "peak": {}, "resident": {}}}"#,
+        scene.triangle_count(),
+        tracer.bytes(),
+        status("VmHWM:"),
+        status("VmRSS:"),
+    );
+    let mut caster = Caster { scene: &scene, tracer, origins: vec![], directions: vec![], hits: vec![] };
+    for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+        let (command, argument) = line.split_once(' ').unwrap_or((&line, ""));
+        let answer = match command {
+            "rays" => caster.read(&PathBuf::from(argument)),
+            "cast" => caster.cast(argument.parse().expect("a number of threads")),
+            "hits" => caster.write(&PathBuf::from(argument)),
+            _ => panic!("unknown command {command}"),
+        };
+        println!("{answer}");
+    }
+}
+
+struct Caster<'s> {
+    scene: &'s Scene,
+    tracer: Tracer<'s>,
+    origins: Vec<DVec3>,
+    directions: Vec<DVec3>,
+    hits: Vec<Option<Hit>>,
+}
+
+impl Caster<'_> {
+    fn read(&mut self, path: &Path) -> String {
+        let bytes = std::fs::read(path).expect("a file of rays");
+        let (head, numbers) = bytes.split_at(16);
+        let count = |k: usize| u64::from_le_bytes(head[8 * k..8 * k + 8].try_into().unwrap()) as usize;
+        let vectors: Vec<DVec3> = numbers
+            .chunks_exact(24)
+            .map(|v| {
+                DVec3::from_slice(&[0, 8, 16].map(|k| f64::from_le_bytes(v[k..k + 8].try_into().unwrap())))
+            })
+            .collect();
+        let (n, m) = (count(0), count(1));
+        assert_eq!(vectors.len(), n + m);
+        self.directions = vectors[..n].to_vec();
+        self.origins = vectors[n..].to_vec();
+        self.hits = vec![None; n];
+        format!(r#"{{"rays": {n}}}"#)
+    }
+
+    fn cast(&mut self, threads: usize) -> String {
+        let (origins, directions) = (&self.origins, &self.directions);
+        let rays = |item: usize| {
+            let range = item * ITEM..((item + 1) * ITEM).min(directions.len());
+            let origins = match origins[..] {
+                [one] => Origins::Common(one),
+                _ => Origins::Each(&origins[range.clone()]),
+            };
+            Rays { origins, directions: &directions[range], t_min: 0.0, t_max: f64::INFINITY }
+        };
+        let (start, cpu) = (Instant::now(), thread_time());
+        if threads == 1 {
+            for (item, hits) in self.hits.chunks_mut(ITEM).enumerate() {
+                self.tracer.cast(&rays(item), hits);
+            }
+        } else {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let tracer = &self.tracer;
+            let hits = &mut self.hits;
+            let start = Instant::now();
+            pool.install(|| {
+                hits.par_chunks_mut(ITEM).enumerate().for_each(|(item, hits)| tracer.cast(&rays(item), hits));
+            });
+            return format!(r#"{{"wall_s": {}}}"#, start.elapsed().as_secs_f64());
+        }
+        format!(r#"{{"cpu_s": {}, "wall_s": {}}}"#, thread_time() - cpu, start.elapsed().as_secs_f64())
+    }
+
+    fn write(&self, path: &Path) -> String {
+        let mut bytes = Vec::with_capacity(self.hits.len() * 12);
+        for hit in &self.hits {
+            bytes.extend(hit.map_or(f64::INFINITY, |h| h.t).to_le_bytes());
+        }
+        for hit in &self.hits {
+            let id = hit.map_or(u32::MAX, |h| {
+                self.scene.placements[h.placement as usize].first_triangle + h.triangle
+            });
+            bytes.extend(id.to_le_bytes());
+        }
+        std::fs::write(path, bytes).expect("a file for hits");
+        let mut answer = String::from("{");
+        write!(answer, r#""hits": {}}}"#, self.hits.iter().flatten().count()).unwrap();
+        answer
+    }
+}
+
+/// CPU seconds of this thread, from the scheduler's own account.
+fn thread_time() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
+    text.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9
+}
+
+/// Bytes of a line of /proc/self/status.
+fn status(key: &str) -> u64 {
+    let text = std::fs::read_to_string("/proc/self/status").expect("Linux");
+    let line = text.lines().find_map(|l| l.strip_prefix(key)).unwrap();
+    line.trim().trim_end_matches(" kB").trim().parse::<u64>().unwrap() * 1024
+}
