@@ -19,6 +19,9 @@ pub(super) struct Node {
     pub value: Value,
 }
 
+/// A table's key, and where it was written.
+type Key = (String, Range<usize>);
+
 #[derive(Debug)]
 pub(super) enum Value {
     /// A number, a word, nothing: what it is, is for who reads it to say.
@@ -26,11 +29,8 @@ pub(super) enum Value {
     /// Between quotes.
     Quoted(String),
     List(Vec<Node>),
-    Table(Vec<(String, Range<usize>, Node)>),
+    Table(Vec<(Key, Node)>),
 }
-
-/// A mapping's key whose value is still to come, and where it is written.
-type PendingKey = Option<(String, Range<usize>)>;
 
 /// Reads the report's text. `None` if it's neither YAML nor JSON; the report says why.
 pub(super) fn parse(report: &Report) -> Option<Node> {
@@ -46,7 +46,7 @@ pub(super) fn parse(report: &Report) -> Option<Node> {
 
     let mut parser = Parser::new_from_str(&text);
     // Lists and tables that are open, each with its start and, of a table, the key that waits for its value.
-    let mut open: Vec<(Node, PendingKey)> = Vec::new();
+    let mut open: Vec<(Node, Option<Key>)> = Vec::new();
     let mut nodes = 0;
     loop {
         let (event, span) = match parser.next_event() {
@@ -87,7 +87,7 @@ pub(super) fn parse(report: &Report) -> Option<Node> {
         match &mut parent.value {
             Value::List(elements) => elements.push(done),
             Value::Table(entries) => match key.take() {
-                Some((name, at)) => entries.push((name, at, done)),
+                Some(key) => entries.push((key, done)),
                 None => match done.value {
                     Value::Plain(name) | Value::Quoted(name) => *key = Some((name, done.span)),
                     _ => return fault(done.span, "a key that is a list or a table".into()),
@@ -119,7 +119,7 @@ pub(super) struct Fields<'a> {
     /// What the table is called in messages, such as `beam_intrinsics`; empty for the file as a whole.
     name: String,
     span: Range<usize>,
-    entries: &'a [(String, Range<usize>, Node)],
+    entries: &'a [(Key, Node)],
 }
 
 impl<'a> Fields<'a> {
@@ -146,7 +146,7 @@ impl<'a> Fields<'a> {
 
     /// The last value that a key is given, as most readers of JSON have it.
     pub fn get(&self, key: &str) -> Option<&'a Node> {
-        self.entries.iter().rev().find(|(name, ..)| name == key).map(|(_, _, node)| node)
+        self.entries.iter().rev().find(|((name, _), _)| name == key).map(|(_, node)| node)
     }
 
     /// A value that must be there; `meaning` says what it is.

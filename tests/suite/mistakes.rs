@@ -53,9 +53,9 @@ fn a_typo_in_a_key() {
     let copy = Copy::with("configs/sensors/velodyne_vlp16.toml", "columns = 1800", "colums = 1800");
     let expected = "\
 error: unknown key `colums` in `[rotating]`
-  --> configs/sensors/velodyne_vlp16.toml:23:1
+  --> configs/sensors/velodyne_vlp16.toml:24:1
    |
-23 | colums = 1800 # firings a turn
+24 | colums = 1800 # firings a turn
    | ^^^^^^
    |
    = help: did you mean `columns`?
@@ -103,13 +103,13 @@ fn a_sensor_with_counts_that_do_not_match() {
     let copy = Copy::with("configs/sensors/velodyne_vlp16.toml", "27.648, 29.952, 32.256, 34.560", "27.648");
     let expected = "\
 error: `beam_times_us` has 13 values for 16 elevations
-  --> configs/sensors/velodyne_vlp16.toml:19:17
+  --> configs/sensors/velodyne_vlp16.toml:20:17
    |
-19 |   beam_times_us = [
+20 |   beam_times_us = [
    |  _________________^
-20 | |     0.000, 2.304, 4.608, 6.912, 9.216, 11.520, 13.824, 16.128,
-21 | |     18.432, 20.736, 23.040, 25.344, 27.648,
-22 | | ]
+21 | |     0.000, 2.304, 4.608, 6.912, 9.216, 11.520, 13.824, 16.128,
+22 | |     18.432, 20.736, 23.040, 25.344, 27.648,
+23 | | ]
    | |_^ expected 16: one a beam
 
 1 error

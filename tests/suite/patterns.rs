@@ -276,7 +276,11 @@ fn the_built_in_sensors_are_the_files_and_each_says_where_it_is_from() {
     assert_eq!(names, files);
     for name in names {
         let text = presets::text(name).unwrap();
-        assert!(text.starts_with("# ") && text.lines().any(|line| line.is_empty()), "{name} has no header");
+        assert!(
+            text.starts_with("#:schema ../../schema/sensor.json\n# ")
+                && text.lines().any(|line| line.is_empty()),
+            "{name} has no header"
+        );
         let warnings = preset(name).warnings;
         assert!(warnings.iter().all(|w| w.severity == Severity::Warning), "{name}: {warnings:?}");
         assert_eq!(warnings, [], "{name}");
