@@ -78,9 +78,12 @@ def open3d_build(path):
 
 
 def cast_open3d(scene, tensor, threads):
-    cpu, wall = time.process_time(), time.perf_counter()
-    found = scene.cast_rays(tensor, nthreads=threads)
-    return {"cpu_s": time.process_time() - cpu, "wall_s": time.perf_counter() - wall}, found
+    """Seconds of a cast, of as many as take 0.2 s, which is what the caster does."""
+    cpu, wall, times = time.process_time(), time.perf_counter(), 0
+    while time.perf_counter() - wall < 0.2:
+        found = scene.cast_rays(tensor, nthreads=threads)
+        times += 1
+    return {"cpu_s": (time.process_time() - cpu) / times, "wall_s": (time.perf_counter() - wall) / times}, found
 
 
 def compare(directory, ours, found, directions):

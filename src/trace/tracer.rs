@@ -21,6 +21,8 @@ pub struct Tracer<'s> {
     pub(super) scene: &'s Scene,
     /// One a mesh.
     pub(super) meshes: Vec<Wide>,
+    /// Of each mesh, in its space.
+    bounds: Vec<Bounds>,
     /// Over the placements; without nodes if all there is is mesh 0.
     pub(super) top: Wide,
     instructions: Instructions,
@@ -43,19 +45,22 @@ impl<'s> Tracer<'s> {
     pub fn build(scene: &'s Scene) -> Self {
         let meshes = scene.meshes.iter().map(wide::build).collect();
         let bounds: Vec<_> = scene.meshes.iter().map(bounds_of).collect();
-        let size = scene.placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
-        let size = size.filter(|b| b.low.x <= b.high.x).fold(Bounds::EMPTY, Bounds::union).largest();
-        let boxes: Vec<_> = scene
-            .placements
-            .iter()
-            .map(|p| match scene.meshes[p.mesh as usize].triangles.is_empty() {
-                // An empty mesh 0 is placed all the same; its box is a point, where a ray finds nothing.
-                true => Bounds { low: DVec3::ZERO, high: DVec3::ZERO },
-                false => carried_bounds(&bounds[p.mesh as usize], p, size),
-            })
-            .collect();
-        let top = if boxes.len() > 1 { wide::build_over(&boxes) } else { Wide::default() };
-        Self { scene, meshes, top, instructions: Instructions::Best, packets: true }
+        let top = over_placements(scene, &bounds);
+        Self { scene, meshes, bounds, top, instructions: Instructions::Best, packets: true }
+    }
+
+    /// A tracer of the same meshes placed otherwise: only the hierarchy over the placements is built again, in milliseconds
+    /// for tens of thousands. `scene` has this one's meshes; its maps are no more skewed than
+    /// [`SceneBuilder`](crate::scene::SceneBuilder) lets through.
+    ///
+    /// # Panics
+    /// If the scenes' meshes differ in number or in how many triangles they have.
+    pub fn moved<'t>(self, scene: &'t Scene) -> Tracer<'t> {
+        let triangles = |scene: &Scene| scene.meshes.iter().map(|m| m.triangles.len()).collect::<Vec<_>>();
+        assert_eq!(triangles(self.scene), triangles(scene), "only placements move");
+        let top = over_placements(scene, &self.bounds);
+        let Self { meshes, bounds, instructions, packets, .. } = self;
+        Tracer { scene, meshes, bounds, top, instructions, packets }
     }
 
     /// The same with other instructions.
@@ -501,6 +506,22 @@ struct SingleRoom {
 struct ScalarRoom {
     top: Vec<(Child, f64)>,
     mesh: Vec<(Child, f64)>,
+}
+
+/// The hierarchy over a scene's placements; without nodes if there is one.
+fn over_placements(scene: &Scene, bounds: &[Bounds]) -> Wide {
+    let size = scene.placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
+    let size = size.filter(|b| b.low.x <= b.high.x).fold(Bounds::EMPTY, Bounds::union).largest();
+    let boxes: Vec<_> = scene
+        .placements
+        .iter()
+        .map(|p| match scene.meshes[p.mesh as usize].triangles.is_empty() {
+            // An empty mesh 0 is placed all the same; its box is a point, where a ray finds nothing.
+            true => Bounds { low: DVec3::ZERO, high: DVec3::ZERO },
+            false => carried_bounds(&bounds[p.mesh as usize], p, size),
+        })
+        .collect();
+    if boxes.len() > 1 { wide::build_over(&boxes) } else { Wide::default() }
 }
 
 fn bounds_of(mesh: &Mesh) -> Bounds {

@@ -194,6 +194,18 @@ fn placed_meshes_agree_with_brute_force() {
     let scene = placed(vec![sphere(1.0, DVec3::ZERO, 2), cuboid([-9.0; 3], [9.0, 9.0, 1.0])], placements);
     assert_eq!(scene.placements.len(), 41);
     assert!(agrees(&scene, 400, 13, 4.0) > 10_000);
+
+    // The same meshes placed otherwise.
+    let mut moved = scene.clone();
+    for placement in &mut moved.placements[1..] {
+        placement.scene_from_mesh.translation += random.point() * 3.0;
+        placement.mesh_from_scene = placement.scene_from_mesh.inverse();
+    }
+    let tracers: Tracers =
+        tracers(&scene).into_iter().map(|(name, tracer)| (name, tracer.moved(&moved))).collect();
+    let hits: usize =
+        (0..60).map(|batch| batch_agrees(&moved, &tracers, batch, &mut Random(batch as u64), 4.0)).sum();
+    assert!(hits > 1000, "{hits}");
 }
 
 /// Near-coincident layers a few ulps apart: only the exact order of depths tells them apart.
