@@ -11,7 +11,7 @@ use super::{Hit, Origins};
 use crate::scene::{Mesh, Placement};
 
 /// A number or several side by side, with the operations of IEEE 754 f64, whose results are fixed to the bit. The
-/// definition is written once over it, for one ray and for four.
+/// definition is written once over it, for one ray and for eight.
 pub trait Real: Copy {
     /// The same number in every lane.
     fn splat(x: f64) -> Self;
@@ -88,9 +88,25 @@ impl<R: Real> Xyz<R> {
         Self(R::splat(one.0), R::splat(one.1), R::splat(one.2))
     }
 
+    /// The same point for all.
+    #[inline(always)]
+    pub(super) fn constant(p: DVec3) -> Self {
+        Self(R::splat(p.x), R::splat(p.y), R::splat(p.z))
+    }
+
     #[inline(always)]
     pub(super) fn sub(self, q: Self) -> Self {
         Self(self.0.sub(q.0), self.1.sub(q.1), self.2.sub(q.2))
+    }
+
+    #[inline(always)]
+    pub(super) fn add(self, q: Self) -> Self {
+        Self(self.0.add(q.0), self.1.add(q.1), self.2.add(q.2))
+    }
+
+    #[inline(always)]
+    fn times(self, factor: R) -> Self {
+        Self(self.0.mul(factor), self.1.mul(factor), self.2.mul(factor))
     }
 
     /// x·x′ + y·y′ + z·z′, left to right.
@@ -113,9 +129,9 @@ impl<R: Real> Xyz<R> {
     pub(super) fn normalized(self) -> Self {
         let not_zero = R::splat(f64::MIN_POSITIVE);
         let largest = self.0.abs().max(self.1.abs()).max(self.2.abs()).max(not_zero);
-        let scaled = Self(self.0.div(largest), self.1.div(largest), self.2.div(largest));
+        let scaled = self.times(R::splat(1.0).div(largest));
         let length = scaled.dot(scaled).sqrt().max(not_zero);
-        Self(scaled.0.div(length), scaled.1.div(length), scaled.2.div(length))
+        scaled.times(R::splat(1.0).div(length))
     }
 }
 
@@ -177,8 +193,8 @@ impl<R: Real> Facet<R> {
     #[inline(always)]
     pub fn weights(&self, d: Xyz<R>) -> (R, R) {
         let (ea, eb, ec) = (d.dot(self.sides[0]), d.dot(self.sides[1]), d.dot(self.sides[2]));
-        let sum = ea.add(eb).add(ec);
-        (clamped(eb.div(sum)), clamped(ec.div(sum)))
+        let per_sum = R::splat(1.0).div(ea.add(eb).add(ec));
+        (clamped(eb.mul(per_sum)), clamped(ec.mul(per_sum)))
     }
 }
 
@@ -212,15 +228,22 @@ impl LocalRay {
         if *map == DAffine3::IDENTITY {
             return self;
         }
-        Self { origin: linear(map, self.origin) + map.translation, direction: linear(map, self.direction) }
+        let (origin, direction) = (xyz(self.origin), xyz(self.direction));
+        Self { origin: point(carried_point(map, origin)), direction: point(carried_direction(map, direction)) }
     }
 }
 
 /// The linear part of a map, left to right.
 #[inline(always)]
-fn linear(map: &DAffine3, v: DVec3) -> DVec3 {
+pub(super) fn carried_direction<R: Real>(map: &DAffine3, v: Xyz<R>) -> Xyz<R> {
     let m = &map.matrix3;
-    (m.x_axis * v.x + m.y_axis * v.y) + m.z_axis * v.z
+    let (x, y, z) = (Xyz::constant(m.x_axis), Xyz::constant(m.y_axis), Xyz::constant(m.z_axis));
+    x.times(v.0).add(y.times(v.1)).add(z.times(v.2))
+}
+
+#[inline(always)]
+pub(super) fn carried_point<R: Real>(map: &DAffine3, p: Xyz<R>) -> Xyz<R> {
+    carried_direction(map, p).add(Xyz::constant(map.translation))
 }
 
 /// Carries rays as [`LocalRay::carried`] does: the directions go to `carried`, the origins come back; `room` is for them.
@@ -237,12 +260,12 @@ pub(super) fn carry<'o>(
         carried.extend_from_slice(directions);
         return origins;
     }
-    carried.extend(directions.iter().map(|&d| linear(map, d)));
+    carried.extend(directions.iter().map(|&d| point(carried_direction(map, xyz(d)))));
     match origins {
-        Origins::Common(origin) => Origins::Common(linear(map, origin) + map.translation),
+        Origins::Common(origin) => Origins::Common(point(carried_point(map, xyz(origin)))),
         Origins::Each(all) => {
             room.clear();
-            room.extend(all.iter().map(|&origin| linear(map, origin) + map.translation));
+            room.extend(all.iter().map(|&origin| point(carried_point(map, xyz(origin)))));
             Origins::Each(room)
         }
     }
@@ -357,6 +380,11 @@ pub(super) fn xyz(p: DVec3) -> Xyz<f64> {
     Xyz(p.x, p.y, p.z)
 }
 
+#[inline(always)]
+fn point(p: Xyz<f64>) -> DVec3 {
+    DVec3::new(p.0, p.1, p.2)
+}
+
 /// A triangle that a ray meets, before the rest of the [`Hit`] is worked out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
@@ -390,14 +418,16 @@ impl Candidate {
 
 /// A normal of a placement's mesh in the scene's space, of any length: normals go with the inverse's transpose, and a
 /// mirroring map turns the winding over.
-pub(super) fn out_of(placement: &Placement, normal: Xyz<f64>) -> Xyz<f64> {
+#[inline(always)]
+pub(super) fn out_of<R: Real>(placement: &Placement, normal: Xyz<R>) -> Xyz<R> {
     let map = &placement.mesh_from_scene;
     if *map == DAffine3::IDENTITY {
         return normal;
     }
-    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(xyz);
-    let carried = Xyz(x.dot(normal), y.dot(normal), z.dot(normal));
-    if x.dot(y.cross(z)) < 0.0 { Xyz(-carried.0, -carried.1, -carried.2) } else { carried }
+    let m = &map.matrix3;
+    let turn = if xyz(m.x_axis).dot(xyz(m.y_axis).cross(xyz(m.z_axis))) < 0.0 { -1.0 } else { 1.0 };
+    let (x, y, z) = (Xyz::constant(m.x_axis), Xyz::constant(m.y_axis), Xyz::constant(m.z_axis));
+    Xyz(x.dot(normal), y.dot(normal), z.dot(normal)).times(R::splat(turn))
 }
 
 /// x·y, left to right.

@@ -26,7 +26,7 @@
 use glam::DVec3;
 
 use super::exact::{Candidate, Corners, LocalRay};
-use super::lanes::Lanes;
+use super::lanes::{Lanes, Mask, Pair};
 use super::packet::{Nearest, TINY, U};
 use super::tracer::{Batch, Best};
 use super::wide::{Block, Child, Node, Slot, WIDTH, Wide};
@@ -255,9 +255,10 @@ impl Single {
     #[inline(always)]
     fn slab<S: Lanes>(&self, node: &Node, axis: usize) -> [S; 2] {
         let inverse = S::splat(self.inverse[axis]);
-        let (low, high) = (S::load(&node.low[axis]), S::load(&node.high[axis]));
+        let (low, high) = S::Pair::load(&node.planes[axis]).halves();
         // Selected by the sign rather than branched on: directions come in any order.
-        let (near, far) = (S::select(inverse, high, low), S::select(inverse, low, high));
+        let is_up = inverse.ge(S::splat(0.0));
+        let (near, far) = (S::select(is_up, low, high), S::select(is_up, high, low));
         let [from_near, from_far] = self.from[axis];
         [near.mul_add(inverse, S::splat(from_near)), far.mul_add(inverse, S::splat(from_far))]
     }

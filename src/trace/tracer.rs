@@ -34,6 +34,8 @@ pub struct Tracer<'s> {
 pub enum Instructions {
     /// The best that the processor has.
     Best,
+    /// AVX2 and FMA at most.
+    Avx2,
     /// Those of any processor.
     Portable,
     /// One ray, box and triangle at a time, in f64.
@@ -136,7 +138,7 @@ impl<'s> Tracer<'s> {
                 }
                 self.cast_singles::<S>(&part, false, &mut nearest, &mut room.single);
             }
-            self.finish_all::<S::Doubles>(&part, &nearest, &mut hits[from..to]);
+            self.finish_all::<S>(&part, &nearest, &mut hits[from..to]);
         }
     }
 
@@ -366,8 +368,10 @@ impl Cast for Tracer<'_> {
         let all = All { tracer: self, rays, hits };
         match self.instructions {
             #[cfg(target_arch = "x86_64")]
-            Instructions::Best if lanes::has_avx2() => lanes::with_avx2(all),
-            Instructions::Best | Instructions::Portable => all.run::<Portable>(),
+            Instructions::Best if lanes::has_avx512() => lanes::with_avx512(all),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Best | Instructions::Avx2 if lanes::has_avx2() => lanes::with_avx2(all),
+            Instructions::Best | Instructions::Avx2 | Instructions::Portable => all.run::<Portable>(),
             Instructions::Scalar => self.cast_all_in_f64(all.rays, all.hits),
         }
     }
@@ -377,8 +381,10 @@ impl Cast for Tracer<'_> {
         let any = Any { tracer: self, rays, blocked };
         match self.instructions {
             #[cfg(target_arch = "x86_64")]
-            Instructions::Best if lanes::has_avx2() => lanes::with_avx2(any),
-            Instructions::Best | Instructions::Portable => any.run::<Portable>(),
+            Instructions::Best if lanes::has_avx512() => lanes::with_avx512(any),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Best | Instructions::Avx2 if lanes::has_avx2() => lanes::with_avx2(any),
+            Instructions::Best | Instructions::Avx2 | Instructions::Portable => any.run::<Portable>(),
             Instructions::Scalar => any.run_in_f64(),
         }
     }

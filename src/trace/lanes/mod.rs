@@ -1,28 +1,34 @@
-//! Eight f32 at a time: one trait, a portable form and one for AVX2 with FMA.
+//! Eight rays, boxes or triangles at a time: one trait, a portable form, and one each for AVX2 with FMA and for AVX-512.
 //!
-//! The two may differ in the last bit (a fused multiplication and addition rounds once): nothing that is computed with them
-//! reaches a result, only decisions that are taken again, exactly, whenever they are close (see `packet`).
+//! In f32 they may differ in the last bit (a fused multiplication and addition rounds once): nothing that is computed with
+//! them reaches a result, only decisions that are taken again, exactly, whenever they are close (see `packet`). In f64 they
+//! have the operations of IEEE 754 and the same bits.
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
 mod portable;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+use glam::DVec3;
 
 use super::exact::Real;
 
-#[cfg(target_arch = "x86_64")]
-pub(super) use avx2::{has_avx2, with_avx2};
 pub(super) use portable::Portable;
+#[cfg(target_arch = "x86_64")]
+pub(super) use x86::{has_avx2, has_avx512, with_avx2, with_avx512};
 
-/// Eight f32. Comparisons give lanes of all ones (true) or all zeros.
+/// Eight f32.
 pub(super) trait Lanes: Copy {
+    /// Eight times true or false.
+    type Mask: Mask;
+    /// The u32 that go with them.
+    type Words: Words<Floats = Self>;
     /// The f64 that go with them.
-    type Doubles: Doubles;
+    type Doubles: Doubles<Floats = Self>;
+    /// Sixteen.
+    type Pair: Pair<Half = Self>;
     fn splat(x: f32) -> Self;
     fn load(x: &[f32; 8]) -> Self;
-    /// Lanes of these bits.
-    fn load_bits(x: &[u32; 8]) -> Self;
     fn store(self, to: &mut [f32; 8]);
-    fn store_bits(self, to: &mut [u32; 8]);
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
@@ -33,23 +39,35 @@ pub(super) trait Lanes: Copy {
     fn min(self, other: Self) -> Self;
     /// The larger; either if one is NaN.
     fn max(self, other: Self) -> Self;
+    /// Of the bits.
     fn and(self, other: Self) -> Self;
-    fn or(self, other: Self) -> Self;
+    /// Of the bits.
     fn xor(self, other: Self) -> Self;
     /// self ≥ other; false for NaN.
-    fn ge(self, other: Self) -> Self;
+    fn ge(self, other: Self) -> Self::Mask;
     /// Lanes of `yes` where the mask is true, else of `no`.
-    fn select(mask: Self, yes: Self, no: Self) -> Self;
-    /// One bit a lane: its sign, which of a mask is whether it is true.
-    fn bits(self) -> u32;
-    /// A mask, true in the lanes whose bit is set in the low eight of `bits`.
-    fn mask(bits: u32) -> Self;
-    /// Lane k is number `indices`' byte k of the sixteen in `low` and `high`; anything where the byte is larger.
-    fn gather(low: Self, high: Self, indices: u64) -> Self;
-    /// Where `indices`' byte k is 16 or more: number (byte − 16) of `high`, else as in `below`.
-    fn gather_above_15(below: Self, high: Self, indices: u64) -> Self;
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+    /// For each of three lists of indices, a byte each: lane k is word number `indices`' byte k, as f32; anything where the
+    /// byte is 24 or more, or 16 or more if they are said to be `below_16`.
+    fn pick(words: &[u32; 24], indices: [u64; 3], below_16: bool) -> [Self; 3];
+    /// The lanes where the mask is true, in their order, first; anything after them.
+    fn compress(self, mask: Self::Mask) -> Self;
     /// Asks for the cache lines of `place`, if the machine has a way to ask.
     fn prefetch<T>(place: &T);
+    /// The least lane.
+    fn least(self) -> f32;
+    /// The largest lane.
+    fn largest(self) -> f32;
+    /// Lane k is the least of the lanes of number k.
+    fn least_of_each(rows: [Self; 8]) -> Self;
+    /// Lane k is the largest of the lanes of number k.
+    fn largest_of_each(rows: [Self; 8]) -> Self;
+
+    /// −self.
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.xor(Self::splat(-0.0))
+    }
 
     /// Only the sign bits.
     #[inline(always)]
@@ -61,25 +79,64 @@ pub(super) trait Lanes: Copy {
     fn abs(self) -> Self {
         self.xor(self.signs())
     }
-
-    /// The largest lane.
-    fn largest(self) -> f32;
-
-    /// The least lane.
-    #[inline(always)]
-    fn least(self) -> f32 {
-        -self.xor(Self::splat(-0.0)).largest()
-    }
 }
 
-/// Four f64, whose operations are those of IEEE 754: the same bits from every kind.
+/// Eight times true or false.
+pub(super) trait Mask: Copy {
+    /// True in the lanes whose bit is set in the low eight of `bits`.
+    fn of_bits(bits: u32) -> Self;
+    /// One bit a lane.
+    fn bits(self) -> u32;
+    fn and(self, other: Self) -> Self;
+    fn or(self, other: Self) -> Self;
+}
+
+/// Sixteen f32: a low and a high half.
+pub(super) trait Pair: Copy {
+    type Half: Lanes;
+    fn load(x: &[f32; 16]) -> Self;
+    fn of(low: Self::Half, high: Self::Half) -> Self;
+    fn splat(x: f32) -> Self;
+    fn sub(self, other: Self) -> Self;
+    /// self · factor + term, rounded once or twice.
+    fn mul_add(self, factor: Self, term: Self) -> Self;
+    fn halves(self) -> (Self::Half, Self::Half);
+}
+
+/// Eight u32.
+pub(super) trait Words: Copy {
+    type Floats: Lanes;
+    fn splat(x: u32) -> Self;
+    fn load(x: &[u32; 8]) -> Self;
+    fn store(self, to: &mut [u32; 8]);
+    fn add(self, other: Self) -> Self;
+    fn and(self, other: Self) -> Self;
+    /// By fewer than 32 bits.
+    fn shift_left(self, by: Self) -> Self;
+    /// By fewer than 32 bits.
+    fn shift_right(self, by: Self) -> Self;
+    /// `words[at]`.
+    ///
+    /// # Panics
+    /// If an index is not below the slice's length and 2³¹.
+    fn of(words: &[u32], at: Self) -> Self;
+    /// f32 of these bits.
+    fn as_floats(self) -> Self::Floats;
+    /// The bits of f32.
+    fn of_floats(x: Self::Floats) -> Self;
+}
+
+/// Eight f64, whose operations are those of IEEE 754: the same bits from every kind.
 pub(super) trait Doubles: Real {
-    fn load(x: &[f64; 4]) -> Self;
-    fn store(self, to: &mut [f64; 4]);
+    type Floats: Lanes;
+    fn load(x: &[f64; 8]) -> Self;
+    /// x, y and z of points.
+    fn load_xyz(points: &[DVec3; 8]) -> [Self; 3];
+    fn store(self, to: &mut [f64; 8]);
     /// The same numbers.
-    fn from_f32(x: [f32; 4]) -> Self;
+    fn from_floats(x: Self::Floats) -> Self;
     /// Rounded to nearest.
-    fn to_f32(self) -> [f32; 4];
+    fn to_floats(self) -> Self::Floats;
 }
 
 /// Something to be done with any kind of lanes. `run` must be `#[inline(always)]`, and so must all that it calls in a loop:
@@ -164,5 +221,5 @@ impl<S: Lanes> Triple<S> {
 /// a·b − c·d.
 #[inline(always)]
 fn minor<S: Lanes>(a: S, b: S, c: S, d: S) -> S {
-    a.mul_add(b, c.mul(d).xor(S::splat(-0.0)))
+    a.mul_add(b, c.mul(d).neg())
 }

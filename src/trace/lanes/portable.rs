@@ -2,16 +2,13 @@
 
 use std::array::from_fn;
 
-use super::{Doubles, Lanes};
+use glam::DVec3;
+
+use super::{Doubles, Lanes, Mask, Pair, Words};
 use crate::trace::exact::Real;
 
 #[derive(Clone, Copy)]
 pub(in crate::trace) struct Portable([f32; 8]);
-
-#[inline(always)]
-fn mask(yes: bool) -> f32 {
-    f32::from_bits(if yes { u32::MAX } else { 0 })
-}
 
 impl Portable {
     #[inline(always)]
@@ -26,7 +23,10 @@ impl Portable {
 }
 
 impl Lanes for Portable {
+    type Mask = PortableMask;
+    type Words = PortableWords;
     type Doubles = PortableDoubles;
+    type Pair = PortablePair;
 
     #[inline(always)]
     fn splat(x: f32) -> Self {
@@ -39,18 +39,8 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn load_bits(x: &[u32; 8]) -> Self {
-        Self(x.map(f32::from_bits))
-    }
-
-    #[inline(always)]
     fn store(self, to: &mut [f32; 8]) {
         *to = self.0;
-    }
-
-    #[inline(always)]
-    fn store_bits(self, to: &mut [u32; 8]) {
-        *to = self.0.map(f32::to_bits);
     }
 
     #[inline(always)]
@@ -94,33 +84,42 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn or(self, other: Self) -> Self {
-        self.with_bits(other, |a, b| a | b)
-    }
-
-    #[inline(always)]
     fn xor(self, other: Self) -> Self {
         self.with_bits(other, |a, b| a ^ b)
     }
 
     #[inline(always)]
-    fn ge(self, other: Self) -> Self {
-        self.with(other, |a, b| mask(a >= b))
+    fn ge(self, other: Self) -> PortableMask {
+        PortableMask(from_fn(|k| if self.0[k] >= other.0[k] { u32::MAX } else { 0 }))
     }
 
     #[inline(always)]
-    fn select(mask: Self, yes: Self, no: Self) -> Self {
-        Self(from_fn(|k| if mask.0[k].to_bits() >> 31 != 0 { yes.0[k] } else { no.0[k] }))
+    fn select(mask: PortableMask, yes: Self, no: Self) -> Self {
+        Self(from_fn(|k| if mask.0[k] != 0 { yes.0[k] } else { no.0[k] }))
     }
 
     #[inline(always)]
-    fn bits(self) -> u32 {
-        (0..8).fold(0, |bits, k| bits | (self.0[k].to_bits() >> 31) << k)
+    fn pick(words: &[u32; 24], indices: [u64; 3], _below_16: bool) -> [Self; 3] {
+        indices.map(|list| Self(list.to_le_bytes().map(|k| f32::from_bits(words[usize::from(k) % 24]))))
     }
 
     #[inline(always)]
-    fn mask(bits: u32) -> Self {
-        Self(from_fn(|k| mask(bits >> k & 1 != 0)))
+    fn compress(self, mask: PortableMask) -> Self {
+        let mut first = self;
+        let mut count = 0;
+        for k in 0..8 {
+            first.0[count] = self.0[k];
+            count += usize::from(mask.0[k] != 0);
+        }
+        first
+    }
+
+    #[inline(always)]
+    fn prefetch<T>(_: &T) {}
+
+    #[inline(always)]
+    fn least(self) -> f32 {
+        self.0.into_iter().fold(f32::INFINITY, |a, b| if a < b { a } else { b })
     }
 
     #[inline(always)]
@@ -129,27 +128,141 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn gather(low: Self, high: Self, indices: u64) -> Self {
-        let bytes = indices.to_le_bytes();
-        Self(from_fn(|k| {
-            let index = bytes[k] as usize & 15;
-            if index < 8 { low.0[index] } else { high.0[index - 8] }
-        }))
+    fn least_of_each(rows: [Self; 8]) -> Self {
+        Self(rows.map(Self::least))
     }
 
     #[inline(always)]
-    fn gather_above_15(below: Self, high: Self, indices: u64) -> Self {
-        let bytes = indices.to_le_bytes();
-        Self(from_fn(|k| if bytes[k] < 16 { below.0[k] } else { high.0[bytes[k] as usize & 7] }))
+    fn largest_of_each(rows: [Self; 8]) -> Self {
+        Self(rows.map(Self::largest))
     }
-
-    #[inline(always)]
-    fn prefetch<T>(_: &T) {}
 }
 
-/// Four f64 in an array.
+/// All ones or all zeros a lane.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct PortableDoubles([f64; 4]);
+pub(in crate::trace) struct PortableMask([u32; 8]);
+
+impl Mask for PortableMask {
+    #[inline(always)]
+    fn of_bits(bits: u32) -> Self {
+        Self(from_fn(|k| if bits >> k & 1 != 0 { u32::MAX } else { 0 }))
+    }
+
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        (0..8).fold(0, |bits, k| bits | (self.0[k] & 1) << k)
+    }
+
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        Self(from_fn(|k| self.0[k] & other.0[k]))
+    }
+
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        Self(from_fn(|k| self.0[k] | other.0[k]))
+    }
+}
+
+/// Sixteen f32 in two arrays.
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct PortablePair(Portable, Portable);
+
+impl Pair for PortablePair {
+    type Half = Portable;
+
+    #[inline(always)]
+    fn load(x: &[f32; 16]) -> Self {
+        Self(Portable(from_fn(|k| x[k])), Portable(from_fn(|k| x[8 + k])))
+    }
+
+    #[inline(always)]
+    fn of(low: Portable, high: Portable) -> Self {
+        Self(low, high)
+    }
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self(Portable([x; 8]), Portable([x; 8]))
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self(self.0.sub(other.0), self.1.sub(other.1))
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
+    }
+
+    #[inline(always)]
+    fn halves(self) -> (Portable, Portable) {
+        (self.0, self.1)
+    }
+}
+
+/// Eight u32 in an array.
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct PortableWords([u32; 8]);
+
+impl Words for PortableWords {
+    type Floats = Portable;
+
+    #[inline(always)]
+    fn splat(x: u32) -> Self {
+        Self([x; 8])
+    }
+
+    #[inline(always)]
+    fn load(x: &[u32; 8]) -> Self {
+        Self(*x)
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [u32; 8]) {
+        *to = self.0;
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self(from_fn(|k| self.0[k].wrapping_add(other.0[k])))
+    }
+
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        Self(from_fn(|k| self.0[k] & other.0[k]))
+    }
+
+    #[inline(always)]
+    fn shift_left(self, by: Self) -> Self {
+        Self(from_fn(|k| self.0[k] << (by.0[k] & 31)))
+    }
+
+    #[inline(always)]
+    fn shift_right(self, by: Self) -> Self {
+        Self(from_fn(|k| self.0[k] >> (by.0[k] & 31)))
+    }
+
+    #[inline(always)]
+    fn of(words: &[u32], at: Self) -> Self {
+        Self(at.0.map(|at| words[at as usize]))
+    }
+
+    #[inline(always)]
+    fn as_floats(self) -> Portable {
+        Portable(self.0.map(f32::from_bits))
+    }
+
+    #[inline(always)]
+    fn of_floats(x: Portable) -> Self {
+        Self(x.0.map(f32::to_bits))
+    }
+}
+
+/// Eight f64 in an array.
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct PortableDoubles([f64; 8]);
 
 impl PortableDoubles {
     #[inline(always)]
@@ -159,31 +272,38 @@ impl PortableDoubles {
 }
 
 impl Doubles for PortableDoubles {
+    type Floats = Portable;
+
     #[inline(always)]
-    fn load(x: &[f64; 4]) -> Self {
+    fn load(x: &[f64; 8]) -> Self {
         Self(*x)
     }
 
     #[inline(always)]
-    fn store(self, to: &mut [f64; 4]) {
+    fn load_xyz(points: &[DVec3; 8]) -> [Self; 3] {
+        [Self(points.map(|p| p.x)), Self(points.map(|p| p.y)), Self(points.map(|p| p.z))]
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f64; 8]) {
         *to = self.0;
     }
 
     #[inline(always)]
-    fn from_f32(x: [f32; 4]) -> Self {
-        Self(x.map(f64::from))
+    fn from_floats(x: Portable) -> Self {
+        Self(x.0.map(f64::from))
     }
 
     #[inline(always)]
-    fn to_f32(self) -> [f32; 4] {
-        self.0.map(|x| x as f32)
+    fn to_floats(self) -> Portable {
+        Portable(self.0.map(|x| x as f32))
     }
 }
 
 impl Real for PortableDoubles {
     #[inline(always)]
     fn splat(x: f64) -> Self {
-        Self([x; 4])
+        Self([x; 8])
     }
 
     #[inline(always)]
@@ -228,6 +348,6 @@ impl Real for PortableDoubles {
 
     #[inline(always)]
     fn le(self, other: Self) -> u32 {
-        (0..4).fold(0, |bits, k| bits | u32::from(self.0[k] <= other.0[k]) << k)
+        (0..8).fold(0, |bits, k| bits | u32::from(self.0[k] <= other.0[k]) << k)
     }
 }

@@ -42,7 +42,7 @@
 
 use super::{GROUPS, Leaf, Rectangle, RelativeBox, TINY, Tile, U, bits, eight, eight_mut, meets, spread};
 use crate::trace::exact::{Candidate, Corners};
-use crate::trace::lanes::{Lanes, Triple};
+use crate::trace::lanes::{Lanes, Mask, Triple, Words};
 use crate::trace::wide::{Block, Slot};
 
 /// Error of an edge function in units of u·G·L·M.
@@ -214,12 +214,13 @@ impl<const APART: bool> Tile<'_, APART> {
                 let nearer_bits = in_front.bits() & !z_high.ge(best_low).bits() & maybe_bits;
                 let behind_bits = sure.bits() & !best_high.ge(z_low).bits();
                 if nearer_bits != 0 {
-                    let nearer = S::mask(nearer_bits);
+                    let nearer = S::Mask::of_bits(nearer_bits);
                     S::select(nearer, z_low, best_low).store(eight_mut(&mut self.rays.z_low, group));
                     S::select(nearer, z_high, best_high).store(eight_mut(&mut self.rays.z_high, group));
                     let slots = eight_mut(&mut self.rays.slot, group);
-                    let slot = S::load_bits(&[Slot::new(granule, lane).0; 8]);
-                    S::select(nearer, slot, S::load_bits(slots)).store_bits(slots);
+                    let slot = S::Words::splat(Slot::new(granule, lane).0).as_floats();
+                    let slot = S::select(nearer, slot, S::Words::load(slots).as_floats());
+                    S::Words::of_floats(slot).store(slots);
                     self.replaced(u64::from(nearer_bits) << (group * 8));
                 }
                 for k in bits(maybe_bits & !nearer_bits & !behind_bits) {
@@ -340,7 +341,7 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
         let slope_error = SLOPE * U * tile.reach * side * side + TINY;
 
         // (c−b) × (c+b) is −2 b × c: positive inside for a triangle with T < 0.
-        let against = volume.signs().xor(S::splat(-0.0));
+        let against = volume.signs().neg();
         let edges = [
             bc.cross(b.add(c)).flip(against),
             ac.cross(c.add(a)).flip(volume.signs()),

@@ -19,7 +19,8 @@ use glam::DVec3;
 
 use super::Origins;
 use super::exact::Real;
-use super::lanes::{Doubles, Lanes};
+use super::finish::eight as eight_points;
+use super::lanes::{Doubles, Lanes, Mask, Pair};
 use super::tracer::Best;
 use super::wide::{Node, Slot, WIDTH, Wide};
 
@@ -60,14 +61,16 @@ impl Nearest {
         (self.hit >> ray & 1 != 0).then_some(best)
     }
 
-    /// The slot of the four rays from number `first` on, if all hit the same triangle of `placement`.
+    /// Which rays of a group of eight have a hit, a bit each.
     #[inline(always)]
-    pub fn all_in(&self, first: usize, placement: u32) -> Option<Slot> {
-        let slots: &[u32; 4] = self.slot[first..first + 4].try_into().unwrap();
-        let placements: &[u32; 4] = self.placement[first..first + 4].try_into().unwrap();
-        let alike =
-            self.hit >> first & 0b1111 == 0b1111 && *slots == [slots[0]; 4] && *placements == [placement; 4];
-        alike.then_some(Slot(slots[0]))
+    pub fn hits(&self, group: usize) -> u32 {
+        (self.hit >> (8 * group)) as u32 & 0xff
+    }
+
+    /// The slots and placements of a group's hits.
+    #[inline(always)]
+    pub fn places(&self, group: usize) -> (&[u32; 8], &[u32; 8]) {
+        (eight(&self.slot, group), eight(&self.placement, group))
     }
 
     pub fn set(&mut self, ray: usize, best: Option<Best>) {
@@ -193,7 +196,9 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         rays: &'a mut PerRay,
     ) -> Option<Self> {
         debug_assert!(directions.len() <= RAYS && APART == matches!(origins, Origins::Each(_)));
-        let sum: DVec3 = directions.iter().sum();
+        let last = directions.len() - 1;
+        // The axis along which most of a few go; whether all do shows below.
+        let sum = directions[0] + directions[last / 3] + directions[last - last / 3] + directions[last];
         let along = sum.abs();
         let w = if along.x >= along.y && along.x >= along.z {
             0
@@ -219,7 +224,8 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         }
         let size = f64::from(wide.largest).max(origin.abs().max_element());
         // Sizes whose cubes leave f32's range are not worth a packet.
-        if !(size < 1e12 && along.is_finite()) {
+        let is_tame = size < 1e12;
+        if !is_tame {
             return None;
         }
         if nearest.hit != 0 {
@@ -250,79 +256,73 @@ impl<'a, const APART: bool> Tile<'a, APART> {
             offset: 0.0,
             start: origin[w],
         };
-        let zero = S::Doubles::splat(0.0);
-        let (mut steepest, mut longest) = (zero, zero);
-        let sides = S::Doubles::splat(side);
         let has_hits = nearest.hit != 0 || t_max.is_finite();
-        let last = directions.len() - 1;
-        // The bounds of s_u and s_v, and the largest distance along w that a ray starts beyond o.
-        let (mut least_s, mut most_s, mut latest) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2], 0.0_f64);
-        for first in (0..directions.len().next_multiple_of(8)).step_by(4) {
+        let groups = directions.len().div_ceil(8);
+        let zero = S::Doubles::splat(0.0);
+        let (mut steepest, mut longest, mut latest) = (zero, zero, zero);
+        // The bounds of s_u and s_v.
+        let (mut least_s, mut most_s) = ([S::Doubles::splat(f64::INFINITY); 2], [S::Doubles::splat(f64::NEG_INFINITY); 2]);
+        let sides = S::Doubles::splat(side);
+        let mut room = [DVec3::ZERO; 8];
+        for group in 0..groups {
             // Past the last ray, copies of it, which with a far end of −1 see nothing.
-            let d: [&DVec3; 4] = match directions.get(first..first + 4) {
-                Some(four) => [&four[0], &four[1], &four[2], &four[3]],
-                None => [0, 1, 2, 3].map(|k| &directions[(first + k).min(last)]),
-            };
-            let along = S::Doubles::load(&[d[0][w], d[1][w], d[2][w], d[3][w]]).mul(sides);
-            let (iu, iv) = (axes[0], axes[1]);
-            let gu = S::Doubles::load(&[d[0][iu], d[1][iu], d[2][iu], d[3][iu]]).div(along);
-            let gv = S::Doubles::load(&[d[0][iv], d[1][iv], d[2][iv], d[3][iv]]).div(along);
+            let [du, dv, dw] = in_order(S::Doubles::load_xyz(eight_points(directions, group, &mut room)), w);
+            let along = dw.mul(sides);
+            let per_w = S::Doubles::splat(1.0).div(along);
+            let (gu, gv) = (du.mul(per_w), dv.mul(per_w));
             let steep = gu.abs().max(gv.abs());
             // In this form NaN, infinity and a wrong sign don't pass.
             let passes = S::Doubles::splat(f64::MIN_POSITIVE).le(along)
+                & along.le(S::Doubles::splat(f64::MAX))
                 & gu.abs().le(S::Doubles::splat(STEEPEST))
                 & gv.abs().le(S::Doubles::splat(STEEPEST));
-            if passes != 0b1111 {
+            if passes != 0xff {
                 return None;
             }
             steepest = steepest.max(steep);
             longest = longest.max(along);
-            tile.rays.g[0][first..first + 4].copy_from_slice(&gu.to_f32());
-            tile.rays.g[1][first..first + 4].copy_from_slice(&gv.to_f32());
-            let mut starts = [0.0; 4];
+            gu.to_floats().store(eight_mut(&mut tile.rays.g[0], group));
+            gv.to_floats().store(eight_mut(&mut tile.rays.g[1], group));
+            let mut start = zero;
             if let (true, Origins::Each(all)) = (APART, origins) {
-                let (mut gus, mut gvs) = ([0.0; 4], [0.0; 4]);
-                gu.store(&mut gus);
-                gv.store(&mut gvs);
-                for k in 0..4 {
-                    let from = all[(first + k).min(last)] - origin;
-                    starts[k] = from[w] * side;
-                    let s = [from[iu] - gus[k] * starts[k], from[iv] - gvs[k] * starts[k]];
-                    let [m_u, m_v, m_w] = &mut tile.rays.moment;
-                    m_u[first + k] = (-2.0 * s[1]) as f32;
-                    m_v[first + k] = (2.0 * s[0]) as f32;
-                    m_w[first + k] = (2.0 * (gus[k] * s[1] - gvs[k] * s[0])) as f32;
-                    latest = latest.max(starts[k]);
-                    for axis in 0..2 {
-                        least_s[axis] = least_s[axis].min(s[axis]);
-                        most_s[axis] = most_s[axis].max(s[axis]);
-                    }
-                }
+                let points = S::Doubles::load_xyz(eight_points(all, group, &mut room));
+                let [ou, ov, ow] = in_order(points, w);
+                start = ow.sub(S::Doubles::splat(origin[w])).mul(sides);
+                latest = latest.max(start);
+                let su = ou.sub(S::Doubles::splat(origin[axes[0]])).sub(gu.mul(start));
+                let sv = ov.sub(S::Doubles::splat(origin[axes[1]])).sub(gv.mul(start));
+                let two = S::Doubles::splat(2.0);
+                let [m_u, m_v, m_w] = &mut tile.rays.moment;
+                sv.mul(S::Doubles::splat(-2.0)).to_floats().store(eight_mut(m_u, group));
+                su.mul(two).to_floats().store(eight_mut(m_v, group));
+                gu.mul(sv).sub(gv.mul(su)).mul(two).to_floats().store(eight_mut(m_w, group));
+                least_s = [least_s[0].min(su), least_s[1].min(sv)];
+                most_s = [most_s[0].max(su), most_s[1].max(sv)];
             }
             if has_hits {
-                let mut lengths = [0.0; 4];
-                along.store(&mut lengths);
-                for (k, along) in lengths.into_iter().enumerate() {
-                    let ray = first + k;
-                    (tile.rays.z_low[ray], tile.rays.z_high[ray]) =
-                        bounds(nearest.t[ray] * along + starts[k]);
-                }
+                let z = S::Doubles::load(eight(&nearest.t, group)).mul(along).add(start).to_floats();
+                let room = z.mul_add(S::splat(4.0 * U), S::splat(TINY));
+                let is_finite = S::splat(f32::MAX).ge(z);
+                S::select(is_finite, z.sub(room), z).store(eight_mut(&mut tile.rays.z_low, group));
+                S::select(is_finite, z.add(room), z).store(eight_mut(&mut tile.rays.z_high, group));
             }
         }
+        let padded = groups * 8;
         if !has_hits {
-            tile.rays.z_low[..directions.len()].fill(f32::INFINITY);
-            tile.rays.z_high[..directions.len()].fill(f32::INFINITY);
+            tile.rays.z_low[..padded].fill(f32::INFINITY);
+            tile.rays.z_high[..padded].fill(f32::INFINITY);
         }
-        tile.rays.z_low[directions.len()..].fill(-1.0);
-        tile.rays.z_high[directions.len()..].fill(-1.0);
-        let (mut steep, mut long) = ([0.0; 4], [0.0; 4]);
-        steepest.store(&mut steep);
-        longest.store(&mut long);
-        let most = |four: [f64; 4]| four.into_iter().fold(0.0, f64::max);
-        tile.reach = (1.0 + 2.0 * most(steep)) as f32 * (1.0 + 2.0 * U);
-        tile.near = bounds(t_min * most(long) + latest).1;
+        if directions.len() < RAYS {
+            tile.rays.z_low[directions.len()..].fill(-1.0);
+            tile.rays.z_high[directions.len()..].fill(-1.0);
+        }
+        tile.reach = (1.0 + 2.0 * most(steepest)) as f32 * (1.0 + 2.0 * U);
+        let latest = most(latest);
+        tile.near = bounds(t_min * most(longest) + latest).1;
         let mut grown = [[0.0_f32; 2]; 3];
         if APART {
+            let least_s = [least(least_s[0]), least(least_s[1])];
+            let most_s = [most(most_s[0]), most(most_s[1])];
             let offset = least_s.into_iter().chain(most_s).fold(0.0, |a: f64, b| a.max(b.abs()));
             // (In this form NaN doesn't pass.)
             let is_near = offset.max(latest) <= f64::from(wide.largest) * SPREAD;
@@ -346,16 +346,21 @@ impl<'a, const APART: bool> Tile<'a, APART> {
             let turn = if k == 2 && turned { -1.0 } else { 1.0 };
             (tile.high[k], tile.low[k]) = (high * turn, low * turn);
         }
-        for group in 0..directions.len().div_ceil(8) {
-            for (k, sides) in [&mut tile.rectangle.u, &mut tile.rectangle.v].into_iter().enumerate() {
-                let lanes = S::load(eight(&tile.rays.g[k], group));
-                let (least, most) = (-lanes.xor(S::splat(-0.0)).largest(), lanes.largest());
-                // Room for the rounding of g and of products with it.
-                sides[0][group] = least - 4e-7 * (1.0 + least.abs());
-                sides[1][group] = most + 4e-7 * (1.0 + most.abs());
+        for group in groups..GROUPS {
+            // Rays of an earlier tile must not spoil the rectangles of this one's groups.
+            for g in &mut tile.rays.g {
+                g[group * 8..group * 8 + 8].fill(0.0);
             }
-            tile.far[group] = S::load(eight(&tile.rays.z_high, group)).largest();
         }
+        for (g, sides) in tile.rays.g.iter().zip([&mut tile.rectangle.u, &mut tile.rectangle.v]) {
+            let rows = rows::<S>(g);
+            let (least, most) = (S::least_of_each(rows), S::largest_of_each(rows));
+            // Room for the rounding of g and of products with it.
+            let room = |side: S| side.abs().mul_add(S::splat(4e-7), S::splat(4e-7));
+            least.sub(room(least)).store(&mut sides[0]);
+            most.add(room(most)).store(&mut sides[1]);
+        }
+        S::largest_of_each(rows(&tile.rays.z_high)).store(&mut tile.far);
         tile.farthest = S::load(&tile.far).largest();
         Some(tile)
     }
@@ -462,7 +467,8 @@ impl<'a, const APART: bool> Tile<'a, APART> {
     fn child_box(&self, node: &Node, lane: usize) -> RelativeBox<f32> {
         let side = |k: usize| {
             let axis = self.axes[k];
-            [node.low[axis][lane] - self.lower_from[k], node.high[axis][lane] - self.upper_from[k]]
+            let planes = &node.planes[axis];
+            [planes[lane] - self.lower_from[k], planes[WIDTH + lane] - self.upper_from[k]]
         };
         let w = side(2);
         RelativeBox { u: side(0), v: side(1), w: if self.turned { [-w[1], -w[0]] } else { w } }
@@ -486,8 +492,7 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         let rectangle = self.rectangle_of::<S>(groups);
         let rectangle = Rectangle::<S> { u: spread(rectangle.u), v: spread(rectangle.v) };
         let w = self.sides::<S>(node, 2);
-        let turn = S::splat(-0.0);
-        let w = if self.turned { [w[1].xor(turn), w[0].xor(turn)] } else { w };
+        let w = if self.turned { [w[1].neg(), w[0].neg()] } else { w };
         let boxes = RelativeBox { u: self.sides(node, 0), v: self.sides(node, 1), w };
         let far = S::splat(self.farthest);
         let mut met = meets(&rectangle, &boxes).and(far.ge(w[0])).and(w[1].ge(S::splat(0.0))).bits();
@@ -516,18 +521,16 @@ impl<'a, const APART: bool> Tile<'a, APART> {
     /// The planes of all children's boxes along u, v or w, w not turned over.
     #[inline(always)]
     fn sides<S: Lanes>(&self, node: &Node, k: usize) -> [S; 2] {
-        let axis = self.axes[k];
-        [
-            S::load(&node.low[axis]).sub(S::splat(self.lower_from[k])),
-            S::load(&node.high[axis]).sub(S::splat(self.upper_from[k])),
-        ]
+        let from = S::Pair::of(S::splat(self.lower_from[k]), S::splat(self.upper_from[k]));
+        let (low, high) = S::Pair::load(&node.planes[self.axes[k]]).sub(from).halves();
+        [low, high]
     }
 
     /// The rectangle around those of `groups`.
     #[inline(always)]
     fn rectangle_of<S: Lanes>(&self, groups: u32) -> Rectangle<f32> {
         // Groups without rays are never asked for, but with `!0` at the root.
-        let mask = S::mask(groups & ((1 << self.directions.len().div_ceil(8)) - 1));
+        let mask = S::Mask::of_bits(groups & ((1 << self.directions.len().div_ceil(8)) - 1));
         let Rectangle { u, v } = &self.rectangle;
         let (none_above, none_below) = (S::splat(f32::INFINITY), S::splat(f32::NEG_INFINITY));
         Rectangle {
@@ -546,7 +549,7 @@ impl<'a, const APART: bool> Tile<'a, APART> {
 /// Whether a pyramid with this rectangle may meet a box that reaches to `w` ≥ 0, for eight pairs of them: for some w in the
 /// box w·[u₀, u₁] meets its u, and likewise v.
 #[inline(always)]
-fn meets<S: Lanes>(r: &Rectangle<S>, b: &RelativeBox<S>) -> S {
+fn meets<S: Lanes>(r: &Rectangle<S>, b: &RelativeBox<S>) -> S::Mask {
     let near = b.w[0].max(S::splat(0.0));
     let far = b.w[1];
     overlaps(r.u, b.u, near, far).and(overlaps(r.v, b.v, near, far))
@@ -554,7 +557,7 @@ fn meets<S: Lanes>(r: &Rectangle<S>, b: &RelativeBox<S>) -> S {
 
 /// Whether w·[r₀, r₁] meets [b₀, b₁] for some w from `near` to `far`.
 #[inline(always)]
-fn overlaps<S: Lanes>(r: [S; 2], b: [S; 2], near: S, far: S) -> S {
+fn overlaps<S: Lanes>(r: [S; 2], b: [S; 2], near: S, far: S) -> S::Mask {
     let least = r[0].mul(near).min(r[0].mul(far));
     let most = r[1].mul(near).max(r[1].mul(far));
     b[1].ge(least).and(most.ge(b[0]))
@@ -579,6 +582,34 @@ fn bounds(z: f64) -> (f32, f32) {
     if near.is_finite() { (near - room, near + room) } else { (near, near) }
 }
 
+/// u, v and w of x, y and z.
+#[inline(always)]
+fn in_order<T>([x, y, z]: [T; 3], w: usize) -> [T; 3] {
+    match w {
+        0 => [y, z, x],
+        1 => [z, x, y],
+        _ => [x, y, z],
+    }
+}
+
+#[inline(always)]
+fn rows<S: Lanes>(values: &[f32; RAYS]) -> [S; 8] {
+    let row = |group| S::load(eight(values, group));
+    [row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)]
+}
+
+#[inline(always)]
+fn least<D: Doubles>(x: D) -> f64 {
+    -most(D::splat(0.0).sub(x))
+}
+
+#[inline(always)]
+fn most<D: Doubles>(x: D) -> f64 {
+    let mut all = [0.0; 8];
+    x.store(&mut all);
+    all.into_iter().fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// The indices of the bits that are set, lowest first.
 #[inline(always)]
 fn bits(mut set: u32) -> impl Iterator<Item = usize> {
@@ -590,7 +621,7 @@ fn bits(mut set: u32) -> impl Iterator<Item = usize> {
 }
 
 #[inline(always)]
-fn eight(values: &[f32; RAYS], group: usize) -> &[f32; 8] {
+fn eight<T>(values: &[T; RAYS], group: usize) -> &[T; 8] {
     values[group * 8..group * 8 + 8].try_into().unwrap()
 }
 

@@ -142,8 +142,9 @@ impl Node {
         for lane in 0..WIDTH {
             if self.child[lane] != Child::NONE {
                 for axis in 0..3 {
-                    self.low[axis][lane] = (self.low[axis][lane] / scale) - pad;
-                    self.high[axis][lane] = (self.high[axis][lane] / scale) + pad;
+                    let planes = &mut self.planes[axis];
+                    planes[lane] = planes[lane] / scale - pad;
+                    planes[WIDTH + lane] = planes[WIDTH + lane] / scale + pad;
                 }
             }
         }
@@ -291,8 +292,8 @@ impl Tree {
                 let node = &bvh.nodes[child];
                 let Aabb { min, max } = *node.aabb();
                 for axis in 0..3 {
-                    self.nodes[index].low[axis][lane] = min[axis];
-                    self.nodes[index].high[axis][lane] = max[axis];
+                    self.nodes[index].planes[axis][lane] = min[axis];
+                    self.nodes[index].planes[axis][WIDTH + lane] = max[axis];
                 }
                 if node.is_leaf() {
                     self.nodes[index].child[lane] = leaf(self, child);

@@ -7,7 +7,7 @@
 mod build;
 mod walk;
 
-use super::lanes::Lanes;
+use super::lanes::{Lanes, Words};
 
 pub(super) use build::{build, build_over};
 
@@ -26,12 +26,12 @@ pub(super) struct Wide {
     pub largest: f32,
 }
 
-/// Up to eight children, boxes as structure of arrays: `low[axis][child]`.
+/// Up to eight children, boxes as structure of arrays, one cache line an axis.
 #[derive(Clone, Debug)]
-#[repr(C, align(32))]
+#[repr(C, align(64))]
 pub(super) struct Node {
-    pub low: [[f32; WIDTH]; 3],
-    pub high: [[f32; WIDTH]; 3],
+    /// `planes[axis][child]` is the lower plane of a child's box, `planes[axis][WIDTH + child]` the upper one.
+    pub planes: [[f32; 2 * WIDTH]; 3],
     pub child: [Child; WIDTH],
 }
 
@@ -62,8 +62,15 @@ impl Child {
 
 impl Node {
     /// A node without children. Its boxes are inside out, and finite, so that no arithmetic on them makes a NaN.
-    pub const EMPTY: Self =
-        Self { low: [[f32::MAX; WIDTH]; 3], high: [[f32::MIN; WIDTH]; 3], child: [Child::NONE; WIDTH] };
+    pub const EMPTY: Self = {
+        let mut planes = [f32::MAX; 2 * WIDTH];
+        let mut lane = WIDTH;
+        while lane < 2 * WIDTH {
+            planes[lane] = f32::MIN;
+            lane += 1;
+        }
+        Self { planes: [planes; 3], child: [Child::NONE; WIDTH] }
+    };
 }
 
 /// Words (of 32 bits) that a block's place is counted in.
@@ -116,19 +123,7 @@ impl<'a> Block<'a> {
     pub fn coordinates<S: Lanes>(&self, axis: usize, corners: [u64; 3]) -> [S; 3] {
         let start = HEADER + axis * self.vertices;
         let words: &[u32; MAX_VERTICES] = self.words[start..start + MAX_VERTICES].try_into().unwrap();
-        let low = S::load_bits(words[..8].try_into().unwrap());
-        let middle = S::load_bits(words[8..16].try_into().unwrap());
-        let [a, b, c] = corners;
-        let picked = [S::gather(low, middle, a), S::gather(low, middle, b), S::gather(low, middle, c)];
-        if self.vertices <= 16 {
-            return picked;
-        }
-        let high = S::load_bits(words[16..].try_into().unwrap());
-        [
-            S::gather_above_15(picked[0], high, a),
-            S::gather_above_15(picked[1], high, b),
-            S::gather_above_15(picked[2], high, c),
-        ]
+        S::pick(words, corners, self.vertices <= 16)
     }
 
     /// For each triangle, which vertex its corner `corner` is: a byte a triangle.
@@ -136,6 +131,33 @@ impl<'a> Block<'a> {
     pub fn corner(&self, corner: usize) -> u64 {
         let start = HEADER + 3 * self.vertices + 2 * corner;
         u64::from(self.words[start]) | u64::from(self.words[start + 1]) << 32
+    }
+
+    /// Of eight triangles, given by their slots: each corner's x, y and z, and the ids in their mesh.
+    #[inline(always)]
+    pub fn corners<S: Lanes>(blocks: &[u32], slots: S::Words) -> ([[S; 3]; 3], S::Words) {
+        let constant = S::Words::splat;
+        let lane = slots.and(constant(WIDTH as u32 - 1));
+        // Slots count in granules of four words, after three bits for the lane.
+        let start = slots.shift_right(constant(1)).and(constant(!(GRANULE as u32 - 1)));
+        let vertices = S::Words::of(blocks, start).shift_right(constant(8)).and(constant(0xff));
+        let x = start.add(constant(HEADER as u32));
+        let (y, z) = (x.add(vertices), x.add(vertices).add(vertices));
+        let indices = z.add(vertices);
+        let ids = S::Words::of(blocks, indices.add(constant(6)).add(lane));
+        let word = indices.add(lane.shift_right(constant(2)));
+        let shift = lane.and(constant(3)).shift_left(constant(3));
+        let mut corners = [[S::splat(0.0); 3]; 3];
+        for (k, corner) in corners.iter_mut().enumerate() {
+            let vertex = S::Words::of(blocks, word.add(constant(2 * k as u32))).shift_right(shift);
+            let vertex = vertex.and(constant(0xff));
+            *corner = [
+                S::Words::of(blocks, x.add(vertex)).as_floats(),
+                S::Words::of(blocks, y.add(vertex)).as_floats(),
+                S::Words::of(blocks, z.add(vertex)).as_floats(),
+            ];
+        }
+        (corners, ids)
     }
 
     /// The id of a triangle in its mesh.
@@ -234,7 +256,7 @@ mod tests {
                     if node.child[lane] == Child::NONE {
                         continue;
                     }
-                    let (l, h) = (node.low.map(|b| b[lane]), node.high.map(|b| b[lane]));
+                    let (l, h) = (node.planes.map(|b| b[lane]), node.planes.map(|b| b[WIDTH + lane]));
                     assert!(
                         (0..3).all(|a| l[a] >= low[a] && h[a] <= high[a]),
                         "a child sticks out of its parent"

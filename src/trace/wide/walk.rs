@@ -87,8 +87,8 @@ impl Slabs {
     fn enter(&self, node: &Node, lane: usize, t_max: f64) -> Option<f64> {
         let (mut near, mut far) = (self.t_min, beyond(t_max));
         for axis in 0..3 {
-            let t0 = (f64::from(node.low[axis][lane]) - self.from_low[axis]) * self.inverse[axis];
-            let t1 = (f64::from(node.high[axis][lane]) - self.from_high[axis]) * self.inverse[axis];
+            let t0 = (f64::from(node.planes[axis][lane]) - self.from_low[axis]) * self.inverse[axis];
+            let t1 = (f64::from(node.planes[axis][WIDTH + lane]) - self.from_high[axis]) * self.inverse[axis];
             // For a direction of 0 both are infinite, of different signs where the origin lies between the planes; 0·∞ is
             // NaN, which min and max pass over.
             near = near.max(t0.min(t1));

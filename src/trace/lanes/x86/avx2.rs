@@ -1,0 +1,315 @@
+//! With AVX2 and FMA.
+
+use std::arch::x86_64::*;
+
+use glam::DVec3;
+
+use super::{eight_floats, eight_words, of_each};
+use crate::trace::exact::Real;
+use crate::trace::lanes::{Doubles, Lanes, Mask, Pair, Words};
+
+/// Eight f32 in a register. Only to be made inside of [`with_avx2`](super::with_avx2).
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct Avx2(__m256);
+
+impl Lanes for Avx2 {
+    type Mask = Avx2Mask;
+    type Words = Avx2Words;
+    type Doubles = Avx2Doubles;
+    type Pair = Avx2Pair;
+
+    eight_floats!();
+
+    #[inline(always)]
+    fn ge(self, other: Self) -> Avx2Mask {
+        // SAFETY: AVX, see the module.
+        Avx2Mask(unsafe { _mm256_cmp_ps::<_CMP_GE_OQ>(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn select(mask: Avx2Mask, yes: Self, no: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_blendv_ps(no.0, yes.0, mask.0) })
+    }
+
+    #[inline(always)]
+    fn pick(words: &[u32; 24], indices: [u64; 3], below_16: bool) -> [Self; 3] {
+        let start = words.as_ptr().cast::<f32>();
+        // SAFETY: AVX2, see the module; the reference covers the 96 bytes read.
+        unsafe {
+            let (low, middle) = (_mm256_loadu_ps(start), _mm256_loadu_ps(start.add(8)));
+            let mut picked = [Self(low); 3];
+            for k in 0..3 {
+                let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(indices[k] as i64));
+                let is_middle = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(lanes));
+                let from_low = _mm256_permutevar8x32_ps(low, lanes);
+                let from_middle = _mm256_permutevar8x32_ps(middle, lanes);
+                picked[k] = Self(_mm256_blendv_ps(from_low, from_middle, is_middle));
+            }
+            if !below_16 {
+                let high = _mm256_loadu_ps(start.add(16));
+                for k in 0..3 {
+                    let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(indices[k] as i64));
+                    let is_high = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(lanes));
+                    let from_high = _mm256_permutevar8x32_ps(high, lanes);
+                    picked[k] = Self(_mm256_blendv_ps(picked[k].0, from_high, is_high));
+                }
+            }
+            picked
+        }
+    }
+
+    #[inline(always)]
+    fn compress(self, mask: Avx2Mask) -> Self {
+        let order = FIRST[mask.bits() as usize & 255];
+        // SAFETY: AVX2, see the module.
+        Self(unsafe {
+            _mm256_permutevar8x32_ps(self.0, _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(order as i64)))
+        })
+    }
+}
+
+/// For each set of lanes their numbers, lowest first, a byte each.
+static FIRST: [u64; 256] = {
+    let mut table = [0; 256];
+    let mut set = 0;
+    while set < 256 {
+        let (mut order, mut count, mut lane) = (0, 0, 0);
+        while lane < 8 {
+            if set >> lane & 1 != 0 {
+                order |= (lane as u64) << (8 * count);
+                count += 1;
+            }
+            lane += 1;
+        }
+        table[set] = order;
+        set += 1;
+    }
+    table
+};
+
+/// Lanes of all ones or all zeros.
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct Avx2Mask(__m256);
+
+impl Mask for Avx2Mask {
+    #[inline(always)]
+    fn of_bits(bits: u32) -> Self {
+        // SAFETY: AVX2, see the module.
+        Self(unsafe {
+            let of_lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let set = _mm256_and_si256(_mm256_set1_epi32(bits as i32), of_lane);
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(set, of_lane))
+        })
+    }
+
+    #[inline(always)]
+    fn bits(self) -> u32 {
+        // SAFETY: AVX, see the module.
+        (unsafe { _mm256_movemask_ps(self.0) }) as u32
+    }
+
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_and_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_or_ps(self.0, other.0) })
+    }
+}
+
+/// Sixteen f32.
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct Avx2Pair(Avx2, Avx2);
+
+impl Pair for Avx2Pair {
+    type Half = Avx2;
+
+    #[inline(always)]
+    fn load(x: &[f32; 16]) -> Self {
+        // SAFETY: AVX, see the module; the reference covers the 64 bytes read.
+        unsafe { Self(Avx2(_mm256_loadu_ps(x.as_ptr())), Avx2(_mm256_loadu_ps(x.as_ptr().add(8)))) }
+    }
+
+    #[inline(always)]
+    fn of(low: Avx2, high: Avx2) -> Self {
+        Self(low, high)
+    }
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self(Avx2::splat(x), Avx2::splat(x))
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self(self.0.sub(other.0), self.1.sub(other.1))
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
+    }
+
+    #[inline(always)]
+    fn halves(self) -> (Avx2, Avx2) {
+        (self.0, self.1)
+    }
+}
+
+/// Eight u32 in a register.
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct Avx2Words(__m256i);
+
+impl Words for Avx2Words {
+    type Floats = Avx2;
+
+    eight_words!();
+
+    #[inline(always)]
+    fn as_floats(self) -> Avx2 {
+        // SAFETY: AVX, see the module.
+        Avx2(unsafe { _mm256_castsi256_ps(self.0) })
+    }
+
+    #[inline(always)]
+    fn of_floats(x: Avx2) -> Self {
+        // SAFETY: AVX, see the module.
+        Self(unsafe { _mm256_castps_si256(x.0) })
+    }
+}
+
+/// Eight f64 in two registers.
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct Avx2Doubles(__m256d, __m256d);
+
+impl Doubles for Avx2Doubles {
+    type Floats = Avx2;
+
+    #[inline(always)]
+    fn load(x: &[f64; 8]) -> Self {
+        // SAFETY: AVX, see the module; the reference covers the 64 bytes read.
+        unsafe { Self(_mm256_loadu_pd(x.as_ptr()), _mm256_loadu_pd(x.as_ptr().add(4))) }
+    }
+
+    #[inline(always)]
+    fn load_xyz(points: &[DVec3; 8]) -> [Self; 3] {
+        let start = points.as_ptr().cast::<f64>();
+        // SAFETY: AVX2, see the module; a DVec3 is three f64, and the reference covers the 192 bytes read.
+        unsafe {
+            let mut halves = [[_mm256_setzero_pd(); 3]; 2];
+            for (k, half) in halves.iter_mut().enumerate() {
+                let start = start.add(12 * k);
+                let a = _mm256_loadu_pd(start); // x y z x
+                let b = _mm256_loadu_pd(start.add(4)); // y z x y
+                let c = _mm256_loadu_pd(start.add(8)); // z x y z
+                let xy = _mm256_blend_pd::<0b1100>(a, b);
+                let zx = _mm256_permute2f128_pd::<0x21>(a, c);
+                let yz = _mm256_blend_pd::<0b1100>(b, c);
+                *half = [
+                    _mm256_shuffle_pd::<0b1010>(xy, zx),
+                    _mm256_shuffle_pd::<0b0101>(xy, yz),
+                    _mm256_shuffle_pd::<0b1010>(zx, yz),
+                ];
+            }
+            let [[x, y, z], [x2, y2, z2]] = halves;
+            [Self(x, x2), Self(y, y2), Self(z, z2)]
+        }
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f64; 8]) {
+        // SAFETY: AVX, see the module; the reference covers the 64 bytes written.
+        unsafe {
+            _mm256_storeu_pd(to.as_mut_ptr(), self.0);
+            _mm256_storeu_pd(to.as_mut_ptr().add(4), self.1);
+        }
+    }
+
+    #[inline(always)]
+    fn from_floats(x: Avx2) -> Self {
+        // SAFETY: AVX, see the module.
+        unsafe {
+            Self(_mm256_cvtps_pd(_mm256_castps256_ps128(x.0)), _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(x.0)))
+        }
+    }
+
+    #[inline(always)]
+    fn to_floats(self) -> Avx2 {
+        // SAFETY: AVX, see the module.
+        Avx2(unsafe { _mm256_set_m128(_mm256_cvtpd_ps(self.1), _mm256_cvtpd_ps(self.0)) })
+    }
+}
+
+impl Real for Avx2Doubles {
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        // SAFETY: AVX, see the module.
+        unsafe { Self(_mm256_set1_pd(x), _mm256_set1_pd(x)) }
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        unsafe { Self(_mm256_add_pd(self.0, other.0), _mm256_add_pd(self.1, other.1)) }
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        unsafe { Self(_mm256_sub_pd(self.0, other.0), _mm256_sub_pd(self.1, other.1)) }
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        unsafe { Self(_mm256_mul_pd(self.0, other.0), _mm256_mul_pd(self.1, other.1)) }
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        unsafe { Self(_mm256_div_pd(self.0, other.0), _mm256_div_pd(self.1, other.1)) }
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        unsafe { Self(_mm256_min_pd(self.0, other.0), _mm256_min_pd(self.1, other.1)) }
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: AVX, see the module.
+        unsafe { Self(_mm256_max_pd(self.0, other.0), _mm256_max_pd(self.1, other.1)) }
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        // SAFETY: AVX, see the module.
+        unsafe { Self(_mm256_sqrt_pd(self.0), _mm256_sqrt_pd(self.1)) }
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: AVX, see the module.
+        unsafe {
+            let sign = _mm256_set1_pd(-0.0);
+            Self(_mm256_andnot_pd(sign, self.0), _mm256_andnot_pd(sign, self.1))
+        }
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        // SAFETY: AVX, see the module.
+        unsafe {
+            let low = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(self.0, other.0));
+            let high = _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(self.1, other.1));
+            (low | high << 4) as u32
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! Registers of x86-64: eight f32 in 256 bits, with AVX2 and FMA, or with AVX-512 besides.
+//!
+//! The only module with `unsafe`. Each block calls an intrinsic that needs the features of its kind and nothing else (loads
+//! and stores take references to whole arrays, unaligned; gathers check their indices). That the processor has them is the
+//! condition under which a value of the kind may be made at all: [`with_avx2`] and [`with_avx512`] are the only ways into
+//! code that makes one, and they ask [`has_avx2`] and [`has_avx512`].
+#![allow(unsafe_code)]
+
+mod avx2;
+mod avx512;
+
+pub(in crate::trace) use avx2::Avx2;
+pub(in crate::trace) use avx512::Avx512;
+
+use super::Work;
+
+/// Whether this processor has AVX2 and FMA.
+#[inline]
+pub(in crate::trace) fn has_avx2() -> bool {
+    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+}
+
+/// Whether this processor has what [`Avx512`] takes: any with AVX-512 since 2017.
+#[inline]
+pub(in crate::trace) fn has_avx512() -> bool {
+    has_avx2()
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512bw")
+}
+
+/// Runs `work` on [`Avx2`], compiled for AVX2 and FMA.
+///
+/// # Panics
+/// If the processor lacks them.
+#[inline]
+pub(in crate::trace) fn with_avx2<W: Work>(work: W) -> W::Output {
+    #[target_feature(enable = "avx2,fma")]
+    fn enabled<W: Work>(work: W) -> W::Output {
+        work.run::<Avx2>()
+    }
+    assert!(has_avx2());
+    // SAFETY: the processor has just said that it has both features.
+    unsafe { enabled(work) }
+}
+
+/// Runs `work` on [`Avx512`], compiled for AVX-512.
+///
+/// # Panics
+/// If the processor lacks it.
+#[inline]
+pub(in crate::trace) fn with_avx512<W: Work>(work: W) -> W::Output {
+    #[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512dq,avx512bw")]
+    fn enabled<W: Work>(work: W) -> W::Output {
+        work.run::<Avx512>()
+    }
+    assert!(has_avx512());
+    // SAFETY: the processor has just said that it has all of them.
+    unsafe { enabled(work) }
+}
+
+/// The methods of `Lanes` that are the same instructions for both kinds, a tuple struct of one `__m256` each.
+macro_rules! eight_floats {
+    () => {
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { _mm256_set1_ps(x) })
+        }
+
+        #[inline(always)]
+        fn load(x: &[f32; 8]) -> Self {
+            // SAFETY: AVX, see the module; the reference covers the 32 bytes read.
+            Self(unsafe { _mm256_loadu_ps(x.as_ptr()) })
+        }
+
+        #[inline(always)]
+        fn store(self, to: &mut [f32; 8]) {
+            // SAFETY: AVX, see the module; the reference covers the 32 bytes written.
+            unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
+        }
+
+        #[inline(always)]
+        fn add(self, other: Self) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { _mm256_add_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn sub(self, other: Self) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { _mm256_sub_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn mul(self, other: Self) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { _mm256_mul_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn div(self, other: Self) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { _mm256_div_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn mul_add(self, factor: Self, term: Self) -> Self {
+            // SAFETY: FMA, see the module.
+            Self(unsafe { _mm256_fmadd_ps(self.0, factor.0, term.0) })
+        }
+
+        #[inline(always)]
+        fn min(self, other: Self) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { _mm256_min_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn max(self, other: Self) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { _mm256_max_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn and(self, other: Self) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { _mm256_and_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn xor(self, other: Self) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { _mm256_xor_ps(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn least(self) -> f32 {
+            // SAFETY: AVX, see the module.
+            unsafe {
+                let four = _mm_min_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+                let two = _mm_min_ps(four, _mm_movehl_ps(four, four));
+                _mm_cvtss_f32(_mm_min_ss(two, _mm_movehdup_ps(two)))
+            }
+        }
+
+        #[inline(always)]
+        fn largest(self) -> f32 {
+            // SAFETY: AVX, see the module.
+            unsafe {
+                let four = _mm_max_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+                let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+                _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)))
+            }
+        }
+
+        #[inline(always)]
+        fn least_of_each(rows: [Self; 8]) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { of_each!(rows, _mm256_min_ps) })
+        }
+
+        #[inline(always)]
+        fn largest_of_each(rows: [Self; 8]) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { of_each!(rows, _mm256_max_ps) })
+        }
+
+        #[inline(always)]
+        fn prefetch<T>(place: &T) {
+            let start = std::ptr::from_ref(place).cast::<i8>();
+            for line in (0..size_of::<T>()).step_by(64) {
+                // SAFETY: a hint that reads nothing; the address is inside of `place`.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.add(line)) }
+            }
+        }
+    };
+}
+
+/// The methods of `Words` that are the same instructions for both kinds, a tuple struct of one `__m256i` each.
+macro_rules! eight_words {
+    () => {
+        #[inline(always)]
+        fn splat(x: u32) -> Self {
+            // SAFETY: AVX, see the module.
+            Self(unsafe { _mm256_set1_epi32(x as i32) })
+        }
+
+        #[inline(always)]
+        fn load(x: &[u32; 8]) -> Self {
+            // SAFETY: AVX, see the module; the reference covers the 32 bytes read.
+            Self(unsafe { _mm256_loadu_si256(x.as_ptr().cast()) })
+        }
+
+        #[inline(always)]
+        fn store(self, to: &mut [u32; 8]) {
+            // SAFETY: AVX, see the module; the reference covers the 32 bytes written.
+            unsafe { _mm256_storeu_si256(to.as_mut_ptr().cast(), self.0) }
+        }
+
+        #[inline(always)]
+        fn add(self, other: Self) -> Self {
+            // SAFETY: AVX2, see the module.
+            Self(unsafe { _mm256_add_epi32(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn and(self, other: Self) -> Self {
+            // SAFETY: AVX2, see the module.
+            Self(unsafe { _mm256_and_si256(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn shift_left(self, by: Self) -> Self {
+            // SAFETY: AVX2, see the module.
+            Self(unsafe { _mm256_sllv_epi32(self.0, by.0) })
+        }
+
+        #[inline(always)]
+        fn shift_right(self, by: Self) -> Self {
+            // SAFETY: AVX2, see the module.
+            Self(unsafe { _mm256_srlv_epi32(self.0, by.0) })
+        }
+
+        #[inline(always)]
+        fn of(words: &[u32], at: Self) -> Self {
+            // SAFETY: AVX2, see the module; every index is one of the slice, which is shorter than 2³¹.
+            Self(unsafe {
+                let last = _mm256_set1_epi32((words.len().clamp(1, 1 << 31) - 1) as i32);
+                let within = _mm256_cmpeq_epi32(_mm256_min_epu32(at.0, last), at.0);
+                assert!(_mm256_movemask_epi8(within) == -1 && !words.is_empty());
+                _mm256_i32gather_epi32::<4>(words.as_ptr().cast(), at.0)
+            })
+        }
+    };
+}
+
+/// Reduces each of eight registers to one lane of the result: eight to four registers of two rows' halves, to two of four
+/// rows' quarters, to one. (No functions or closures: only what is inlined into code with the features is compiled for them.)
+macro_rules! of_each {
+    ($rows:ident, $least:ident) => {{
+        let [a, b, c, d, e, f, g, h] = $rows;
+        let ae = $least(_mm256_permute2f128_ps::<0x20>(a.0, e.0), _mm256_permute2f128_ps::<0x31>(a.0, e.0));
+        let bf = $least(_mm256_permute2f128_ps::<0x20>(b.0, f.0), _mm256_permute2f128_ps::<0x31>(b.0, f.0));
+        let cg = $least(_mm256_permute2f128_ps::<0x20>(c.0, g.0), _mm256_permute2f128_ps::<0x31>(c.0, g.0));
+        let dh = $least(_mm256_permute2f128_ps::<0x20>(d.0, h.0), _mm256_permute2f128_ps::<0x31>(d.0, h.0));
+        // a a b b | e e f f
+        let abef = $least(
+            _mm256_shuffle_ps::<0b01_00_01_00>(ae, bf),
+            _mm256_shuffle_ps::<0b11_10_11_10>(ae, bf),
+        );
+        let cdgh = $least(
+            _mm256_shuffle_ps::<0b01_00_01_00>(cg, dh),
+            _mm256_shuffle_ps::<0b11_10_11_10>(cg, dh),
+        );
+        $least(
+            _mm256_shuffle_ps::<0b10_00_10_00>(abef, cdgh),
+            _mm256_shuffle_ps::<0b11_01_11_01>(abef, cdgh),
+        )
+    }};
+}
+
+use {eight_floats, eight_words, of_each};
