@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 use super::bounds::Bounds;
 use super::exact::{self, Candidate, Corners, LocalRay};
 use super::lanes::{self, Lanes, Portable, Work};
-use super::packet::{Nearest, PerRay, RAYS, Tile, Visit};
+use super::packet::{self, Nearest, PerRay, RAYS, Tile};
 use super::single::{Single, Stack, Together};
 use super::wide::{self, Block, Child, Slot, Wide};
 use super::{Cast, Hit, Origins, Rays};
@@ -491,8 +491,8 @@ pub(super) struct Best {
 /// Room to work in, kept from packet to packet.
 #[derive(Default)]
 struct Room {
-    top: Vec<Visit>,
-    mesh: Vec<Visit>,
+    top: packet::Stack,
+    mesh: packet::Stack,
     carried: Vec<DVec3>,
     carried_origins: Vec<DVec3>,
     rays: PerRay,

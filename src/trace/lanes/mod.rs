@@ -35,6 +35,8 @@ pub(super) trait Lanes: Copy {
     fn div(self, other: Self) -> Self;
     /// self · factor + term, rounded once or twice.
     fn mul_add(self, factor: Self, term: Self) -> Self;
+    /// self · factor − term, rounded once or twice.
+    fn mul_sub(self, factor: Self, term: Self) -> Self;
     /// The lesser; either if one is NaN.
     fn min(self, other: Self) -> Self;
     /// The larger; either if one is NaN.
@@ -45,6 +47,8 @@ pub(super) trait Lanes: Copy {
     fn xor(self, other: Self) -> Self;
     /// self ≥ other; false for NaN.
     fn ge(self, other: Self) -> Self::Mask;
+    /// self > other; false for NaN.
+    fn gt(self, other: Self) -> Self::Mask;
     /// Lanes of `yes` where the mask is true, else of `no`.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     /// For each of three lists of indices, a byte each: lane k is word number `indices`' byte k, as f32; anything where the
@@ -52,16 +56,18 @@ pub(super) trait Lanes: Copy {
     fn pick(words: &[u32; 24], indices: [u64; 3], below_16: bool) -> [Self; 3];
     /// The lanes where the mask is true, in their order, first; anything after them.
     fn compress(self, mask: Self::Mask) -> Self;
-    /// Asks for the cache lines of `place`, if the machine has a way to ask.
-    fn prefetch<T>(place: &T);
+    /// The first lanes, in their order, in those where the mask is true; elsewhere `others`.
+    fn expand(self, mask: Self::Mask, others: Self) -> Self;
+    /// Asks for four cache lines from an address on, if the machine has a way to ask. Nothing is read, so it may be any.
+    fn prefetch(address: *const u32);
     /// The least lane.
     fn least(self) -> f32;
     /// The largest lane.
     fn largest(self) -> f32;
+    /// Element k is the least of the lanes of number k.
+    fn least_of_four(rows: [Self; 4]) -> [f32; 4];
     /// Lane k is the least of the lanes of number k.
     fn least_of_each(rows: [Self; 8]) -> Self;
-    /// Lane k is the largest of the lanes of number k.
-    fn largest_of_each(rows: [Self; 8]) -> Self;
 
     /// −self.
     #[inline(always)]
@@ -95,11 +101,16 @@ pub(super) trait Mask: Copy {
 pub(super) trait Pair: Copy {
     type Half: Lanes;
     fn load(x: &[f32; 16]) -> Self;
+    fn store(self, to: &mut [f32; 16]);
     fn of(low: Self::Half, high: Self::Half) -> Self;
     fn splat(x: f32) -> Self;
-    fn sub(self, other: Self) -> Self;
+    fn mul(self, other: Self) -> Self;
     /// self · factor + term, rounded once or twice.
     fn mul_add(self, factor: Self, term: Self) -> Self;
+    /// The lesser; either if one is NaN.
+    fn min(self, other: Self) -> Self;
+    /// Where each of `these` ≥ that of `those`, in both halves; false for NaN.
+    fn all_ge(these: [Self; 2], those: [Self; 2]) -> <Self::Half as Lanes>::Mask;
     fn halves(self) -> (Self::Half, Self::Half);
 }
 
@@ -221,5 +232,5 @@ impl<S: Lanes> Triple<S> {
 /// a·b − c·d.
 #[inline(always)]
 fn minor<S: Lanes>(a: S, b: S, c: S, d: S) -> S {
-    a.mul_add(b, c.mul(d).neg())
+    a.mul_sub(b, c.mul(d))
 }

@@ -69,6 +69,11 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn mul_sub(self, factor: Self, term: Self) -> Self {
+        Self(from_fn(|k| self.0[k] * factor.0[k] - term.0[k]))
+    }
+
+    #[inline(always)]
     fn min(self, other: Self) -> Self {
         self.with(other, |a, b| if a < b { a } else { b })
     }
@@ -94,6 +99,11 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn gt(self, other: Self) -> PortableMask {
+        PortableMask(from_fn(|k| if self.0[k] > other.0[k] { u32::MAX } else { 0 }))
+    }
+
+    #[inline(always)]
     fn select(mask: PortableMask, yes: Self, no: Self) -> Self {
         Self(from_fn(|k| if mask.0[k] != 0 { yes.0[k] } else { no.0[k] }))
     }
@@ -115,7 +125,20 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn prefetch<T>(_: &T) {}
+    fn expand(self, mask: PortableMask, others: Self) -> Self {
+        let mut expanded = others;
+        let mut count = 0;
+        for k in 0..8 {
+            if mask.0[k] != 0 {
+                expanded.0[k] = self.0[count];
+                count += 1;
+            }
+        }
+        expanded
+    }
+
+    #[inline(always)]
+    fn prefetch(_: *const u32) {}
 
     #[inline(always)]
     fn least(self) -> f32 {
@@ -128,13 +151,13 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn least_of_each(rows: [Self; 8]) -> Self {
-        Self(rows.map(Self::least))
+    fn least_of_four(rows: [Self; 4]) -> [f32; 4] {
+        rows.map(Self::least)
     }
 
     #[inline(always)]
-    fn largest_of_each(rows: [Self; 8]) -> Self {
-        Self(rows.map(Self::largest))
+    fn least_of_each(rows: [Self; 8]) -> Self {
+        Self(rows.map(Self::least))
     }
 }
 
@@ -177,6 +200,12 @@ impl Pair for PortablePair {
     }
 
     #[inline(always)]
+    fn store(self, to: &mut [f32; 16]) {
+        to[..8].copy_from_slice(&self.0.0);
+        to[8..].copy_from_slice(&self.1.0);
+    }
+
+    #[inline(always)]
     fn of(low: Portable, high: Portable) -> Self {
         Self(low, high)
     }
@@ -187,13 +216,23 @@ impl Pair for PortablePair {
     }
 
     #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self(self.0.sub(other.0), self.1.sub(other.1))
+    fn mul(self, other: Self) -> Self {
+        Self(self.0.mul(other.0), self.1.mul(other.1))
     }
 
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
         Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(self.0.min(other.0), self.1.min(other.1))
+    }
+
+    #[inline(always)]
+    fn all_ge([p, q]: [Self; 2], [r, s]: [Self; 2]) -> PortableMask {
+        p.0.ge(r.0).and(p.1.ge(r.1)).and(q.0.ge(s.0)).and(q.1.ge(s.1))
     }
 
     #[inline(always)]

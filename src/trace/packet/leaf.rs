@@ -40,9 +40,12 @@
 //! replaces it, one behind is dropped, and where intervals overlap the f64 depths (and, if these are equal, the ids) decide.
 //! A box or triangle is passed over only if it begins behind the upper end.
 
-use super::{GROUPS, Leaf, Rectangle, RelativeBox, TINY, Tile, U, bits, eight, eight_mut, meets, spread};
+use std::marker::PhantomData;
+
+use super::walk::{Leaf, RelativeBox};
+use super::{GROUPS, RAYS, TINY, Tile, U, bits, eight, eight_mut};
 use crate::trace::exact::{Candidate, Corners};
-use crate::trace::lanes::{Lanes, Mask, Triple, Words};
+use crate::trace::lanes::{Lanes, Mask, Pair, Triple, Words};
 use crate::trace::wide::{Block, Slot};
 
 /// Error of an edge function in units of u·G·L·M.
@@ -54,187 +57,220 @@ const VOLUME: f32 = 64.0;
 /// Error of the denominator of a depth in units of u·G·L².
 const SLOPE: f32 = 24.0;
 
+/// The rays that a block's box lets through, side by side.
+pub(super) struct Chosen {
+    /// g_u and g_v.
+    g: [[f32; ROOM]; 2],
+    /// As [`PerRay`](super::PerRay) has it, if origins differ.
+    moment: [[f32; ROOM]; 3],
+    /// Bounds of the nearest hits' depths, and their slots.
+    z_low: [f32; ROOM],
+    z_high: [f32; ROOM],
+    slot: [u32; ROOM],
+    /// Which ray it is.
+    ray: [u32; ROOM],
+    /// Of each eight, which a triangle of the block leaves undecided: a bit each of a byte a triangle.
+    undecided: [[u8; 8]; GROUPS],
+}
+
+/// Rays are written eight at a time, of which any number may count.
+const ROOM: usize = RAYS + 8;
+
+impl Default for Chosen {
+    fn default() -> Self {
+        let none = [0.0; ROOM];
+        Self {
+            g: [none; 2],
+            moment: [none; 3],
+            z_low: none,
+            z_high: none,
+            slot: [0; ROOM],
+            ray: [0; ROOM],
+            undecided: [[0; 8]; GROUPS],
+        }
+    }
+}
+
+/// Numbers of the rays of the first group.
+const NUMBERS: [u32; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
+
 impl<const APART: bool> Tile<'_, APART> {
-    /// Tests the triangles of a block against the rays of `groups` that its box lets through.
+    /// Tests the triangles of a block against the rays of its groups that its box lets through.
     #[inline(always)]
     pub(super) fn test_leaf<S: Lanes>(&mut self, leaf: &Leaf) {
         let Leaf { number: granule, bounds: ref b, groups } = *leaf;
         // M: the box is padded, so no corner is farther out.
-        let largest = |side: [f32; 2]| side[0].abs().max(side[1].abs());
-        let m = largest(b.u).max(largest(b.v)).max(largest(b.w));
-        let mut alive = [0_u8; GROUPS];
-        let mut rays = 0;
-        let mut busy_groups = 0;
-        // 2⁻²⁴ of |g|·w ≤ 8M is lost twice, in g and in the product.
-        let room = 32.0 * U * m;
-        let planes = RelativeBox::<S> {
-            u: spread([b.u[0] - room, b.u[1] + room]),
-            v: spread([b.v[0] - room, b.v[1] + room]),
-            w: spread(b.w),
-        };
-        let begins = planes.w[0].max(S::splat(0.0));
-        for group in bits(groups) {
-            let (gu, gv) = (S::load(eight(&self.rays.g[0], group)), S::load(eight(&self.rays.g[1], group)));
-            let far = S::load(eight(&self.rays.z_high, group));
-            let met = meets(&Rectangle { u: [gu, gu], v: [gv, gv] }, &planes).and(far.ge(begins)).bits();
-            alive[group] = met as u8;
-            rays += met.count_ones();
-            busy_groups += u32::from(met != 0);
-        }
-        if rays == 0 {
+        let side = |side: [f32; 2]| larger(side[0].abs(), side[1].abs());
+        let m = larger(larger(side(b.u), side(b.v)), side(b.w));
+        let mut alive = [0; GROUPS];
+        let count = self.choose::<S>(b, m, groups, &mut alive);
+        if count == 0 {
             return;
         }
         let block = Block::at(&self.wide.blocks, granule);
         let prepared = Prepared::<S, APART>::new(self, &block, m);
-        if rays <= 2 + busy_groups * block.triangles as u32 {
-            self.rays_against_triangles(granule, &prepared, &alive);
-        } else {
-            self.triangles_against_rays(granule, &prepared, &alive);
+        let mut undecided = 0;
+        for first in (0..count).step_by(8) {
+            undecided |= self.triangles_against_rays::<S>(granule, &prepared, first, count);
         }
-        for group in bits(groups) {
-            if alive[group] != 0 {
+        self.take_back::<S>(groups, &alive);
+        if undecided != 0 {
+            self.decide_all(granule, block.triangles, count);
+            for group in bits(groups) {
                 self.far[group] = S::load(eight(&self.rays.z_high, group)).largest();
             }
         }
         self.farthest = S::load(&self.far).largest();
     }
 
-    /// One ray at a time against all triangles: for few rays.
+    /// Sets the rays of `groups` that may meet a box side by side; how many they are. Which they are goes to `alive`, a bit
+    /// each of a byte a group.
     #[inline(always)]
-    fn rays_against_triangles<S: Lanes>(
+    fn choose<S: Lanes>(
         &mut self,
-        granule: u32,
-        p: &Prepared<S, APART>,
-        alive: &[u8; GROUPS],
-    ) {
-        for (group, &alive) in alive.iter().enumerate() {
-            for lane in bits(u32::from(alive)) {
-                let ray = group * 8 + lane;
-                let (gu, gv) = (S::splat(self.rays.g[0][ray]), S::splat(self.rays.g[1][ray]));
-                let mut edges =
-                    [p.edges[0].dot_ray(gu, gv), p.edges[1].dot_ray(gu, gv), p.edges[2].dot_ray(gu, gv)];
-                let mut volume = S::load(&p.volume);
-                if APART {
-                    let m = Triple::splat([0, 1, 2].map(|k| self.rays.moment[k][ray]));
-                    for (edge, side) in edges.iter_mut().zip(&p.sides) {
-                        *edge = m.dot_onto(*side, *edge);
-                    }
-                    volume = p.normal.less_offset(m, volume);
-                }
-                let least = edges[0].min(edges[1]).min(edges[2]);
-                let outer = S::splat(-p.edge_error);
-                let mut maybe = least.ge(outer).bits() & p.oriented;
-                if p.unoriented != 0 {
-                    let most = edges[0].max(edges[1]).max(edges[2]);
-                    maybe |= least.ge(outer).or(S::splat(p.edge_error).ge(most)).bits() & p.unoriented;
-                }
-                if maybe == 0 {
-                    continue;
-                }
-                let slope = p.normal.dot_ray(gu, gv);
-                let sure =
-                    least.ge(S::splat(p.edge_error)).and(slope.ge(S::splat(4.0 * p.slope_error))).bits()
-                        & p.oriented;
-                let (z_low, z_high) = p.depths(slope, volume);
-                let (mut low, mut high) = ([0.0; 8], [0.0; 8]);
-                z_low.store(&mut low);
-                z_high.store(&mut high);
-                for lane in bits(maybe) {
-                    if sure >> lane & 1 == 0 || low[lane] < self.near {
-                        self.decide(ray, granule, lane);
-                    } else if high[lane] < self.rays.z_low[ray] {
-                        self.rays.z_low[ray] = low[lane];
-                        self.rays.z_high[ray] = high[lane];
-                        self.rays.slot[ray] = Slot::new(granule, lane).0;
-                        self.replaced(1 << ray);
-                    } else if low[lane] <= self.rays.z_high[ray] {
-                        self.decide(ray, granule, lane);
-                    }
+        b: &RelativeBox,
+        m: f32,
+        groups: u32,
+        alive: &mut [u8; GROUPS],
+    ) -> usize {
+        let super::PerRay { g, moment, z_low, z_high, slot, chosen, .. } = &mut *self.rays;
+        // 2⁻²⁴ of |g|·w ≤ 8M is lost twice, in g and in the product.
+        let room = 32.0 * U * m;
+        let begin = larger(-b.w[0], 0.0);
+        let (near, end) = (S::Pair::splat(begin), S::Pair::splat(b.w[1]));
+        let u = S::Pair::of(S::splat(b.u[0] + room), S::splat(b.u[1] + room));
+        let v = S::Pair::of(S::splat(b.v[0] + room), S::splat(b.v[1] + room));
+        let numbers = S::Words::load(&NUMBERS);
+        let mut count = 0;
+        for group in bits(groups) {
+            let group = group & (GROUPS - 1);
+            let (gu, gv) = (S::Pair::load(&g[0][group]), S::Pair::load(&g[1][group]));
+            let high = S::load(eight(z_high, group));
+            let least = [gu.mul(near).min(gu.mul(end)), gv.mul(near).min(gv.mul(end))];
+            let mask = S::Pair::all_ge([u, v], least).and(high.ge(S::splat(begin)));
+            alive[group] = mask.bits() as u8;
+            let number = numbers.add(S::Words::splat(8 * group as u32));
+            gu.halves().1.compress(mask).store(at_mut(&mut chosen.g[0], count));
+            gv.halves().1.compress(mask).store(at_mut(&mut chosen.g[1], count));
+            S::load(eight(z_low, group)).compress(mask).store(at_mut(&mut chosen.z_low, count));
+            high.compress(mask).store(at_mut(&mut chosen.z_high, count));
+            let slots = S::Words::load(eight(slot, group)).as_floats().compress(mask);
+            S::Words::of_floats(slots).store(at_mut(&mut chosen.slot, count));
+            S::Words::of_floats(number.as_floats().compress(mask)).store(at_mut(&mut chosen.ray, count));
+            if APART {
+                for (from, to) in moment.iter().zip(&mut chosen.moment) {
+                    S::load(eight(from, group)).compress(mask).store(at_mut(to, count));
                 }
             }
+            count += mask.bits().count_ones() as usize;
         }
+        count
     }
 
-    /// One triangle at a time against eight rays: for many rays.
+    /// Tests a block's triangles against the chosen rays from number `first` on, at most eight. What is sure goes to the rays'
+    /// bounds and slots, what is not to `undecided`; gives whether there is any, as bits that are not 0.
     #[inline(always)]
     fn triangles_against_rays<S: Lanes>(
         &mut self,
         granule: u32,
         p: &Prepared<S, APART>,
-        alive: &[u8; GROUPS],
-    ) {
-        let all = p.oriented | p.unoriented;
-        let tables = [p.edges[0].store(), p.edges[1].store(), p.edges[2].store(), p.normal.store()];
-        let side_tables = if APART { Some(p.sides.map(Triple::store)) } else { None };
-        for lane in bits(all) {
-            let a = Triple::<S>::spread_lane(&tables[0], lane);
-            let b = Triple::<S>::spread_lane(&tables[1], lane);
-            let c = Triple::<S>::spread_lane(&tables[2], lane);
-            let is_oriented = p.oriented >> lane & 1 != 0;
-            for (group, &alive) in alive.iter().enumerate() {
-                if alive == 0 {
-                    continue;
-                }
-                let (gu, gv) =
-                    (S::load(eight(&self.rays.g[0], group)), S::load(eight(&self.rays.g[1], group)));
-                let (mut ea, mut eb, mut ec) = (a.dot_ray(gu, gv), b.dot_ray(gu, gv), c.dot_ray(gu, gv));
-                let mut volume = S::splat(p.volume[lane]);
-                let m = if APART { self.moments(group) } else { Triple::splat([0.0; 3]) };
-                if let (true, Some(sides)) = (APART, &side_tables) {
-                    ea = m.dot_onto(Triple::spread_lane(&sides[0], lane), ea);
-                    eb = m.dot_onto(Triple::spread_lane(&sides[1], lane), eb);
-                    ec = m.dot_onto(Triple::spread_lane(&sides[2], lane), ec);
-                }
-                let least = ea.min(eb).min(ec);
-                let mut maybe = least.ge(S::splat(-p.edge_error));
-                if !is_oriented {
-                    maybe = maybe.or(S::splat(p.edge_error).ge(ea.max(eb).max(ec)));
-                }
-                let maybe_bits = maybe.bits() & u32::from(alive);
-                if maybe_bits == 0 {
-                    continue;
-                }
-                if !is_oriented {
-                    for k in bits(maybe_bits) {
-                        self.decide(group * 8 + k, granule, lane);
-                    }
-                    continue;
-                }
-                let normal = Triple::<S>::spread_lane(&tables[3], lane);
-                let slope = normal.dot_ray(gu, gv);
-                if APART {
-                    volume = normal.less_offset(m, volume);
-                }
-                let (z_low, z_high) = p.depths(slope, volume);
-                let best_low = S::load(eight(&self.rays.z_low, group));
-                let best_high = S::load(eight(&self.rays.z_high, group));
-                let sure = least.ge(S::splat(p.edge_error)).and(slope.ge(S::splat(4.0 * p.slope_error)));
-                let in_front = sure.and(z_low.ge(S::splat(self.near)));
-                // Strictly before, and strictly behind.
-                let nearer_bits = in_front.bits() & !z_high.ge(best_low).bits() & maybe_bits;
-                let behind_bits = sure.bits() & !best_high.ge(z_low).bits();
-                if nearer_bits != 0 {
-                    let nearer = S::Mask::of_bits(nearer_bits);
-                    S::select(nearer, z_low, best_low).store(eight_mut(&mut self.rays.z_low, group));
-                    S::select(nearer, z_high, best_high).store(eight_mut(&mut self.rays.z_high, group));
-                    let slots = eight_mut(&mut self.rays.slot, group);
-                    let slot = S::Words::splat(Slot::new(granule, lane).0).as_floats();
-                    let slot = S::select(nearer, slot, S::Words::load(slots).as_floats());
-                    S::Words::of_floats(slot).store(slots);
-                    self.replaced(u64::from(nearer_bits) << (group * 8));
-                }
-                for k in bits(maybe_bits & !nearer_bits & !behind_bits) {
-                    self.decide(group * 8 + k, granule, lane);
+        first: usize,
+        count: usize,
+    ) -> u32 {
+        let present = S::Mask::of_bits(((1_u64 << (count - first).min(8)) - 1) as u32);
+        let chosen = &mut self.rays.chosen;
+        let (gu, gv) = (S::load(at(&chosen.g[0], first)), S::load(at(&chosen.g[1], first)));
+        let m = if APART {
+            let [u, v, w] = &chosen.moment;
+            Triple(S::load(at(u, first)), S::load(at(v, first)), S::load(at(w, first)))
+        } else {
+            Triple::splat([0.0; 3])
+        };
+        let mut best_low = S::load(at(&chosen.z_low, first));
+        let mut best_high = S::load(at(&chosen.z_high, first));
+        let mut slots = S::Words::load(at(&chosen.slot, first));
+        let (inner, outer) = (S::splat(p.edge_error), S::splat(-p.edge_error));
+        let (near, least_slope) = (S::splat(self.near), S::splat(4.0 * p.slope_error));
+        let undecided = &mut chosen.undecided[first / 8];
+        *undecided = [0; 8];
+        let mut any = 0;
+        for lane in bits(p.oriented) {
+            let lane = lane & 7;
+            let [ea, eb, ec] = p.edges_of(lane, gu, gv, m);
+            let least = ea.min(eb).min(ec);
+            let maybe = least.ge(outer).and(present);
+            if maybe.bits() == 0 {
+                continue;
+            }
+            let normal = Triple::spread_lane(&p.normal, lane);
+            let slope = normal.dot_ray(gu, gv);
+            let mut volume = S::splat(p.volume[lane]);
+            if APART {
+                volume = normal.less_offset(m, volume);
+            }
+            let (z_low, z_high) = p.depths(slope, volume);
+            let sure = least.ge(inner).and(slope.ge(least_slope)).and(present);
+            // Strictly before, and strictly behind.
+            let nearer = sure.and(z_low.ge(near)).and(best_low.gt(z_high));
+            let behind = sure.and(z_low.gt(best_high));
+            best_low = S::select(nearer, z_low, best_low);
+            best_high = S::select(nearer, z_high, best_high);
+            let slot = S::Words::splat(Slot::new(granule, lane).0).as_floats();
+            slots = S::Words::of_floats(S::select(nearer, slot, slots.as_floats()));
+            let rest = maybe.bits() & !nearer.or(behind).bits();
+            undecided[lane] = rest as u8;
+            any |= rest;
+        }
+        for lane in bits(p.unoriented) {
+            let lane = lane & 7;
+            let [ea, eb, ec] = p.edges_of(lane, gu, gv, m);
+            let one_side = ea.min(eb).min(ec).ge(outer);
+            let other_side = inner.ge(ea.max(eb).max(ec));
+            let rest = one_side.or(other_side).and(present).bits();
+            undecided[lane] = rest as u8;
+            any |= rest;
+        }
+        best_low.store(at_mut(&mut chosen.z_low, first));
+        best_high.store(at_mut(&mut chosen.z_high, first));
+        slots.store(at_mut(&mut chosen.slot, first));
+        any
+    }
+
+    /// Takes back what the chosen have hit for sure.
+    #[inline(always)]
+    fn take_back<S: Lanes>(&mut self, groups: u32, alive: &[u8; GROUPS]) {
+        let super::PerRay { z_low, z_high, slot, chosen, .. } = &mut *self.rays;
+        let (mut count, mut changed) = (0, 0);
+        for group in bits(groups) {
+            let group = group & (GROUPS - 1);
+            let mask = S::Mask::of_bits(u32::from(alive[group]));
+            let old_high = S::load(eight(z_high, group));
+            let high = S::load(at(&chosen.z_high, count)).expand(mask, old_high);
+            high.store(eight_mut(z_high, group));
+            let low = S::load(at(&chosen.z_low, count)).expand(mask, S::load(eight(z_low, group)));
+            low.store(eight_mut(z_low, group));
+            let old_slots = S::Words::load(eight(slot, group)).as_floats();
+            let slots = S::Words::load(at(&chosen.slot, count)).as_floats().expand(mask, old_slots);
+            S::Words::of_floats(slots).store(eight_mut(slot, group));
+            // Whoever has something new has it strictly before what it had.
+            changed |= u64::from(old_high.gt(high).bits()) << (8 * group);
+            self.far[group] = high.largest();
+            count += alive[group].count_ones() as usize;
+        }
+        self.replaced(changed);
+    }
+
+    /// Decides what triangles of a block left undecided for the `count` chosen rays.
+    #[cold]
+    #[inline(never)]
+    fn decide_all(&mut self, granule: u32, triangles: usize, count: usize) {
+        for first in (0..count).step_by(8) {
+            for lane in 0..triangles {
+                for k in bits(u32::from(self.rays.chosen.undecided[first / 8][lane])) {
+                    self.decide(self.rays.chosen.ray[first + k] as usize, granule, lane);
                 }
             }
         }
-    }
-
-    /// 2·m of eight rays.
-    #[inline(always)]
-    fn moments<S: Lanes>(&self, group: usize) -> Triple<S> {
-        let [u, v, w] = &self.rays.moment;
-        Triple(S::load(eight(u, group)), S::load(eight(v, group)), S::load(eight(w, group)))
     }
 
     /// Notes that these rays have a new best hit, here, whose f64 depth is not worked out.
@@ -245,9 +281,7 @@ impl<const APART: bool> Tile<'_, APART> {
         self.known &= !rays;
     }
 
-    /// Decides in f64 and, where that is not enough, exactly.
-    #[cold]
-    #[inline(never)]
+    /// Decides in f64 and, where that is not enough, exactly whether a triangle is a ray's new nearest hit.
     fn decide(&mut self, ray: usize, granule: u32, lane: usize) {
         let block = Block::at(&self.wide.blocks, granule);
         let direction = self.directions[ray];
@@ -299,11 +333,12 @@ impl<const APART: bool> Tile<'_, APART> {
 /// A block's triangles, prepared for the tile's origin: turned so that rays that pass from the front of the pyramid have
 /// positive edge functions and a positive denominator.
 struct Prepared<S, const APART: bool> {
+    lanes: PhantomData<S>,
     /// E = g·edge of the three edges, those opposite a, b and c.
-    edges: [Triple<S>; 3],
+    edges: [[[f32; 8]; 3]; 3],
     /// Their vectors, turned as `edges` are; only if origins differ.
-    sides: [Triple<S>; 3],
-    normal: Triple<S>,
+    sides: [[[f32; 8]; 3]; 3],
+    normal: [[f32; 8]; 3],
     /// |T|.
     volume: [f32; 8],
     /// Triangles whose orientation is known, and those whose is not, a bit each.
@@ -343,14 +378,14 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
         // (c−b) × (c+b) is −2 b × c: positive inside for a triangle with T < 0.
         let against = volume.signs().neg();
         let edges = [
-            bc.cross(b.add(c)).flip(against),
-            ac.cross(c.add(a)).flip(volume.signs()),
-            ab.cross(a.add(b)).flip(against),
+            bc.cross(b.add(c)).flip(against).store(),
+            ac.cross(c.add(a)).flip(volume.signs()).store(),
+            ab.cross(a.add(b)).flip(against).store(),
         ];
         let sides = if APART {
-            [bc.flip(against), ac.flip(volume.signs()), ab.flip(against)]
+            [bc.flip(against).store(), ac.flip(volume.signs()).store(), ab.flip(against).store()]
         } else {
-            [Triple::splat([0.0; 3]); 3]
+            [[[0.0; 8]; 3]; 3]
         };
         let size = volume.abs();
         // |s·N|, with room for the rounding of N and of this.
@@ -367,9 +402,10 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
         let mut volumes = [0.0; 8];
         size.store(&mut volumes);
         Self {
+            lanes: PhantomData,
             edges,
             sides,
-            normal: normal.flip(volume.signs()),
+            normal: normal.flip(volume.signs()).store(),
             volume: volumes,
             oriented: known,
             unoriented: triangles & !known,
@@ -379,12 +415,50 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
         }
     }
 
-    /// Bounds of z for denominators of at least four times their error.
+    /// The edge functions of one triangle, for rays of these g and moments.
+    #[inline(always)]
+    fn edges_of(&self, lane: usize, gu: S, gv: S, m: Triple<S>) -> [S; 3] {
+        let mut edges = [
+            Triple::spread_lane(&self.edges[0], lane).dot_ray(gu, gv),
+            Triple::spread_lane(&self.edges[1], lane).dot_ray(gu, gv),
+            Triple::spread_lane(&self.edges[2], lane).dot_ray(gu, gv),
+        ];
+        if APART {
+            edges = [
+                m.dot_onto(Triple::spread_lane(&self.sides[0], lane), edges[0]),
+                m.dot_onto(Triple::spread_lane(&self.sides[1], lane), edges[1]),
+                m.dot_onto(Triple::spread_lane(&self.sides[2], lane), edges[2]),
+            ];
+        }
+        edges
+    }
+
+    /// Bounds of z = T/D for denominators D of at least four times their error δ, with one division: for x = δ/D ≤ ¼,
+    /// 1/(D + δ) ≥ (1 − x)/D and 1/(D − δ) ≤ (1 + 4x/3)/D. What is rounded here is less than 8u, of which 16u are given.
     #[inline(always)]
     fn depths(&self, slope: S, volume: S) -> (S, S) {
-        let (volume_error, slope_error) = (S::splat(self.volume_error), S::splat(self.slope_error));
-        let low = volume.sub(volume_error).div(slope.add(slope_error));
-        let high = volume.add(volume_error).div(slope.sub(slope_error));
-        (low.mul(S::splat(1.0 - 16.0 * U)), high.mul(S::splat(1.0 + 16.0 * U)))
+        let per_slope = S::splat(1.0 - 16.0 * U).div(slope);
+        let x = per_slope.mul(S::splat(self.slope_error));
+        let error = S::splat(self.volume_error);
+        let low = volume.sub(error).mul(per_slope);
+        let high = volume.add(error).mul(per_slope);
+        (low.mul_add(x.neg(), low), high.mul_add(x.mul(S::splat(1.334)), high).mul(S::splat(1.0 + 34.0 * U)))
     }
+}
+
+/// The larger; the second if one is NaN. (The library's makes sure that it is the other one, in three instructions.)
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// Eight of the chosen.
+#[inline(always)]
+fn at<T>(values: &[T; ROOM], first: usize) -> &[T; 8] {
+    values[first..first + 8].try_into().unwrap()
+}
+
+#[inline(always)]
+fn at_mut<T>(values: &mut [T; ROOM], first: usize) -> &mut [T; 8] {
+    (&mut values[first..first + 8]).try_into().unwrap()
 }

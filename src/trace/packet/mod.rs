@@ -4,16 +4,18 @@
 //! All rays of a tile leave from o, so they are a pyramid. With w the axis along which they mostly go (turned over if they
 //! go down it), a ray is g = (g_u, g_v, 1) = d / d_w: a point on a plane, and the tile a rectangle there. A box (relative to
 //! o) is met by a ray of the rectangle only if, for some w in the box and in front of the origin, w·[u₀, u₁] meets the box's
-//! u and w·[v₀, v₁] its v: two products and two comparisons a side.
+//! u and w·[v₀, v₁] its v. Lower sides are kept turned over, −u₀ beside u₁, so that both sides are one operation: for a box's
+//! (−b₀, b₁) and a rectangle's (−r₁, r₀), b₀ ≤ max(r₁w) and b₁ ≥ min(r₀w) are one comparison with min((−r₁, r₀)·w).
 //!
 //! # Origins that differ a little
 //! A turning sensor on a moving body fires each column from a place of its own. The rays of a tile still start near one
 //! point o, chosen such that none starts before it along w; the line of a ray crosses the plane through o (w = 0) at
 //! s = (s_u, s_v, 0), and is s + w·g. Boxes grow by the bounds of s, once a tile. What triangles need more is in [`leaf`].
 //!
-//! What happens at a leaf is in [`leaf`].
+//! How the hierarchy is walked is in [`walk`], what happens at a leaf in [`leaf`].
 
 mod leaf;
+mod walk;
 
 use glam::DVec3;
 
@@ -22,7 +24,9 @@ use super::exact::Real;
 use super::finish::eight as eight_points;
 use super::lanes::{Doubles, Lanes, Mask, Pair};
 use super::tracer::Best;
-use super::wide::{Node, Slot, WIDTH, Wide};
+use super::wide::{Slot, Wide};
+use leaf::Chosen;
+pub(super) use walk::Stack;
 
 /// Rays of a tile at most.
 pub(super) const RAYS: usize = 64;
@@ -83,8 +87,8 @@ impl Nearest {
 
 /// What a tile knows of each of its rays: room that is used again from tile to tile.
 pub(super) struct PerRay {
-    /// g_u and g_v.
-    g: [[f32; RAYS]; 2],
+    /// g_u and g_v of each group: eight times −g, then g.
+    g: [[[f32; 16]; GROUPS]; 2],
     /// 2·m, m = g × s: (−2s_v, 2s_u, 2(g_u·s_v − g_v·s_u)), if origins differ.
     moment: [[f32; RAYS]; 3],
     /// Bounds of the depth along w of the nearest hit; −1 for lanes without a ray.
@@ -96,19 +100,22 @@ pub(super) struct PerRay {
     t: [f64; RAYS],
     /// In which placement it lies, for rays whose nearest hit is not `here`.
     foreign: [u32; RAYS],
+    /// Those that a leaf is tested against.
+    chosen: Chosen,
 }
 
 impl Default for PerRay {
     fn default() -> Self {
         let none = [0.0; RAYS];
         Self {
-            g: [none; 2],
+            g: [[[0.0; 16]; GROUPS]; 2],
             moment: [none; 3],
             z_low: none,
             z_high: none,
             slot: [0; RAYS],
             t: [0.0; RAYS],
             foreign: [0; RAYS],
+            chosen: Chosen::default(),
         }
     }
 }
@@ -128,16 +135,18 @@ pub(super) struct Tile<'a, const APART: bool> {
     /// o along u, v, w (turned over as w is), in two parts.
     high: [f32; 3],
     low: [f32; 3],
-    /// What the lower and the upper planes of boxes are measured from, along u, v and w (w not turned over).
-    lower_from: [f32; 3],
-    upper_from: [f32; 3],
+    /// What is added to the lower planes of boxes, turned over, and to the upper ones, along u, v and w (w itself not turned
+    /// over), for the box to be relative to o.
+    from: [[f32; 2]; 3],
     rays: &'a mut PerRay,
     /// Rays whose hit's depth is worked out, rays with a hit, and those whose hit is in this mesh: a bit each.
     known: u64,
     hit: u64,
     here: u64,
-    /// Of each group of eight rays: its rectangle on the plane w = 1, with some room, and its largest `z_high`.
-    rectangle: Rectangle<[f32; GROUPS]>,
+    /// Of each group of eight rays its rectangle on the plane w = 1, with some room: along u and v the upper sides turned over,
+    /// then the lower ones.
+    rectangle: [[f32; 2 * GROUPS]; 2],
+    /// The largest `z_high` of each group.
     far: [f32; GROUPS],
     /// The largest of `far`.
     farthest: f32,
@@ -149,37 +158,6 @@ pub(super) struct Tile<'a, const APART: bool> {
     offset: f32,
     /// o along w (not turned over).
     start: f64,
-}
-
-/// u₀, u₁, v₀, v₁.
-#[derive(Clone, Copy)]
-struct Rectangle<T> {
-    u: [T; 2],
-    v: [T; 2],
-}
-
-/// A box relative to the origin, w turned over as the tile's is.
-#[derive(Clone, Copy)]
-struct RelativeBox<T> {
-    u: [T; 2],
-    v: [T; 2],
-    w: [T; 2],
-}
-
-/// A leaf that rays may meet.
-pub(super) struct Leaf {
-    /// A block's granule, or a placement.
-    pub number: u32,
-    bounds: RelativeBox<f32>,
-    groups: u32,
-}
-
-/// Something to visit: a child of a node, and where its box begins along w.
-#[derive(Clone, Copy)]
-pub(super) struct Visit {
-    near: f32,
-    /// The node whose child it is, and which: `node · 8 + lane`.
-    place: u32,
 }
 
 impl<'a, const APART: bool> Tile<'a, APART> {
@@ -242,13 +220,12 @@ impl<'a, const APART: bool> Tile<'a, APART> {
             turned,
             high: [0.0; 3],
             low: [0.0; 3],
-            lower_from: [0.0; 3],
-            upper_from: [0.0; 3],
+            from: [[0.0; 2]; 3],
             rays,
             known: u64::MAX,
             hit: nearest.hit,
             here: 0,
-            rectangle: Rectangle { u: [[0.0; GROUPS]; 2], v: [[0.0; GROUPS]; 2] },
+            rectangle: [[0.0; 2 * GROUPS]; 2],
             far: [-1.0; GROUPS],
             farthest: -1.0,
             near: 0.0,
@@ -281,8 +258,10 @@ impl<'a, const APART: bool> Tile<'a, APART> {
             }
             steepest = steepest.max(steep);
             longest = longest.max(along);
-            gu.to_floats().store(eight_mut(&mut tile.rays.g[0], group));
-            gv.to_floats().store(eight_mut(&mut tile.rays.g[1], group));
+            let [all_u, all_v] = &mut tile.rays.g;
+            let (u, v) = (gu.to_floats(), gv.to_floats());
+            S::Pair::of(u.neg(), u).store(&mut all_u[group]);
+            S::Pair::of(v.neg(), v).store(&mut all_v[group]);
             let mut start = zero;
             if let (true, Origins::Each(all)) = (APART, origins) {
                 let points = S::Doubles::load_xyz(eight_points(all, group, &mut room));
@@ -341,26 +320,23 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         for (k, &axis) in axes.iter().enumerate() {
             let high = origin[axis] as f32;
             let low = (origin[axis] - f64::from(high)) as f32;
-            (tile.lower_from[k], tile.upper_from[k]) =
-                (high + (slack + grown[k][0]), high + (grown[k][1] - slack));
+            tile.from[k] = [high + (slack + grown[k][0]), -(high + (grown[k][1] - slack))];
             let turn = if k == 2 && turned { -1.0 } else { 1.0 };
             (tile.high[k], tile.low[k]) = (high * turn, low * turn);
         }
-        for group in groups..GROUPS {
-            // Rays of an earlier tile must not spoil the rectangles of this one's groups.
-            for g in &mut tile.rays.g {
-                g[group * 8..group * 8 + 8].fill(0.0);
-            }
-        }
-        for (g, sides) in tile.rays.g.iter().zip([&mut tile.rectangle.u, &mut tile.rectangle.v]) {
-            let rows = rows::<S>(g);
-            let (least, most) = (S::least_of_each(rows), S::largest_of_each(rows));
+        for (g, sides) in tile.rays.g.iter_mut().zip(&mut tile.rectangle) {
+            // Rays of an earlier tile are not this one's.
+            g[groups..].fill([0.0; 16]);
+            let (turned, upright) = (S::least_of_each(rows(g, 0)), S::least_of_each(rows(g, 8)));
             // Room for the rounding of g and of products with it.
-            let room = |side: S| side.abs().mul_add(S::splat(4e-7), S::splat(4e-7));
-            least.sub(room(least)).store(&mut sides[0]);
-            most.add(room(most)).store(&mut sides[1]);
+            let (wider, part) = (S::splat(-4e-7), S::splat(-4e-7));
+            let turned = turned.add(turned.abs().mul_add(part, wider));
+            let upright = upright.add(upright.abs().mul_add(part, wider));
+            S::Pair::of(turned, upright).store(sides);
         }
-        S::largest_of_each(rows(&tile.rays.z_high)).store(&mut tile.far);
+        for (group, far) in tile.far.iter_mut().enumerate().take(groups) {
+            *far = if has_hits { S::load(eight(&tile.rays.z_high, group)).largest() } else { f32::INFINITY };
+        }
         tile.farthest = S::load(&tile.far).largest();
         Some(tile)
     }
@@ -372,48 +348,6 @@ impl<'a, const APART: bool> Tile<'a, APART> {
             Origins::Common(origin) => origin,
             Origins::Each(origins) => origins[ray],
         }
-    }
-
-    /// Finds the nearest hits in the mesh.
-    #[inline(always)]
-    pub fn walk_mesh<S: Lanes>(&mut self, stack: &mut Vec<Visit>) {
-        self.enter_root::<S>(stack);
-        while let Some(leaf) = self.next_leaf::<S>(stack) {
-            self.test_leaf::<S>(&leaf);
-        }
-    }
-
-    /// Puts what the rays may meet at the top of the hierarchy on the stack.
-    #[inline(always)]
-    pub fn enter_root<S: Lanes>(&self, stack: &mut Vec<Visit>) {
-        stack.clear();
-        if let Some(root) = self.wide.nodes.first() {
-            self.visit_children::<S>(0, root, !0, stack);
-        }
-    }
-
-    /// The next leaf that rays may meet, nearest boxes first.
-    #[inline(always)]
-    pub fn next_leaf<S: Lanes>(&self, stack: &mut Vec<Visit>) -> Option<Leaf> {
-        while let Some(visit) = stack.pop() {
-            if visit.near > self.farthest {
-                continue;
-            }
-            let (index, lane) = (visit.place / WIDTH as u32, visit.place as usize % WIDTH);
-            let parent = &self.wide.nodes[index as usize];
-            let bounds = self.child_box(parent, lane);
-            let groups = self.groups_in::<S>(&bounds);
-            if groups == 0 {
-                continue;
-            }
-            match parent.child[lane].get() {
-                Err(child) => {
-                    self.visit_children::<S>(child, &self.wide.nodes[child as usize], groups, stack)
-                }
-                Ok(number) => return Some(Leaf { number, bounds, groups }),
-            }
-        }
-        None
     }
 
     /// Takes over hits that were found elsewhere since.
@@ -461,111 +395,6 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         };
         bounds(t * self.directions[ray][w].abs() + start)
     }
-
-    /// The box of one child.
-    #[inline(always)]
-    fn child_box(&self, node: &Node, lane: usize) -> RelativeBox<f32> {
-        let side = |k: usize| {
-            let axis = self.axes[k];
-            let planes = &node.planes[axis];
-            [planes[lane] - self.lower_from[k], planes[WIDTH + lane] - self.upper_from[k]]
-        };
-        let w = side(2);
-        RelativeBox { u: side(0), v: side(1), w: if self.turned { [-w[1], -w[0]] } else { w } }
-    }
-
-    /// Which groups a box may concern, a bit each.
-    #[inline(always)]
-    fn groups_in<S: Lanes>(&self, b: &RelativeBox<f32>) -> u32 {
-        let rectangle = Rectangle {
-            u: [S::load(&self.rectangle.u[0]), S::load(&self.rectangle.u[1])],
-            v: [S::load(&self.rectangle.v[0]), S::load(&self.rectangle.v[1])],
-        };
-        let b = RelativeBox::<S> { u: spread(b.u), v: spread(b.v), w: spread(b.w) };
-        let begins = b.w[0].max(S::splat(0.0)); // not before the origin: lanes without a ray end at −1
-        meets(&rectangle, &b).and(S::load(&self.far).ge(begins)).and(b.w[1].ge(S::splat(0.0))).bits()
-    }
-
-    /// Puts the children that the rays of `groups` may meet on the stack, the nearest on top.
-    #[inline(always)]
-    fn visit_children<S: Lanes>(&self, index: u32, node: &Node, groups: u32, stack: &mut Vec<Visit>) {
-        let rectangle = self.rectangle_of::<S>(groups);
-        let rectangle = Rectangle::<S> { u: spread(rectangle.u), v: spread(rectangle.v) };
-        let w = self.sides::<S>(node, 2);
-        let w = if self.turned { [w[1].neg(), w[0].neg()] } else { w };
-        let boxes = RelativeBox { u: self.sides(node, 0), v: self.sides(node, 1), w };
-        let far = S::splat(self.farthest);
-        let mut met = meets(&rectangle, &boxes).and(far.ge(w[0])).and(w[1].ge(S::splat(0.0))).bits();
-        if met == 0 {
-            return;
-        }
-        let mut near = [0.0; 8];
-        w[0].store(&mut near);
-        let first = stack.len();
-        while met != 0 {
-            let lane = met.trailing_zeros() as usize;
-            met &= met - 1;
-            self.wide.prefetch::<S>(node.child[lane]);
-            let visit = Visit { near: near[lane], place: index * WIDTH as u32 + lane as u32 };
-            // Insertion, farthest first: there are three or four of them.
-            let mut at = stack.len();
-            stack.push(visit);
-            while at > first && stack[at - 1].near < visit.near {
-                stack[at] = stack[at - 1];
-                at -= 1;
-            }
-            stack[at] = visit;
-        }
-    }
-
-    /// The planes of all children's boxes along u, v or w, w not turned over.
-    #[inline(always)]
-    fn sides<S: Lanes>(&self, node: &Node, k: usize) -> [S; 2] {
-        let from = S::Pair::of(S::splat(self.lower_from[k]), S::splat(self.upper_from[k]));
-        let (low, high) = S::Pair::load(&node.planes[self.axes[k]]).sub(from).halves();
-        [low, high]
-    }
-
-    /// The rectangle around those of `groups`.
-    #[inline(always)]
-    fn rectangle_of<S: Lanes>(&self, groups: u32) -> Rectangle<f32> {
-        // Groups without rays are never asked for, but with `!0` at the root.
-        let mask = S::Mask::of_bits(groups & ((1 << self.directions.len().div_ceil(8)) - 1));
-        let Rectangle { u, v } = &self.rectangle;
-        let (none_above, none_below) = (S::splat(f32::INFINITY), S::splat(f32::NEG_INFINITY));
-        Rectangle {
-            u: [
-                S::select(mask, S::load(&u[0]), none_above).least(),
-                S::select(mask, S::load(&u[1]), none_below).largest(),
-            ],
-            v: [
-                S::select(mask, S::load(&v[0]), none_above).least(),
-                S::select(mask, S::load(&v[1]), none_below).largest(),
-            ],
-        }
-    }
-}
-
-/// Whether a pyramid with this rectangle may meet a box that reaches to `w` ≥ 0, for eight pairs of them: for some w in the
-/// box w·[u₀, u₁] meets its u, and likewise v.
-#[inline(always)]
-fn meets<S: Lanes>(r: &Rectangle<S>, b: &RelativeBox<S>) -> S::Mask {
-    let near = b.w[0].max(S::splat(0.0));
-    let far = b.w[1];
-    overlaps(r.u, b.u, near, far).and(overlaps(r.v, b.v, near, far))
-}
-
-/// Whether w·[r₀, r₁] meets [b₀, b₁] for some w from `near` to `far`.
-#[inline(always)]
-fn overlaps<S: Lanes>(r: [S; 2], b: [S; 2], near: S, far: S) -> S::Mask {
-    let least = r[0].mul(near).min(r[0].mul(far));
-    let most = r[1].mul(near).max(r[1].mul(far));
-    b[1].ge(least).and(most.ge(b[0]))
-}
-
-#[inline(always)]
-fn spread<S: Lanes>(side: [f32; 2]) -> [S; 2] {
-    [S::splat(side[0]), S::splat(side[1])]
 }
 
 fn first_origin(origins: Origins) -> DVec3 {
@@ -592,10 +421,14 @@ fn in_order<T>([x, y, z]: [T; 3], w: usize) -> [T; 3] {
     }
 }
 
+/// The eight floats from `first` on of each row.
 #[inline(always)]
-fn rows<S: Lanes>(values: &[f32; RAYS]) -> [S; 8] {
-    let row = |group| S::load(eight(values, group));
-    [row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)]
+fn rows<S: Lanes>(table: &[[f32; 16]; GROUPS], first: usize) -> [S; GROUPS] {
+    let mut rows = [S::splat(0.0); GROUPS];
+    for (row, values) in rows.iter_mut().zip(table) {
+        *row = S::load(values[first..first + 8].try_into().unwrap());
+    }
+    rows
 }
 
 #[inline(always)]

@@ -230,7 +230,7 @@ fn partition<T>(items: &mut [T], is_left: impl Fn(&T) -> bool) -> usize {
 }
 
 const PARAMS: BvhBuildParams =
-    BvhBuildParams { max_prims_per_leaf: WIDTH as u32, ..BvhBuildParams::fast_build() };
+    BvhBuildParams { max_prims_per_leaf: WIDTH as u32, collapse_traversal_cost: 4.3, ..BvhBuildParams::fast_build() };
 
 fn build_binary(boxes: &[Aabb], params: BvhBuildParams) -> Bvh2 {
     let mut time = std::time::Duration::ZERO;

@@ -36,7 +36,7 @@ pub(super) struct Node {
 }
 
 /// A child of a node: another node, or a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Child(u32);
 
 impl Child {
@@ -54,9 +54,20 @@ impl Child {
         Self(granule | Self::LEAF)
     }
 
+    #[inline(always)]
+    pub fn is_leaf(self) -> bool {
+        self.0 & Self::LEAF != 0
+    }
+
+    /// The block's granule or the node's index, whichever it is.
+    #[inline(always)]
+    pub fn number(self) -> u32 {
+        self.0 & !Self::LEAF
+    }
+
     /// The block's granule, or the node's index.
     pub fn get(self) -> Result<u32, u32> {
-        if self.0 & Self::LEAF != 0 { Ok(self.0 & !Self::LEAF) } else { Err(self.0) }
+        if self.is_leaf() { Ok(self.0 & !Self::LEAF) } else { Err(self.0) }
     }
 }
 
@@ -204,23 +215,14 @@ impl Slot {
 }
 
 impl Wide {
-    /// Asks for what a child is.
+    /// Asks for what a child is: a node, or a block's first cache lines.
     #[inline(always)]
     pub fn prefetch<S: Lanes>(&self, child: Child) {
-        match child.get() {
-            Err(node) => S::prefetch(&self.nodes[node as usize]),
-            Ok(leaf) => self.prefetch_block::<S>(leaf),
-        }
-    }
-
-    /// Asks for a block's first cache lines.
-    #[inline(always)]
-    pub fn prefetch_block<S: Lanes>(&self, granule: u32) {
-        let start = granule as usize * GRANULE;
-        if let Some(words) = self.blocks.get(start..start + 48) {
-            let words: &[u32; 48] = words.try_into().unwrap();
-            S::prefetch(words);
-        }
+        // Both addresses are worked out and one is taken, since which it is nobody can predict.
+        let index = child.number() as usize;
+        let node = self.nodes.as_ptr().wrapping_add(index).cast::<u32>();
+        let block = self.blocks.as_ptr().wrapping_add(index * GRANULE);
+        S::prefetch(if child.is_leaf() { block } else { node });
     }
 
     /// Bytes held.

@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 
 use glam::DVec3;
 
-use super::{eight_floats, eight_words, of_each};
+use super::{eight_floats, eight_words};
 use crate::trace::exact::Real;
 use crate::trace::lanes::{Doubles, Lanes, Mask, Pair, Words};
 
@@ -24,6 +24,12 @@ impl Lanes for Avx2 {
     fn ge(self, other: Self) -> Avx2Mask {
         // SAFETY: AVX, see the module.
         Avx2Mask(unsafe { _mm256_cmp_ps::<_CMP_GE_OQ>(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn gt(self, other: Self) -> Avx2Mask {
+        // SAFETY: AVX, see the module.
+        Avx2Mask(unsafe { _mm256_cmp_ps::<_CMP_GT_OQ>(self.0, other.0) })
     }
 
     #[inline(always)]
@@ -61,28 +67,45 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn compress(self, mask: Avx2Mask) -> Self {
-        let order = FIRST[mask.bits() as usize & 255];
+        let order = ORDERS[mask.bits() as usize & 255].compressed;
         // SAFETY: AVX2, see the module.
         Self(unsafe {
             _mm256_permutevar8x32_ps(self.0, _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(order as i64)))
         })
     }
+
+    #[inline(always)]
+    fn expand(self, mask: Avx2Mask, others: Self) -> Self {
+        let order = ORDERS[mask.bits() as usize & 255].expanded;
+        // SAFETY: AVX2, see the module.
+        Self(unsafe {
+            let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(order as i64));
+            _mm256_blendv_ps(others.0, _mm256_permutevar8x32_ps(self.0, lanes), mask.0)
+        })
+    }
 }
 
-/// For each set of lanes their numbers, lowest first, a byte each.
-static FIRST: [u64; 256] = {
-    let mut table = [0; 256];
+/// How a set of lanes is moved to the front and back: which lane goes where, a byte each.
+#[derive(Clone, Copy)]
+struct Order {
+    compressed: u64,
+    expanded: u64,
+}
+
+/// For each set of lanes.
+static ORDERS: [Order; 256] = {
+    let mut table = [Order { compressed: 0, expanded: 0 }; 256];
     let mut set = 0;
     while set < 256 {
-        let (mut order, mut count, mut lane) = (0, 0, 0);
+        let (mut count, mut lane) = (0, 0);
         while lane < 8 {
             if set >> lane & 1 != 0 {
-                order |= (lane as u64) << (8 * count);
+                table[set].compressed |= (lane as u64) << (8 * count);
+                table[set].expanded |= (count as u64) << (8 * lane);
                 count += 1;
             }
             lane += 1;
         }
-        table[set] = order;
         set += 1;
     }
     table
@@ -136,6 +159,15 @@ impl Pair for Avx2Pair {
     }
 
     #[inline(always)]
+    fn store(self, to: &mut [f32; 16]) {
+        // SAFETY: AVX, see the module; the reference covers the 64 bytes written.
+        unsafe {
+            _mm256_storeu_ps(to.as_mut_ptr(), self.0.0);
+            _mm256_storeu_ps(to.as_mut_ptr().add(8), self.1.0);
+        }
+    }
+
+    #[inline(always)]
     fn of(low: Avx2, high: Avx2) -> Self {
         Self(low, high)
     }
@@ -146,13 +178,23 @@ impl Pair for Avx2Pair {
     }
 
     #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self(self.0.sub(other.0), self.1.sub(other.1))
+    fn mul(self, other: Self) -> Self {
+        Self(self.0.mul(other.0), self.1.mul(other.1))
     }
 
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
         Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(self.0.min(other.0), self.1.min(other.1))
+    }
+
+    #[inline(always)]
+    fn all_ge([p, q]: [Self; 2], [r, s]: [Self; 2]) -> Avx2Mask {
+        p.0.ge(r.0).and(p.1.ge(r.1)).and(q.0.ge(s.0).and(q.1.ge(s.1)))
     }
 
     #[inline(always)]

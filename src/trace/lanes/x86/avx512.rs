@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 
 use glam::DVec3;
 
-use super::{eight_floats, eight_words, of_each};
+use super::{eight_floats, eight_words};
 use crate::trace::exact::Real;
 use crate::trace::lanes::{Doubles, Lanes, Mask, Pair, Words};
 
@@ -24,6 +24,12 @@ impl Lanes for Avx512 {
     fn ge(self, other: Self) -> Avx512Mask {
         // SAFETY: AVX-512, see the module.
         Avx512Mask(unsafe { _mm256_cmp_ps_mask::<_CMP_GE_OQ>(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn gt(self, other: Self) -> Avx512Mask {
+        // SAFETY: AVX-512, see the module.
+        Avx512Mask(unsafe { _mm256_cmp_ps_mask::<_CMP_GT_OQ>(self.0, other.0) })
     }
 
     #[inline(always)]
@@ -69,6 +75,12 @@ impl Lanes for Avx512 {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm256_maskz_compress_ps(mask.0, self.0) })
     }
+
+    #[inline(always)]
+    fn expand(self, mask: Avx512Mask, others: Self) -> Self {
+        // SAFETY: AVX-512, see the module.
+        Self(unsafe { _mm256_mask_expand_ps(others.0, mask.0, self.0) })
+    }
 }
 
 /// A bit a lane.
@@ -111,6 +123,12 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
+    fn store(self, to: &mut [f32; 16]) {
+        // SAFETY: AVX-512, see the module; the reference covers the 64 bytes written.
+        unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
+    }
+
+    #[inline(always)]
     fn of(low: Avx512, high: Avx512) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low.0), high.0) })
@@ -123,15 +141,30 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
-    fn sub(self, other: Self) -> Self {
+    fn mul(self, other: Self) -> Self {
         // SAFETY: AVX-512, see the module.
-        Self(unsafe { _mm512_sub_ps(self.0, other.0) })
+        Self(unsafe { _mm512_mul_ps(self.0, other.0) })
     }
 
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm512_fmadd_ps(self.0, factor.0, term.0) })
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        // SAFETY: AVX-512, see the module.
+        Self(unsafe { _mm512_min_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn all_ge([p, q]: [Self; 2], [r, s]: [Self; 2]) -> Avx512Mask {
+        // SAFETY: AVX-512, see the module.
+        let sixteen = unsafe {
+            _mm512_mask_cmp_ps_mask::<_CMP_GE_OQ>(_mm512_cmp_ps_mask::<_CMP_GE_OQ>(p.0, r.0), q.0, s.0)
+        };
+        Avx512Mask((sixteen & sixteen >> 8) as __mmask8)
     }
 
     #[inline(always)]

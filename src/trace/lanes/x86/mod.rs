@@ -112,6 +112,12 @@ macro_rules! eight_floats {
         }
 
         #[inline(always)]
+        fn mul_sub(self, factor: Self, term: Self) -> Self {
+            // SAFETY: FMA, see the module.
+            Self(unsafe { _mm256_fmsub_ps(self.0, factor.0, term.0) })
+        }
+
+        #[inline(always)]
         fn min(self, other: Self) -> Self {
             // SAFETY: AVX, see the module.
             Self(unsafe { _mm256_min_ps(self.0, other.0) })
@@ -156,23 +162,59 @@ macro_rules! eight_floats {
         }
 
         #[inline(always)]
+        fn least_of_four([a, b, c, d]: [Self; 4]) -> [f32; 4] {
+            let mut to = [0.0; 8];
+            // SAFETY: AVX, see the module; the array takes the 32 bytes written.
+            unsafe {
+                let ab = _mm256_min_ps(
+                    _mm256_permute2f128_ps::<0x20>(a.0, b.0),
+                    _mm256_permute2f128_ps::<0x31>(a.0, b.0),
+                );
+                let cd = _mm256_min_ps(
+                    _mm256_permute2f128_ps::<0x20>(c.0, d.0),
+                    _mm256_permute2f128_ps::<0x31>(c.0, d.0),
+                );
+                // a a c c | b b d d
+                let two = _mm256_min_ps(
+                    _mm256_shuffle_ps::<0b01_00_01_00>(ab, cd),
+                    _mm256_shuffle_ps::<0b11_10_11_10>(ab, cd),
+                );
+                let one = _mm256_min_ps(two, _mm256_movehdup_ps(two));
+                _mm256_storeu_ps(to.as_mut_ptr(), one);
+            }
+            [to[0], to[4], to[2], to[6]]
+        }
+
+        #[inline(always)]
         fn least_of_each(rows: [Self; 8]) -> Self {
             // SAFETY: AVX, see the module.
-            Self(unsafe { of_each!(rows, _mm256_min_ps) })
+            Self(unsafe { {
+                let [a, b, c, d, e, f, g, h] = rows;
+                let ae = _mm256_min_ps(_mm256_permute2f128_ps::<0x20>(a.0, e.0), _mm256_permute2f128_ps::<0x31>(a.0, e.0));
+                let bf = _mm256_min_ps(_mm256_permute2f128_ps::<0x20>(b.0, f.0), _mm256_permute2f128_ps::<0x31>(b.0, f.0));
+                let cg = _mm256_min_ps(_mm256_permute2f128_ps::<0x20>(c.0, g.0), _mm256_permute2f128_ps::<0x31>(c.0, g.0));
+                let dh = _mm256_min_ps(_mm256_permute2f128_ps::<0x20>(d.0, h.0), _mm256_permute2f128_ps::<0x31>(d.0, h.0));
+                // a a b b | e e f f
+                let abef = _mm256_min_ps(
+                    _mm256_shuffle_ps::<0b01_00_01_00>(ae, bf),
+                    _mm256_shuffle_ps::<0b11_10_11_10>(ae, bf),
+                );
+                let cdgh = _mm256_min_ps(
+                    _mm256_shuffle_ps::<0b01_00_01_00>(cg, dh),
+                    _mm256_shuffle_ps::<0b11_10_11_10>(cg, dh),
+                );
+                _mm256_min_ps(
+                    _mm256_shuffle_ps::<0b10_00_10_00>(abef, cdgh),
+                    _mm256_shuffle_ps::<0b11_01_11_01>(abef, cdgh),
+                )
+            } })
         }
 
         #[inline(always)]
-        fn largest_of_each(rows: [Self; 8]) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { of_each!(rows, _mm256_max_ps) })
-        }
-
-        #[inline(always)]
-        fn prefetch<T>(place: &T) {
-            let start = std::ptr::from_ref(place).cast::<i8>();
-            for line in (0..size_of::<T>()).step_by(64) {
-                // SAFETY: a hint that reads nothing; the address is inside of `place`.
-                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.add(line)) }
+        fn prefetch(address: *const u32) {
+            for line in 0..4 {
+                // SAFETY: a hint that reads nothing, whatever the address.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(16 * line).cast()) }
             }
         }
     };
@@ -236,29 +278,4 @@ macro_rules! eight_words {
     };
 }
 
-/// Reduces each of eight registers to one lane of the result: eight to four registers of two rows' halves, to two of four
-/// rows' quarters, to one. (No functions or closures: only what is inlined into code with the features is compiled for them.)
-macro_rules! of_each {
-    ($rows:ident, $least:ident) => {{
-        let [a, b, c, d, e, f, g, h] = $rows;
-        let ae = $least(_mm256_permute2f128_ps::<0x20>(a.0, e.0), _mm256_permute2f128_ps::<0x31>(a.0, e.0));
-        let bf = $least(_mm256_permute2f128_ps::<0x20>(b.0, f.0), _mm256_permute2f128_ps::<0x31>(b.0, f.0));
-        let cg = $least(_mm256_permute2f128_ps::<0x20>(c.0, g.0), _mm256_permute2f128_ps::<0x31>(c.0, g.0));
-        let dh = $least(_mm256_permute2f128_ps::<0x20>(d.0, h.0), _mm256_permute2f128_ps::<0x31>(d.0, h.0));
-        // a a b b | e e f f
-        let abef = $least(
-            _mm256_shuffle_ps::<0b01_00_01_00>(ae, bf),
-            _mm256_shuffle_ps::<0b11_10_11_10>(ae, bf),
-        );
-        let cdgh = $least(
-            _mm256_shuffle_ps::<0b01_00_01_00>(cg, dh),
-            _mm256_shuffle_ps::<0b11_10_11_10>(cg, dh),
-        );
-        $least(
-            _mm256_shuffle_ps::<0b10_00_10_00>(abef, cdgh),
-            _mm256_shuffle_ps::<0b11_01_11_01>(abef, cdgh),
-        )
-    }};
-}
-
-use {eight_floats, eight_words, of_each};
+use {eight_floats, eight_words};

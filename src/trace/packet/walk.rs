@@ -1,0 +1,233 @@
+//! How a tile walks the hierarchy: from node to node, each with the groups of rays that may meet it.
+
+use super::Tile;
+use crate::trace::lanes::{Lanes, Mask, Pair};
+use crate::trace::wide::{Child, Node, WIDTH};
+
+/// A box relative to the origin, w turned over as the tile's is.
+#[derive(Clone, Copy)]
+pub(super) struct RelativeBox {
+    /// The lower side turned over, and the upper side.
+    pub u: [f32; 2],
+    pub v: [f32; 2],
+    pub w: [f32; 2],
+}
+
+/// A leaf that rays may meet.
+pub(in crate::trace) struct Leaf {
+    /// A block's granule, or a placement.
+    pub number: u32,
+    pub(super) bounds: RelativeBox,
+    pub(super) groups: u32,
+}
+
+/// Something to visit: a child of a node.
+#[derive(Clone, Copy, Default)]
+struct Visit {
+    /// Where its box begins along w.
+    near: f32,
+    /// The node whose child it is, and which: `node · 8 + lane`.
+    place: u32,
+    child: Child,
+    /// The groups that may meet its box, a bit each.
+    groups: u32,
+}
+
+/// What is to be visited. Nodes and leaves wait apart: which of them comes next could not be predicted.
+pub(in crate::trace) struct Stack {
+    /// The next on top.
+    nodes: Vec<Visit>,
+    node_count: usize,
+    /// In no order.
+    leaves: [Visit; LEAVES + WIDTH],
+    leaf_count: usize,
+}
+
+/// Nodes are visited until so many leaves wait.
+const LEAVES: usize = 4;
+
+impl Default for Stack {
+    fn default() -> Self {
+        let none = Visit::default();
+        Self { nodes: vec![none; 256], node_count: 0, leaves: [none; LEAVES + WIDTH], leaf_count: 0 }
+    }
+}
+
+impl Stack {
+    #[cold]
+    #[inline(never)]
+    fn lengthen(&mut self) {
+        self.nodes.resize(self.nodes.len() * 2, Visit::default());
+    }
+}
+
+impl<const APART: bool> Tile<'_, APART> {
+    /// Finds the nearest hits in the mesh.
+    #[inline(always)]
+    pub fn walk_mesh<S: Lanes>(&mut self, stack: &mut Stack) {
+        self.enter_root::<S>(stack);
+        loop {
+            self.visit_nodes::<S>(stack, LEAVES);
+            if stack.leaf_count == 0 {
+                return;
+            }
+            for k in 0..stack.leaf_count {
+                let visit = stack.leaves[k];
+                if visit.near <= self.farthest {
+                    self.test_leaf::<S>(&self.leaf(&visit));
+                }
+            }
+            stack.leaf_count = 0;
+        }
+    }
+
+    /// Puts what the rays may meet at the top of the hierarchy on the stack.
+    #[inline(always)]
+    pub fn enter_root<S: Lanes>(&self, stack: &mut Stack) {
+        (stack.node_count, stack.leaf_count) = (0, 0);
+        if !self.wide.nodes.is_empty() {
+            let groups = (1 << self.directions.len().div_ceil(8)) - 1;
+            stack.nodes[0] = Visit { near: 0.0, place: 0, child: Child::node(0), groups };
+            stack.node_count = 1;
+        }
+    }
+
+    /// The next leaf that rays may meet, of those found so far the nearest.
+    #[inline(always)]
+    pub fn next_leaf<S: Lanes>(&self, stack: &mut Stack) -> Option<Leaf> {
+        loop {
+            self.visit_nodes::<S>(stack, 1);
+            let waiting = &stack.leaves[..stack.leaf_count];
+            let next = (0..waiting.len()).min_by(|&a, &b| waiting[a].near.total_cmp(&waiting[b].near))?;
+            let visit = waiting[next];
+            stack.leaf_count -= 1;
+            stack.leaves[next] = stack.leaves[stack.leaf_count];
+            if visit.near <= self.farthest {
+                return Some(self.leaf(&visit));
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn leaf(&self, visit: &Visit) -> Leaf {
+        let (node, lane) = (visit.place as usize / WIDTH, visit.place as usize % WIDTH);
+        let bounds = self.child_box(&self.wide.nodes[node], lane);
+        Leaf { number: visit.child.number(), bounds, groups: visit.groups }
+    }
+
+    /// Visits nodes until `enough` leaves wait or there are no more nodes.
+    #[inline(always)]
+    fn visit_nodes<S: Lanes>(&self, stack: &mut Stack, enough: usize) {
+        while stack.leaf_count < enough && stack.node_count > 0 {
+            stack.node_count -= 1;
+            let Visit { near, child, groups, .. } = stack.nodes[stack.node_count];
+            if near <= self.farthest {
+                self.visit_children::<S>(child.number(), groups, stack);
+            }
+        }
+    }
+
+    /// The box of one child.
+    #[inline(always)]
+    fn child_box(&self, node: &Node, lane: usize) -> RelativeBox {
+        let sides = |k: usize| {
+            let planes = &node.planes[self.axes[k]];
+            [self.from[k][0] - planes[lane], self.from[k][1] + planes[WIDTH + lane]]
+        };
+        let w = sides(2);
+        RelativeBox { u: sides(0), v: sides(1), w: if self.turned { [w[1], w[0]] } else { w } }
+    }
+
+    /// Puts the children that the rays of `groups` may meet on the stack, the nearest on top.
+    #[inline(always)]
+    fn visit_children<S: Lanes>(&self, index: u32, groups: u32, stack: &mut Stack) {
+        let node = &self.wide.nodes[index as usize];
+        let [ru, rv] = self.rectangle_of::<S>(groups);
+        let (w_lower, w_upper) = self.sides::<S>(node, 2).halves();
+        let (before, end) = if self.turned { (w_upper, w_lower) } else { (w_lower, w_upper) };
+        // Not before the origin.
+        let near = before.neg().max(S::splat(0.0));
+        let (begins, ends) = (S::Pair::of(near, near), S::Pair::of(end, end));
+        let (u, v) = (self.sides::<S>(node, 0), self.sides::<S>(node, 1));
+        let least = [ru.mul(begins).min(ru.mul(ends)), rv.mul(begins).min(rv.mul(ends))];
+        let in_reach = S::splat(self.farthest).ge(near).and(end.ge(S::splat(0.0)));
+        let mut met = S::Pair::all_ge([u, v], least).and(in_reach).bits();
+        if met == 0 {
+            return;
+        }
+        let (mut us, mut vs, mut nears, mut ends) = ([0.0; 16], [0.0; 16], [0.0; 8], [0.0; 8]);
+        u.store(&mut us);
+        v.store(&mut vs);
+        near.store(&mut nears);
+        end.store(&mut ends);
+        let rectangle = [S::Pair::load(&self.rectangle[0]), S::Pair::load(&self.rectangle[1])];
+        let far = S::load(&self.far);
+        if stack.node_count + WIDTH > stack.nodes.len() {
+            stack.lengthen();
+        }
+        let nodes: &mut [Visit; WIDTH] =
+            (&mut stack.nodes[stack.node_count..stack.node_count + WIDTH]).try_into().unwrap();
+        let mut count = 0;
+        while met != 0 {
+            let lane = met.trailing_zeros() as usize & (WIDTH - 1);
+            met &= met - 1;
+            // The groups that may meet this child.
+            let (near, end) = (S::Pair::splat(nears[lane]), S::Pair::splat(ends[lane]));
+            let u = S::Pair::of(S::splat(us[lane]), S::splat(us[WIDTH + lane]));
+            let v = S::Pair::of(S::splat(vs[lane]), S::splat(vs[WIDTH + lane]));
+            let [ru, rv] = rectangle;
+            let least = [ru.mul(near).min(ru.mul(end)), rv.mul(near).min(rv.mul(end))];
+            let met = S::Pair::all_ge([u, v], least).and(far.ge(S::splat(nears[lane])));
+            let groups = met.bits() & groups;
+            if groups == 0 {
+                continue;
+            }
+            let child = node.child[lane];
+            self.wide.prefetch::<S>(child);
+            let visit = Visit { near: nears[lane], place: index * WIDTH as u32 + lane as u32, child, groups };
+            // Written where a leaf goes, which counts if it is one.
+            stack.leaves[stack.leaf_count] = visit;
+            stack.leaf_count += usize::from(child.is_leaf());
+            // Insertion of nodes, farthest first: there are one or two of them.
+            let mut at = count & (WIDTH - 1);
+            count += usize::from(!child.is_leaf());
+            let place = at;
+            while at > 0 && nodes[at - 1].near < visit.near && place < count {
+                nodes[at] = nodes[at - 1];
+                at -= 1;
+            }
+            nodes[at] = visit;
+        }
+        stack.node_count += count;
+    }
+
+    /// The planes of all children's boxes along u, v or w (not turned over), relative to the origin: the lower ones turned
+    /// over, then the upper ones.
+    #[inline(always)]
+    fn sides<S: Lanes>(&self, node: &Node, k: usize) -> S::Pair {
+        let [lower, upper] = self.from[k];
+        let from = S::Pair::of(S::splat(lower), S::splat(upper));
+        let over = S::Pair::of(S::splat(-1.0), S::splat(1.0));
+        S::Pair::load(&node.planes[self.axes[k]]).mul_add(over, from)
+    }
+
+    /// The rectangle around those of `groups`, for eight boxes at a time.
+    #[inline(always)]
+    fn rectangle_of<S: Lanes>(&self, groups: u32) -> [S::Pair; 2] {
+        let mask = S::Mask::of_bits(groups);
+        let none = S::splat(f32::INFINITY);
+        let [u, v] = &self.rectangle;
+        let (u_turned, u_upright) = S::Pair::load(u).halves();
+        let (v_turned, v_upright) = S::Pair::load(v).halves();
+        let sides = S::least_of_four([
+            S::select(mask, u_turned, none),
+            S::select(mask, u_upright, none),
+            S::select(mask, v_turned, none),
+            S::select(mask, v_upright, none),
+        ]);
+        [
+            S::Pair::of(S::splat(sides[0]), S::splat(sides[1])),
+            S::Pair::of(S::splat(sides[2]), S::splat(sides[3])),
+        ]
+    }
+}
