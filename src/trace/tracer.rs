@@ -435,8 +435,8 @@ impl Work for Any<'_, '_, '_> {
         let Self { tracer, rays, blocked } = self;
         let mut room = SingleRoom::default();
         let mut origins = Vec::new();
-        for start in (0..blocked.len()).step_by(RAYS) {
-            let end = (start + RAYS).min(blocked.len());
+        for start in (0..blocked.len()).step_by(64) {
+            let end = (start + 64).min(blocked.len());
             let batch = tracer.batch(rays, start..end, &mut origins);
             let mut nearest = Nearest::new(rays.t_max);
             tracer.cast_singles::<S>(&batch, true, &mut nearest, &mut room);

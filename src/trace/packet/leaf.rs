@@ -43,7 +43,7 @@
 use std::marker::PhantomData;
 
 use super::walk::{Leaf, RelativeBox};
-use super::{GROUPS, RAYS, TINY, Tile, U, bits, eight, eight_mut};
+use super::{BUNDLES, GROUPS, RAYS, Set, TINY, Tile, U, bits, eight, eight_mut};
 use crate::trace::exact::{Candidate, Corners};
 use crate::trace::lanes::{Lanes, Mask, Pair, Triple, Words};
 use crate::trace::wide::{Block, Slot};
@@ -71,6 +71,8 @@ pub(super) struct Chosen {
     ray: [u32; ROOM],
     /// Of each eight, which a triangle of the block leaves undecided: a bit each of a byte a triangle.
     undecided: [[u8; 8]; GROUPS],
+    /// Of each group, which have a new nearest hit.
+    changed: [u8; GROUPS],
 }
 
 /// Rays are written eight at a time, of which any number may count.
@@ -87,6 +89,7 @@ impl Default for Chosen {
             slot: [0; ROOM],
             ray: [0; ROOM],
             undecided: [[0; 8]; GROUPS],
+            changed: [0; GROUPS],
         }
     }
 }
@@ -95,15 +98,15 @@ impl Default for Chosen {
 const NUMBERS: [u32; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
 
 impl<const APART: bool> Tile<'_, APART> {
-    /// Tests the triangles of a block against the rays of its groups that its box lets through.
+    /// Tests the triangles of a block against the rays of its bundles that its box lets through.
     #[inline(always)]
     pub(super) fn test_leaf<S: Lanes>(&mut self, leaf: &Leaf) {
-        let Leaf { number: granule, bounds: ref b, groups } = *leaf;
+        let Leaf { number: granule, bounds: ref b, bundles } = *leaf;
         // M: the box is padded, so no corner is farther out.
         let side = |side: [f32; 2]| larger(side[0].abs(), side[1].abs());
         let m = larger(larger(side(b.u), side(b.v)), side(b.w));
         let mut alive = [0; GROUPS];
-        let count = self.choose::<S>(b, m, groups, &mut alive);
+        let count = self.choose::<S>(b, m, bundles, &mut alive);
         if count == 0 {
             return;
         }
@@ -113,24 +116,24 @@ impl<const APART: bool> Tile<'_, APART> {
         for first in (0..count).step_by(8) {
             undecided |= self.triangles_against_rays::<S>(granule, &prepared, first, count);
         }
-        self.take_back::<S>(groups, &alive);
+        self.take_back::<S>(bundles, &alive);
         if undecided != 0 {
             self.decide_all(granule, block.triangles, count);
-            for group in bits(groups) {
-                self.far[group] = S::load(eight(&self.rays.z_high, group)).largest();
+            for bundle in bits(bundles) {
+                self.far[bundle & (BUNDLES - 1)] = self.farthest_of::<S>(bundle & (BUNDLES - 1));
             }
         }
         self.farthest = S::load(&self.far).largest();
     }
 
-    /// Sets the rays of `groups` that may meet a box side by side; how many they are. Which they are goes to `alive`, a bit
+    /// Sets the rays of `bundles` that may meet a box side by side; how many they are. Which they are goes to `alive`, a bit
     /// each of a byte a group.
     #[inline(always)]
     fn choose<S: Lanes>(
         &mut self,
         b: &RelativeBox,
         m: f32,
-        groups: u32,
+        bundles: u32,
         alive: &mut [u8; GROUPS],
     ) -> usize {
         let super::PerRay { g, moment, z_low, z_high, slot, chosen, .. } = &mut *self.rays;
@@ -142,8 +145,7 @@ impl<const APART: bool> Tile<'_, APART> {
         let v = S::Pair::of(S::splat(b.v[0] + room), S::splat(b.v[1] + room));
         let numbers = S::Words::load(&NUMBERS);
         let mut count = 0;
-        for group in bits(groups) {
-            let group = group & (GROUPS - 1);
+        for group in groups(bundles) {
             let (gu, gv) = (S::Pair::load(&g[0][group]), S::Pair::load(&g[1][group]));
             let high = S::load(eight(z_high, group));
             let least = [gu.mul(near).min(gu.mul(end)), gv.mul(near).min(gv.mul(end))];
@@ -238,11 +240,10 @@ impl<const APART: bool> Tile<'_, APART> {
 
     /// Takes back what the chosen have hit for sure.
     #[inline(always)]
-    fn take_back<S: Lanes>(&mut self, groups: u32, alive: &[u8; GROUPS]) {
+    fn take_back<S: Lanes>(&mut self, bundles: u32, alive: &[u8; GROUPS]) {
         let super::PerRay { z_low, z_high, slot, chosen, .. } = &mut *self.rays;
-        let (mut count, mut changed) = (0, 0);
-        for group in bits(groups) {
-            let group = group & (GROUPS - 1);
+        let mut count = 0;
+        for group in groups(bundles) {
             let mask = S::Mask::of_bits(u32::from(alive[group]));
             let old_high = S::load(eight(z_high, group));
             let high = S::load(at(&chosen.z_high, count)).expand(mask, old_high);
@@ -253,9 +254,15 @@ impl<const APART: bool> Tile<'_, APART> {
             let slots = S::Words::load(at(&chosen.slot, count)).as_floats().expand(mask, old_slots);
             S::Words::of_floats(slots).store(eight_mut(slot, group));
             // Whoever has something new has it strictly before what it had.
-            changed |= u64::from(old_high.gt(high).bits()) << (8 * group);
-            self.far[group] = high.largest();
+            chosen.changed[group] = old_high.gt(high).bits() as u8;
             count += alive[group].count_ones() as usize;
+        }
+        let mut changed = 0;
+        for bundle in bits(bundles) {
+            let bundle = bundle & (BUNDLES - 1);
+            let [a, b] = [2 * bundle, 2 * bundle + 1].map(|group| self.rays.chosen.changed[group]);
+            changed |= Set::from(u16::from_le_bytes([a, b])) << (16 * bundle);
+            self.far[bundle] = self.farthest_of::<S>(bundle);
         }
         self.replaced(changed);
     }
@@ -275,7 +282,7 @@ impl<const APART: bool> Tile<'_, APART> {
 
     /// Notes that these rays have a new best hit, here, whose f64 depth is not worked out.
     #[inline(always)]
-    fn replaced(&mut self, rays: u64) {
+    fn replaced(&mut self, rays: Set) {
         self.hit |= rays;
         self.here |= rays;
         self.known &= !rays;
@@ -444,6 +451,22 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
         let high = volume.add(error).mul(per_slope);
         (low.mul_add(x.neg(), low), high.mul_add(x.mul(S::splat(1.334)), high).mul(S::splat(1.0 + 34.0 * U)))
     }
+}
+
+/// The groups of bundles.
+#[inline(always)]
+fn groups(bundles: u32) -> impl Iterator<Item = usize> {
+    // Each bit twice.
+    let mut set = bundles;
+    let mut second = false;
+    std::iter::from_fn(move || {
+        let group = (set != 0).then_some(2 * (set.trailing_zeros() as usize & (BUNDLES - 1)) + usize::from(second));
+        if second {
+            set &= set.wrapping_sub(1);
+        }
+        second = !second;
+        group
+    })
 }
 
 /// The larger; the second if one is NaN. (The library's makes sure that it is the other one, in three instructions.)

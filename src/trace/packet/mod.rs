@@ -1,4 +1,4 @@
-//! Packets: up to 64 rays from one point, or nearly, walked through the hierarchy together.
+//! Packets: up to 128 rays from one point, or nearly, walked through the hierarchy together.
 //!
 //! # The pyramid
 //! All rays of a tile leave from o, so they are a pyramid. With w the axis along which they mostly go (turned over if they
@@ -29,8 +29,13 @@ use leaf::Chosen;
 pub(super) use walk::Stack;
 
 /// Rays of a tile at most.
-pub(super) const RAYS: usize = 64;
+pub(super) const RAYS: usize = 128;
+/// Rays are computed with in groups of eight.
 const GROUPS: usize = RAYS / 8;
+/// The hierarchy is walked with bundles of two groups: eight bundles against a box at a time.
+const BUNDLES: usize = GROUPS / 2;
+/// A bit a ray.
+type Set = u128;
 
 /// Unit roundoff of f32.
 pub(super) const U: f32 = f32::EPSILON / 2.0;
@@ -51,7 +56,7 @@ pub(super) struct Nearest {
     slot: [u32; RAYS],
     placement: [u32; RAYS],
     /// Bit a ray: there is a hit.
-    hit: u64,
+    hit: Set,
 }
 
 impl Nearest {
@@ -140,14 +145,14 @@ pub(super) struct Tile<'a, const APART: bool> {
     from: [[f32; 2]; 3],
     rays: &'a mut PerRay,
     /// Rays whose hit's depth is worked out, rays with a hit, and those whose hit is in this mesh: a bit each.
-    known: u64,
-    hit: u64,
-    here: u64,
-    /// Of each group of eight rays its rectangle on the plane w = 1, with some room: along u and v the upper sides turned over,
+    known: Set,
+    hit: Set,
+    here: Set,
+    /// Of each bundle of rays its rectangle on the plane w = 1, with some room: along u and v the upper sides turned over,
     /// then the lower ones.
-    rectangle: [[f32; 2 * GROUPS]; 2],
-    /// The largest `z_high` of each group.
-    far: [f32; GROUPS],
+    rectangle: [[f32; 2 * BUNDLES]; 2],
+    /// The largest `z_high` of each bundle.
+    far: [f32; BUNDLES],
     /// The largest of `far`.
     farthest: f32,
     /// Depths along w that may be too near for the sensor end here.
@@ -222,11 +227,11 @@ impl<'a, const APART: bool> Tile<'a, APART> {
             low: [0.0; 3],
             from: [[0.0; 2]; 3],
             rays,
-            known: u64::MAX,
+            known: Set::MAX,
             hit: nearest.hit,
             here: 0,
-            rectangle: [[0.0; 2 * GROUPS]; 2],
-            far: [-1.0; GROUPS],
+            rectangle: [[0.0; 2 * BUNDLES]; 2],
+            far: [-1.0; BUNDLES],
             farthest: -1.0,
             near: 0.0,
             reach: 0.0,
@@ -326,7 +331,8 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         }
         for (g, sides) in tile.rays.g.iter_mut().zip(&mut tile.rectangle) {
             // Rays of an earlier tile are not this one's.
-            g[groups..].fill([0.0; 16]);
+            let last = g[groups - 1];
+            g[groups..].fill(last);
             let (turned, upright) = (S::least_of_each(rows(g, 0)), S::least_of_each(rows(g, 8)));
             // Room for the rounding of g and of products with it.
             let (wider, part) = (S::splat(-4e-7), S::splat(-4e-7));
@@ -334,8 +340,8 @@ impl<'a, const APART: bool> Tile<'a, APART> {
             let upright = upright.add(upright.abs().mul_add(part, wider));
             S::Pair::of(turned, upright).store(sides);
         }
-        for (group, far) in tile.far.iter_mut().enumerate().take(groups) {
-            *far = if has_hits { S::load(eight(&tile.rays.z_high, group)).largest() } else { f32::INFINITY };
+        for bundle in 0..groups.div_ceil(2) {
+            tile.far[bundle] = if has_hits { tile.farthest_of::<S>(bundle) } else { f32::INFINITY };
         }
         tile.farthest = S::load(&tile.far).largest();
         Some(tile)
@@ -355,8 +361,8 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         for ray in 0..self.directions.len() {
             (self.rays.z_low[ray], self.rays.z_high[ray]) = self.along(ray, nearest.t[ray]);
         }
-        for (group, far) in self.far.iter_mut().enumerate() {
-            *far = eight(&self.rays.z_high, group).iter().copied().fold(-1.0, f32::max);
+        for (far, rays) in self.far.iter_mut().zip(self.rays.z_high.chunks_exact(16)) {
+            *far = rays.iter().copied().fold(-1.0, f32::max);
         }
         self.farthest = self.far.into_iter().fold(-1.0, f32::max);
     }
@@ -364,7 +370,7 @@ impl<'a, const APART: bool> Tile<'a, APART> {
     /// Hands the hits found here to `nearest`, with their f64 depths if `with_depths`.
     #[inline(always)]
     pub fn leave(mut self, nearest: &mut Nearest, with_depths: bool) {
-        if self.here == u64::MAX && !with_depths {
+        if self.here == Set::MAX && !with_depths {
             nearest.slot = self.rays.slot;
             nearest.placement = [self.placement; RAYS];
         } else {
@@ -380,6 +386,13 @@ impl<'a, const APART: bool> Tile<'a, APART> {
             }
         }
         nearest.hit |= self.here;
+    }
+
+    /// The largest `z_high` of a bundle's rays.
+    #[inline(always)]
+    fn farthest_of<S: Lanes>(&self, bundle: usize) -> f32 {
+        let z_high = &self.rays.z_high;
+        S::load(eight(z_high, 2 * bundle)).max(S::load(eight(z_high, 2 * bundle + 1))).largest()
     }
 
     /// Bounds of the depth along w, from o, of a depth along a ray.
@@ -421,12 +434,14 @@ fn in_order<T>([x, y, z]: [T; 3], w: usize) -> [T; 3] {
     }
 }
 
-/// The eight floats from `first` on of each row.
+/// The lesser of each bundle's two groups, of the eight floats from `first` on.
 #[inline(always)]
-fn rows<S: Lanes>(table: &[[f32; 16]; GROUPS], first: usize) -> [S; GROUPS] {
-    let mut rows = [S::splat(0.0); GROUPS];
-    for (row, values) in rows.iter_mut().zip(table) {
-        *row = S::load(values[first..first + 8].try_into().unwrap());
+fn rows<S: Lanes>(table: &[[f32; 16]; GROUPS], first: usize) -> [S; BUNDLES] {
+    let mut rows = [S::splat(0.0); BUNDLES];
+    for (bundle, row) in rows.iter_mut().enumerate() {
+        let [a, b] = [&table[2 * bundle], &table[2 * bundle + 1]];
+        let eight = first..first + 8;
+        *row = S::load(a[eight.clone()].try_into().unwrap()).min(S::load(b[eight].try_into().unwrap()));
     }
     rows
 }

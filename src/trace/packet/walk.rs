@@ -1,6 +1,6 @@
-//! How a tile walks the hierarchy: from node to node, each with the groups of rays that may meet it.
+//! How a tile walks the hierarchy: from node to node, each with the bundles of rays that may meet it.
 
-use super::Tile;
+use super::{BUNDLES, RAYS, Tile};
 use crate::trace::lanes::{Lanes, Mask, Pair};
 use crate::trace::wide::{Child, Node, WIDTH};
 
@@ -18,7 +18,7 @@ pub(in crate::trace) struct Leaf {
     /// A block's granule, or a placement.
     pub number: u32,
     pub(super) bounds: RelativeBox,
-    pub(super) groups: u32,
+    pub(super) bundles: u32,
 }
 
 /// Something to visit: a child of a node.
@@ -29,8 +29,8 @@ struct Visit {
     /// The node whose child it is, and which: `node · 8 + lane`.
     place: u32,
     child: Child,
-    /// The groups that may meet its box, a bit each.
-    groups: u32,
+    /// The bundles that may meet its box, a bit each.
+    bundles: u32,
 }
 
 /// What is to be visited. Nodes and leaves wait apart: which of them comes next could not be predicted.
@@ -86,8 +86,8 @@ impl<const APART: bool> Tile<'_, APART> {
     pub fn enter_root<S: Lanes>(&self, stack: &mut Stack) {
         (stack.node_count, stack.leaf_count) = (0, 0);
         if !self.wide.nodes.is_empty() {
-            let groups = (1 << self.directions.len().div_ceil(8)) - 1;
-            stack.nodes[0] = Visit { near: 0.0, place: 0, child: Child::node(0), groups };
+            let bundles = (1 << self.directions.len().div_ceil(RAYS / BUNDLES)) - 1;
+            stack.nodes[0] = Visit { near: 0.0, place: 0, child: Child::node(0), bundles };
             stack.node_count = 1;
         }
     }
@@ -112,7 +112,7 @@ impl<const APART: bool> Tile<'_, APART> {
     fn leaf(&self, visit: &Visit) -> Leaf {
         let (node, lane) = (visit.place as usize / WIDTH, visit.place as usize % WIDTH);
         let bounds = self.child_box(&self.wide.nodes[node], lane);
-        Leaf { number: visit.child.number(), bounds, groups: visit.groups }
+        Leaf { number: visit.child.number(), bounds, bundles: visit.bundles }
     }
 
     /// Visits nodes until `enough` leaves wait or there are no more nodes.
@@ -120,9 +120,9 @@ impl<const APART: bool> Tile<'_, APART> {
     fn visit_nodes<S: Lanes>(&self, stack: &mut Stack, enough: usize) {
         while stack.leaf_count < enough && stack.node_count > 0 {
             stack.node_count -= 1;
-            let Visit { near, child, groups, .. } = stack.nodes[stack.node_count];
+            let Visit { near, child, bundles, .. } = stack.nodes[stack.node_count];
             if near <= self.farthest {
-                self.visit_children::<S>(child.number(), groups, stack);
+                self.visit_children::<S>(child.number(), bundles, stack);
             }
         }
     }
@@ -138,11 +138,11 @@ impl<const APART: bool> Tile<'_, APART> {
         RelativeBox { u: sides(0), v: sides(1), w: if self.turned { [w[1], w[0]] } else { w } }
     }
 
-    /// Puts the children that the rays of `groups` may meet on the stack, the nearest on top.
+    /// Puts the children that the rays of `bundles` may meet on the stack, the nearest on top.
     #[inline(always)]
-    fn visit_children<S: Lanes>(&self, index: u32, groups: u32, stack: &mut Stack) {
+    fn visit_children<S: Lanes>(&self, index: u32, bundles: u32, stack: &mut Stack) {
         let node = &self.wide.nodes[index as usize];
-        let [ru, rv] = self.rectangle_of::<S>(groups);
+        let [ru, rv] = self.rectangle_of::<S>(bundles);
         let (w_lower, w_upper) = self.sides::<S>(node, 2).halves();
         let (before, end) = if self.turned { (w_upper, w_lower) } else { (w_lower, w_upper) };
         // Not before the origin.
@@ -171,20 +171,20 @@ impl<const APART: bool> Tile<'_, APART> {
         while met != 0 {
             let lane = met.trailing_zeros() as usize & (WIDTH - 1);
             met &= met - 1;
-            // The groups that may meet this child.
+            // The bundles that may meet this child.
             let (near, end) = (S::Pair::splat(nears[lane]), S::Pair::splat(ends[lane]));
             let u = S::Pair::of(S::splat(us[lane]), S::splat(us[WIDTH + lane]));
             let v = S::Pair::of(S::splat(vs[lane]), S::splat(vs[WIDTH + lane]));
             let [ru, rv] = rectangle;
             let least = [ru.mul(near).min(ru.mul(end)), rv.mul(near).min(rv.mul(end))];
             let met = S::Pair::all_ge([u, v], least).and(far.ge(S::splat(nears[lane])));
-            let groups = met.bits() & groups;
-            if groups == 0 {
+            let bundles = met.bits() & bundles;
+            if bundles == 0 {
                 continue;
             }
             let child = node.child[lane];
             self.wide.prefetch::<S>(child);
-            let visit = Visit { near: nears[lane], place: index * WIDTH as u32 + lane as u32, child, groups };
+            let visit = Visit { near: nears[lane], place: index * WIDTH as u32 + lane as u32, child, bundles };
             // Written where a leaf goes, which counts if it is one.
             stack.leaves[stack.leaf_count] = visit;
             stack.leaf_count += usize::from(child.is_leaf());
@@ -211,10 +211,10 @@ impl<const APART: bool> Tile<'_, APART> {
         S::Pair::load(&node.planes[self.axes[k]]).mul_add(over, from)
     }
 
-    /// The rectangle around those of `groups`, for eight boxes at a time.
+    /// The rectangle around those of `bundles`, for eight boxes at a time.
     #[inline(always)]
-    fn rectangle_of<S: Lanes>(&self, groups: u32) -> [S::Pair; 2] {
-        let mask = S::Mask::of_bits(groups);
+    fn rectangle_of<S: Lanes>(&self, bundles: u32) -> [S::Pair; 2] {
+        let mask = S::Mask::of_bits(bundles);
         let none = S::splat(f32::INFINITY);
         let [u, v] = &self.rectangle;
         let (u_turned, u_upright) = S::Pair::load(u).halves();
