@@ -71,8 +71,9 @@ pub(super) struct Chosen {
     ray: [u32; ROOM],
     /// Of each eight, which a triangle of the block leaves undecided: a bit each of a byte a triangle.
     undecided: [[u8; 8]; GROUPS],
-    /// Of each group, which have a new nearest hit.
-    changed: [u8; GROUPS],
+    /// The groups that they are of, and which of each group they are, a bit each.
+    groups: [(u8, u8); GROUPS],
+    group_count: usize,
 }
 
 /// Rays are written eight at a time, of which any number may count.
@@ -89,7 +90,8 @@ impl Default for Chosen {
             slot: [0; ROOM],
             ray: [0; ROOM],
             undecided: [[0; 8]; GROUPS],
-            changed: [0; GROUPS],
+            groups: [(0, 0); GROUPS],
+            group_count: 0,
         }
     }
 }
@@ -105,8 +107,7 @@ impl<const APART: bool> Tile<'_, APART> {
         // M: the box is padded, so no corner is farther out.
         let side = |side: [f32; 2]| larger(side[0].abs(), side[1].abs());
         let m = larger(larger(side(b.u), side(b.v)), side(b.w));
-        let mut alive = [0; GROUPS];
-        let count = self.choose::<S>(b, m, bundles, &mut alive);
+        let count = self.choose::<S>(b, m, bundles);
         if count == 0 {
             return;
         }
@@ -116,26 +117,20 @@ impl<const APART: bool> Tile<'_, APART> {
         for first in (0..count).step_by(8) {
             undecided |= self.triangles_against_rays::<S>(granule, &prepared, first, count);
         }
-        self.take_back::<S>(bundles, &alive);
+        self.take_back::<S>();
         if undecided != 0 {
             self.decide_all(granule, block.triangles, count);
-            for bundle in bits(bundles) {
-                self.far[bundle & (BUNDLES - 1)] = self.farthest_of::<S>(bundle & (BUNDLES - 1));
-            }
+        }
+        for bundle in bits(bundles) {
+            let bundle = bundle & (BUNDLES - 1);
+            self.far[bundle] = self.farthest_of::<S>(bundle);
         }
         self.farthest = S::load(&self.far).largest();
     }
 
-    /// Sets the rays of `bundles` that may meet a box side by side; how many they are. Which they are goes to `alive`, a bit
-    /// each of a byte a group.
+    /// Sets the rays of `bundles` that may meet a box side by side; how many they are.
     #[inline(always)]
-    fn choose<S: Lanes>(
-        &mut self,
-        b: &RelativeBox,
-        m: f32,
-        bundles: u32,
-        alive: &mut [u8; GROUPS],
-    ) -> usize {
+    fn choose<S: Lanes>(&mut self, b: &RelativeBox, m: f32, bundles: u32) -> usize {
         let super::PerRay { g, moment, z_low, z_high, slot, chosen, .. } = &mut *self.rays;
         // 2⁻²⁴ of |g|·w ≤ 8M is lost twice, in g and in the product.
         let room = 32.0 * U * m;
@@ -145,26 +140,34 @@ impl<const APART: bool> Tile<'_, APART> {
         let v = S::Pair::of(S::splat(b.v[0] + room), S::splat(b.v[1] + room));
         let numbers = S::Words::load(&NUMBERS);
         let mut count = 0;
-        for group in groups(bundles) {
-            let (gu, gv) = (S::Pair::load(&g[0][group]), S::Pair::load(&g[1][group]));
-            let high = S::load(eight(z_high, group));
-            let least = [gu.mul(near).min(gu.mul(end)), gv.mul(near).min(gv.mul(end))];
-            let mask = S::Pair::all_ge([u, v], least).and(high.ge(S::splat(begin)));
-            alive[group] = mask.bits() as u8;
-            let number = numbers.add(S::Words::splat(8 * group as u32));
-            gu.halves().1.compress(mask).store(at_mut(&mut chosen.g[0], count));
-            gv.halves().1.compress(mask).store(at_mut(&mut chosen.g[1], count));
-            S::load(eight(z_low, group)).compress(mask).store(at_mut(&mut chosen.z_low, count));
-            high.compress(mask).store(at_mut(&mut chosen.z_high, count));
-            let slots = S::Words::load(eight(slot, group)).as_floats().compress(mask);
-            S::Words::of_floats(slots).store(at_mut(&mut chosen.slot, count));
-            S::Words::of_floats(number.as_floats().compress(mask)).store(at_mut(&mut chosen.ray, count));
-            if APART {
-                for (from, to) in moment.iter().zip(&mut chosen.moment) {
-                    S::load(eight(from, group)).compress(mask).store(at_mut(to, count));
+        chosen.group_count = 0;
+        for bundle in bits(bundles) {
+            let bundle = bundle & (BUNDLES - 1);
+            for group in [2 * bundle, 2 * bundle + 1] {
+                let (gu, gv) = (S::Pair::load(&g[0][group]), S::Pair::load(&g[1][group]));
+                let high = S::load(eight(z_high, group));
+                let least = [gu.mul(near).min(gu.mul(end)), gv.mul(near).min(gv.mul(end))];
+                let mask = S::Pair::all_ge([u, v], least).and(high.ge(S::splat(begin)));
+                if mask.bits() == 0 {
+                    continue;
                 }
+                chosen.groups[chosen.group_count & (GROUPS - 1)] = (group as u8, mask.bits() as u8);
+                chosen.group_count += 1;
+                gu.halves().1.compress(mask).store(at_mut(&mut chosen.g[0], count));
+                gv.halves().1.compress(mask).store(at_mut(&mut chosen.g[1], count));
+                S::load(eight(z_low, group)).compress(mask).store(at_mut(&mut chosen.z_low, count));
+                high.compress(mask).store(at_mut(&mut chosen.z_high, count));
+                let slots = S::Words::load(eight(slot, group)).as_floats().compress(mask);
+                S::Words::of_floats(slots).store(at_mut(&mut chosen.slot, count));
+                let number = numbers.add(S::Words::splat(8 * group as u32));
+                S::Words::of_floats(number.as_floats().compress(mask)).store(at_mut(&mut chosen.ray, count));
+                if APART {
+                    for (from, to) in moment.iter().zip(&mut chosen.moment) {
+                        S::load(eight(from, group)).compress(mask).store(at_mut(to, count));
+                    }
+                }
+                count += mask.bits().count_ones() as usize;
             }
-            count += mask.bits().count_ones() as usize;
         }
         count
     }
@@ -240,11 +243,12 @@ impl<const APART: bool> Tile<'_, APART> {
 
     /// Takes back what the chosen have hit for sure.
     #[inline(always)]
-    fn take_back<S: Lanes>(&mut self, bundles: u32, alive: &[u8; GROUPS]) {
+    fn take_back<S: Lanes>(&mut self) {
         let super::PerRay { z_low, z_high, slot, chosen, .. } = &mut *self.rays;
-        let mut count = 0;
-        for group in groups(bundles) {
-            let mask = S::Mask::of_bits(u32::from(alive[group]));
+        let (mut count, mut changed) = (0, 0);
+        for &(group, alive) in &chosen.groups[..chosen.group_count] {
+            let group = usize::from(group) & (GROUPS - 1);
+            let mask = S::Mask::of_bits(u32::from(alive));
             let old_high = S::load(eight(z_high, group));
             let high = S::load(at(&chosen.z_high, count)).expand(mask, old_high);
             high.store(eight_mut(z_high, group));
@@ -254,15 +258,8 @@ impl<const APART: bool> Tile<'_, APART> {
             let slots = S::Words::load(at(&chosen.slot, count)).as_floats().expand(mask, old_slots);
             S::Words::of_floats(slots).store(eight_mut(slot, group));
             // Whoever has something new has it strictly before what it had.
-            chosen.changed[group] = old_high.gt(high).bits() as u8;
-            count += alive[group].count_ones() as usize;
-        }
-        let mut changed = 0;
-        for bundle in bits(bundles) {
-            let bundle = bundle & (BUNDLES - 1);
-            let [a, b] = [2 * bundle, 2 * bundle + 1].map(|group| self.rays.chosen.changed[group]);
-            changed |= Set::from(u16::from_le_bytes([a, b])) << (16 * bundle);
-            self.far[bundle] = self.farthest_of::<S>(bundle);
+            changed |= Set::from(old_high.gt(high).bits()) << (8 * group);
+            count += alive.count_ones() as usize;
         }
         self.replaced(changed);
     }
@@ -451,22 +448,6 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
         let high = volume.add(error).mul(per_slope);
         (low.mul_add(x.neg(), low), high.mul_add(x.mul(S::splat(1.334)), high).mul(S::splat(1.0 + 34.0 * U)))
     }
-}
-
-/// The groups of bundles.
-#[inline(always)]
-fn groups(bundles: u32) -> impl Iterator<Item = usize> {
-    // Each bit twice.
-    let mut set = bundles;
-    let mut second = false;
-    std::iter::from_fn(move || {
-        let group = (set != 0).then_some(2 * (set.trailing_zeros() as usize & (BUNDLES - 1)) + usize::from(second));
-        if second {
-            set &= set.wrapping_sub(1);
-        }
-        second = !second;
-        group
-    })
 }
 
 /// The larger; the second if one is NaN. (The library's makes sure that it is the other one, in three instructions.)

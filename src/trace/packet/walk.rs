@@ -38,18 +38,15 @@ pub(in crate::trace) struct Stack {
     /// The next on top.
     nodes: Vec<Visit>,
     node_count: usize,
-    /// In no order.
-    leaves: [Visit; LEAVES + WIDTH],
+    /// Those of the node visited last, in no order.
+    leaves: [Visit; WIDTH],
     leaf_count: usize,
 }
-
-/// Nodes are visited until so many leaves wait.
-const LEAVES: usize = 4;
 
 impl Default for Stack {
     fn default() -> Self {
         let none = Visit::default();
-        Self { nodes: vec![none; 256], node_count: 0, leaves: [none; LEAVES + WIDTH], leaf_count: 0 }
+        Self { nodes: vec![none; 256], node_count: 0, leaves: [none; WIDTH], leaf_count: 0 }
     }
 }
 
@@ -67,7 +64,7 @@ impl<const APART: bool> Tile<'_, APART> {
     pub fn walk_mesh<S: Lanes>(&mut self, stack: &mut Stack) {
         self.enter_root::<S>(stack);
         loop {
-            self.visit_nodes::<S>(stack, LEAVES);
+            self.visit_nodes::<S>(stack);
             if stack.leaf_count == 0 {
                 return;
             }
@@ -96,7 +93,7 @@ impl<const APART: bool> Tile<'_, APART> {
     #[inline(always)]
     pub fn next_leaf<S: Lanes>(&self, stack: &mut Stack) -> Option<Leaf> {
         loop {
-            self.visit_nodes::<S>(stack, 1);
+            self.visit_nodes::<S>(stack);
             let waiting = &stack.leaves[..stack.leaf_count];
             let next = (0..waiting.len()).min_by(|&a, &b| waiting[a].near.total_cmp(&waiting[b].near))?;
             let visit = waiting[next];
@@ -115,10 +112,10 @@ impl<const APART: bool> Tile<'_, APART> {
         Leaf { number: visit.child.number(), bounds, bundles: visit.bundles }
     }
 
-    /// Visits nodes until `enough` leaves wait or there are no more nodes.
+    /// Visits nodes until leaves wait or there are no more nodes.
     #[inline(always)]
-    fn visit_nodes<S: Lanes>(&self, stack: &mut Stack, enough: usize) {
-        while stack.leaf_count < enough && stack.node_count > 0 {
+    fn visit_nodes<S: Lanes>(&self, stack: &mut Stack) {
+        while stack.leaf_count == 0 && stack.node_count > 0 {
             stack.node_count -= 1;
             let Visit { near, child, bundles, .. } = stack.nodes[stack.node_count];
             if near <= self.farthest {
@@ -186,7 +183,7 @@ impl<const APART: bool> Tile<'_, APART> {
             self.wide.prefetch::<S>(child);
             let visit = Visit { near: nears[lane], place: index * WIDTH as u32 + lane as u32, child, bundles };
             // Written where a leaf goes, which counts if it is one.
-            stack.leaves[stack.leaf_count] = visit;
+            stack.leaves[stack.leaf_count & (WIDTH - 1)] = visit;
             stack.leaf_count += usize::from(child.is_leaf());
             // Insertion of nodes, farthest first: there are one or two of them.
             let mut at = count & (WIDTH - 1);
