@@ -8,12 +8,12 @@
 //! | `rays FILE` | reads rays: u64 n, u64 m, n directions, m origins (1 for all, or n), each three f64, little-endian |
 //! | `cast 1` | casts them on this thread, again and again: CPU seconds of a cast, and wall seconds |
 //! | `cast N` | casts them on N threads: wall seconds |
-//! | `hits FILE` | writes the depths (f64, infinite for a miss) and triangle ids (u32) of the last cast |
+//! | `hits FILE` | casts them once more and writes the depths (f64, infinite for a miss) and triangle ids (u32) |
 //!
-//! Hits are written in full (f64 depth, u, v, normal, ids), into memory that is used again, as a scan does.
+//! Hits are written in full (f64 depth, u, v, normal, ids), a work item at a time into memory that is used again, as a scan
+//! does.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -50,7 +50,7 @@ fn main() {
         status("VmHWM:"),
         status("VmRSS:"),
     );
-    let mut caster = Caster { scene: &scene, tracer, origins: vec![], directions: vec![], hits: vec![] };
+    let mut caster = Caster { scene: &scene, tracer, origins: vec![], directions: vec![] };
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         let (command, argument) = line.split_once(' ').unwrap_or((&line, ""));
         let answer = match command {
@@ -68,7 +68,6 @@ struct Caster<'s> {
     tracer: Tracer<'s>,
     origins: Vec<DVec3>,
     directions: Vec<DVec3>,
-    hits: Vec<Option<Hit>>,
 }
 
 impl Caster<'_> {
@@ -86,11 +85,10 @@ impl Caster<'_> {
         assert_eq!(vectors.len(), n + m);
         self.directions = vectors[..n].to_vec();
         self.origins = vectors[n..].to_vec();
-        self.hits = vec![None; n];
         format!(r#"{{"rays": {n}}}"#)
     }
 
-    fn cast(&mut self, threads: usize) -> String {
+    fn cast(&self, threads: usize) -> String {
         let (origins, directions) = (&self.origins, &self.directions);
         let rays = |item: usize| {
             let range = item * ITEM..((item + 1) * ITEM).min(directions.len());
@@ -101,47 +99,52 @@ impl Caster<'_> {
             Rays { origins, directions: &directions[range], t_min: 0.0, t_max: f64::INFINITY }
         };
         let tracer = &self.tracer;
-        let hits = &mut self.hits;
+        let items = directions.len().div_ceil(ITEM);
+        let cast = |hits: &mut Vec<Option<Hit>>, item: usize| {
+            let rays = rays(item);
+            hits.resize(rays.directions.len(), None);
+            tracer.cast(&rays, hits);
+        };
+        let (start, cpu) = (Instant::now(), thread_time());
+        let mut times = 0_u32;
         if threads == 1 {
-            let (start, cpu) = (Instant::now(), thread_time());
-            let mut times = 0_u32;
+            let mut hits = Vec::new();
             while start.elapsed().as_secs_f64() < LEAST_S {
-                for (item, hits) in hits.chunks_mut(ITEM).enumerate() {
-                    tracer.cast(&rays(item), hits);
-                }
+                (0..items).for_each(|item| cast(&mut hits, item));
                 times += 1;
             }
-            let a_cast = |seconds: f64| seconds / f64::from(times);
-            let (cpu, wall) = (thread_time() - cpu, start.elapsed().as_secs_f64());
-            return format!(r#"{{"cpu_s": {}, "wall_s": {}}}"#, a_cast(cpu), a_cast(wall));
+        } else {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            while start.elapsed().as_secs_f64() < LEAST_S {
+                pool.install(|| (0..items).into_par_iter().for_each_init(Vec::new, cast));
+                times += 1;
+            }
         }
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            let start = Instant::now();
-            let mut times = 0_u32;
-            while start.elapsed().as_secs_f64() < LEAST_S {
-                hits.par_chunks_mut(ITEM).enumerate().for_each(|(item, hits)| tracer.cast(&rays(item), hits));
-                times += 1;
-            }
-            format!(r#"{{"wall_s": {}}}"#, start.elapsed().as_secs_f64() / f64::from(times))
-        })
+        let a_cast = |seconds: f64| seconds / f64::from(times);
+        let (cpu, wall) = (thread_time() - cpu, start.elapsed().as_secs_f64());
+        format!(r#"{{"cpu_s": {}, "wall_s": {}}}"#, a_cast(cpu), a_cast(wall))
     }
 
     fn write(&self, path: &Path) -> String {
-        let mut bytes = Vec::with_capacity(self.hits.len() * 12);
-        for hit in &self.hits {
+        let mut hits = vec![None; self.directions.len()];
+        let origins = match self.origins[..] {
+            [one] => Origins::Common(one),
+            _ => Origins::Each(&self.origins),
+        };
+        let rays = Rays { origins, directions: &self.directions, t_min: 0.0, t_max: f64::INFINITY };
+        self.tracer.cast(&rays, &mut hits);
+        let mut bytes = Vec::with_capacity(hits.len() * 12);
+        for hit in &hits {
             bytes.extend(hit.map_or(f64::INFINITY, |h| h.t).to_le_bytes());
         }
-        for hit in &self.hits {
+        for hit in &hits {
             let id = hit.map_or(u32::MAX, |h| {
                 self.scene.placements[h.placement as usize].first_triangle + h.triangle
             });
             bytes.extend(id.to_le_bytes());
         }
         std::fs::write(path, bytes).expect("a file for hits");
-        let mut answer = String::from("{");
-        write!(answer, r#""hits": {}}}"#, self.hits.iter().flatten().count()).unwrap();
-        answer
+        format!(r#"{{"hits": {}}}"#, hits.iter().flatten().count())
     }
 }
 

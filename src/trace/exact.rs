@@ -229,7 +229,10 @@ impl LocalRay {
             return self;
         }
         let (origin, direction) = (xyz(self.origin), xyz(self.direction));
-        Self { origin: point(carried_point(map, origin)), direction: point(carried_direction(map, direction)) }
+        Self {
+            origin: point(carried_point(map, origin)),
+            direction: point(carried_direction(map, direction)),
+        }
     }
 }
 

@@ -144,8 +144,7 @@ impl Tracer<'_> {
             for (k, hit) in hits.iter_mut().enumerate() {
                 if lanes >> k & 1 != 0 {
                     let normal = DVec3::new(x[k], y[k], z[k]);
-                    *hit =
-                        Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement, triangle: triangles[k] });
+                    *hit = Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement, triangle: triangles[k] });
                 }
             }
         }

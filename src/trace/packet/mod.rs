@@ -243,7 +243,8 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         let zero = S::Doubles::splat(0.0);
         let (mut steepest, mut longest, mut latest) = (zero, zero, zero);
         // The bounds of s_u and s_v.
-        let (mut least_s, mut most_s) = ([S::Doubles::splat(f64::INFINITY); 2], [S::Doubles::splat(f64::NEG_INFINITY); 2]);
+        let (mut least_s, mut most_s) =
+            ([S::Doubles::splat(f64::INFINITY); 2], [S::Doubles::splat(f64::NEG_INFINITY); 2]);
         let sides = S::Doubles::splat(side);
         let mut room = [DVec3::ZERO; 8];
         for group in 0..groups {

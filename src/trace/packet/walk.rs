@@ -181,7 +181,8 @@ impl<const APART: bool> Tile<'_, APART> {
             }
             let child = node.child[lane];
             self.wide.prefetch::<S>(child);
-            let visit = Visit { near: nears[lane], place: index * WIDTH as u32 + lane as u32, child, bundles };
+            let visit =
+                Visit { near: nears[lane], place: index * WIDTH as u32 + lane as u32, child, bundles };
             // Written where a leaf goes, which counts if it is one.
             stack.leaves[stack.leaf_count & (WIDTH - 1)] = visit;
             stack.leaf_count += usize::from(child.is_leaf());

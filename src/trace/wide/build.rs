@@ -229,8 +229,11 @@ fn partition<T>(items: &mut [T], is_left: impl Fn(&T) -> bool) -> usize {
     left
 }
 
-const PARAMS: BvhBuildParams =
-    BvhBuildParams { max_prims_per_leaf: WIDTH as u32, collapse_traversal_cost: 4.3, ..BvhBuildParams::fast_build() };
+const PARAMS: BvhBuildParams = BvhBuildParams {
+    max_prims_per_leaf: WIDTH as u32,
+    collapse_traversal_cost: 4.3,
+    ..BvhBuildParams::fast_build()
+};
 
 fn build_binary(boxes: &[Aabb], params: BvhBuildParams) -> Bvh2 {
     let mut time = std::time::Duration::ZERO;
@@ -261,11 +264,11 @@ impl Tree {
         tree
     }
 
-    /// Makes a tree of nodes eight wide out of a binary one: from each node down, the widest box is opened until there are
-    /// eight. Nodes come depth first, so that what is visited together lies together.
-    /// `leaf` makes what stands for a leaf.
+    /// Makes a tree of nodes eight wide out of a binary one. Nodes come depth first, so that what is visited together lies
+    /// together. `leaf` makes what stands for a leaf.
     fn widen(&mut self, bvh: &Bvh2, mut leaf: impl FnMut(&mut Self, usize) -> Child) {
         self.bounds = *bvh.nodes[0].aabb();
+        let forests = Forests::new(bvh);
         // (binary node, where its wide node's index goes)
         let mut stack = vec![(0_usize, None::<(usize, usize)>)];
         while let Some((binary, parent)) = stack.pop() {
@@ -274,21 +277,9 @@ impl Tree {
             if let Some((node, lane)) = parent {
                 self.nodes[node].child[lane] = Child::node(index as u32);
             }
-            let mut open = [0_usize; WIDTH];
-            let mut count = 1;
-            open[0] = binary;
-            while count < WIDTH {
-                let widest = (0..count).filter(|&k| !bvh.nodes[open[k]].is_leaf()).max_by(|&a, &b| {
-                    let area = |k: usize| bvh.nodes[open[k]].aabb().half_area();
-                    area(a).total_cmp(&area(b))
-                });
-                let Some(widest) = widest else { break };
-                let first = bvh.nodes[open[widest]].first_index as usize;
-                open[widest] = first;
-                open[count] = first + 1;
-                count += 1;
-            }
-            for (lane, &child) in open[..count].iter().enumerate() {
+            let mut children = [0_usize; WIDTH];
+            let count = forests.roots_below(bvh, binary, &mut children);
+            for (lane, &child) in children[..count].iter().enumerate() {
                 let node = &bvh.nodes[child];
                 let Aabb { min, max } = *node.aabb();
                 for axis in 0..3 {
@@ -299,7 +290,7 @@ impl Tree {
                     self.nodes[index].child[lane] = leaf(self, child);
                 }
             }
-            for (lane, &child) in open[..count].iter().enumerate().rev() {
+            for (lane, &child) in children[..count].iter().enumerate().rev() {
                 if !bvh.nodes[child].is_leaf() {
                     stack.push((child, Some((index, lane))));
                 }
@@ -341,6 +332,85 @@ impl Tree {
         self.blocks.extend(ids);
         self.blocks.resize(self.blocks.len().next_multiple_of(GRANULE), 0);
         Child::block((start / GRANULE) as u32)
+    }
+}
+
+/// How a binary tree's nodes are best taken together eight wide: such that the nodes' areas, in proportion to which rays
+/// visit them, add up to the least (Ylitie, Karras, Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed
+/// Wide BVHs", 2017). What is below a node may stand as a forest of up to so many trees; the least area of that is the
+/// node's own and its children's best forest of eight, or what its two children have when they share out the trees.
+struct Forests {
+    /// For each node, and a forest of up to 1 to 7 trees, how many trees the children's forests have (a nibble each; 0 for the
+    /// node being one tree); last, how the children share out eight if the node is a wide one.
+    shares: Vec<[u8; WIDTH]>,
+}
+
+impl Forests {
+    fn new(bvh: &Bvh2) -> Self {
+        // Parents before children.
+        let mut order = Vec::with_capacity(bvh.nodes.len());
+        let mut stack = vec![0];
+        while let Some(node) = stack.pop() {
+            if !bvh.nodes[node].is_leaf() {
+                order.push(node);
+                let first = bvh.nodes[node].first_index as usize;
+                stack.extend([first, first + 1]);
+            }
+        }
+        // The least area, by node and number of trees. (Leaves have the same in any case.)
+        let mut areas = vec![[0.0_f32; WIDTH]; bvh.nodes.len()];
+        let mut shares = vec![[0_u8; WIDTH]; bvh.nodes.len()];
+        for &node in order.iter().rev() {
+            let first = bvh.nodes[node].first_index as usize;
+            let (left, right) = (areas[first], areas[first + 1]);
+            let shared = |trees: usize| {
+                let splits =
+                    (1..trees).map(|to_left| (left[to_left - 1] + right[trees - to_left - 1], to_left));
+                splits.fold((f32::INFINITY, 1), |best, split| if split.0 < best.0 { split } else { best })
+            };
+            let share = |trees: usize, to_left: usize| (to_left | (trees - to_left) << 4) as u8;
+            let (area, to_left) = shared(WIDTH);
+            shares[node][WIDTH - 1] = share(WIDTH, to_left);
+            areas[node][0] = bvh.nodes[node].aabb().half_area() + area;
+            for trees in 2..WIDTH {
+                let (area, to_left) = shared(trees);
+                let is_better = area < areas[node][trees - 2];
+                (areas[node][trees - 1], shares[node][trees - 1]) = if is_better {
+                    (area, share(trees, to_left))
+                } else {
+                    (areas[node][trees - 2], shares[node][trees - 2])
+                };
+            }
+        }
+        Self { shares }
+    }
+
+    /// The binary nodes that are a wide node's children; their number.
+    fn roots_below(&self, bvh: &Bvh2, node: usize, children: &mut [usize; WIDTH]) -> usize {
+        if bvh.nodes[node].is_leaf() {
+            // A tree of one leaf has a node above it.
+            children[0] = node;
+            return 1;
+        }
+        let mut count = 0;
+        let mut stack = [(0, 0); WIDTH];
+        stack[0] = (node, WIDTH);
+        let mut waiting = 1;
+        while waiting > 0 {
+            waiting -= 1;
+            let (node, trees) = stack[waiting];
+            let share = self.shares[node][trees - 1];
+            if share == 0 {
+                children[count] = node;
+                count += 1;
+            } else {
+                let first = bvh.nodes[node].first_index as usize;
+                stack[waiting] = (first + 1, usize::from(share >> 4));
+                stack[waiting + 1] = (first, usize::from(share & 15));
+                waiting += 2;
+            }
+        }
+        count
     }
 }
 

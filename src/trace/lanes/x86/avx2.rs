@@ -276,7 +276,10 @@ impl Doubles for Avx2Doubles {
     fn from_floats(x: Avx2) -> Self {
         // SAFETY: AVX, see the module.
         unsafe {
-            Self(_mm256_cvtps_pd(_mm256_castps256_ps128(x.0)), _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(x.0)))
+            Self(
+                _mm256_cvtps_pd(_mm256_castps256_ps128(x.0)),
+                _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(x.0)),
+            )
         }
     }
 

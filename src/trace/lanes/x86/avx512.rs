@@ -49,11 +49,7 @@ impl Lanes for Avx512 {
             let b = _mm512_castsi256_si512(_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(b as i64)));
             let c = _mm512_castsi256_si512(_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(c as i64)));
             let [a, b, c] = if below_16 {
-                [
-                    _mm512_permutexvar_ps(a, low),
-                    _mm512_permutexvar_ps(b, low),
-                    _mm512_permutexvar_ps(c, low),
-                ]
+                [_mm512_permutexvar_ps(a, low), _mm512_permutexvar_ps(b, low), _mm512_permutexvar_ps(c, low)]
             } else {
                 let high = _mm512_castps256_ps512(_mm256_loadu_ps(start.add(16)));
                 [

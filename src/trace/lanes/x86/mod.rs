@@ -188,26 +188,40 @@ macro_rules! eight_floats {
         #[inline(always)]
         fn least_of_each(rows: [Self; 8]) -> Self {
             // SAFETY: AVX, see the module.
-            Self(unsafe { {
-                let [a, b, c, d, e, f, g, h] = rows;
-                let ae = _mm256_min_ps(_mm256_permute2f128_ps::<0x20>(a.0, e.0), _mm256_permute2f128_ps::<0x31>(a.0, e.0));
-                let bf = _mm256_min_ps(_mm256_permute2f128_ps::<0x20>(b.0, f.0), _mm256_permute2f128_ps::<0x31>(b.0, f.0));
-                let cg = _mm256_min_ps(_mm256_permute2f128_ps::<0x20>(c.0, g.0), _mm256_permute2f128_ps::<0x31>(c.0, g.0));
-                let dh = _mm256_min_ps(_mm256_permute2f128_ps::<0x20>(d.0, h.0), _mm256_permute2f128_ps::<0x31>(d.0, h.0));
-                // a a b b | e e f f
-                let abef = _mm256_min_ps(
-                    _mm256_shuffle_ps::<0b01_00_01_00>(ae, bf),
-                    _mm256_shuffle_ps::<0b11_10_11_10>(ae, bf),
-                );
-                let cdgh = _mm256_min_ps(
-                    _mm256_shuffle_ps::<0b01_00_01_00>(cg, dh),
-                    _mm256_shuffle_ps::<0b11_10_11_10>(cg, dh),
-                );
-                _mm256_min_ps(
-                    _mm256_shuffle_ps::<0b10_00_10_00>(abef, cdgh),
-                    _mm256_shuffle_ps::<0b11_01_11_01>(abef, cdgh),
-                )
-            } })
+            Self(unsafe {
+                {
+                    let [a, b, c, d, e, f, g, h] = rows;
+                    let ae = _mm256_min_ps(
+                        _mm256_permute2f128_ps::<0x20>(a.0, e.0),
+                        _mm256_permute2f128_ps::<0x31>(a.0, e.0),
+                    );
+                    let bf = _mm256_min_ps(
+                        _mm256_permute2f128_ps::<0x20>(b.0, f.0),
+                        _mm256_permute2f128_ps::<0x31>(b.0, f.0),
+                    );
+                    let cg = _mm256_min_ps(
+                        _mm256_permute2f128_ps::<0x20>(c.0, g.0),
+                        _mm256_permute2f128_ps::<0x31>(c.0, g.0),
+                    );
+                    let dh = _mm256_min_ps(
+                        _mm256_permute2f128_ps::<0x20>(d.0, h.0),
+                        _mm256_permute2f128_ps::<0x31>(d.0, h.0),
+                    );
+                    // a a b b | e e f f
+                    let abef = _mm256_min_ps(
+                        _mm256_shuffle_ps::<0b01_00_01_00>(ae, bf),
+                        _mm256_shuffle_ps::<0b11_10_11_10>(ae, bf),
+                    );
+                    let cdgh = _mm256_min_ps(
+                        _mm256_shuffle_ps::<0b01_00_01_00>(cg, dh),
+                        _mm256_shuffle_ps::<0b11_10_11_10>(cg, dh),
+                    );
+                    _mm256_min_ps(
+                        _mm256_shuffle_ps::<0b10_00_10_00>(abef, cdgh),
+                        _mm256_shuffle_ps::<0b11_01_11_01>(abef, cdgh),
+                    )
+                }
+            })
         }
 
         #[inline(always)]
