@@ -54,9 +54,11 @@ pub struct Progress {
     pub cancelled: AtomicBool,
 }
 
-/// Rows and columns of the tiles that are cast as one batch: as many rays as the tracer takes at once, and neighbours, so
-/// that they are a narrow pyramid.
-const TILE: (usize, usize) = (8, 8);
+/// Rows and columns of a tile: as many rays as the tracer takes at once, and neighbours, so that they are a narrow pyramid.
+const TILE: (usize, usize) = (8, 16);
+
+/// Columns of a strip, which is cast as one batch, tile by tile.
+const STRIP: usize = 16 * TILE.1;
 
 /// Casts every pulse of a sensor at `world_from_sensor`. `None` if `progress.cancelled` was set before the end.
 ///
@@ -72,9 +74,9 @@ pub fn scan(
     let mut returns = vec![None; rows * columns];
     let sensor_from_world = world_from_sensor.inverse();
     let scanner = Scanner { scene, tracer, sensor, world_from_sensor, sensor_from_world };
-    tiles(&mut returns, columns).into_par_iter().for_each_init(Batch::default, |batch, mut tile| {
+    strips(&mut returns, columns).into_par_iter().for_each_init(Batch::default, |batch, mut strip| {
         if !progress.cancelled.load(Ordering::Relaxed) {
-            let rays = scanner.fill(&mut tile, batch);
+            let rays = scanner.fill(&mut strip, batch);
             progress.rays_done.fetch_add(rays as u64, Ordering::Relaxed);
         }
     });
@@ -83,35 +85,35 @@ pub fn scan(
 }
 
 /// A part of the image that is cast as one batch.
-struct Tile<'f> {
+struct Strip<'f> {
     first_row: usize,
     first_column: usize,
-    /// The tile's piece of each of its rows.
+    /// The strip's piece of each of its rows.
     rows: Vec<&'f mut [Option<Return>]>,
 }
 
-/// Cuts an image into tiles, each with its own part of the image to write to.
-fn tiles(returns: &mut [Option<Return>], columns: usize) -> Vec<Tile<'_>> {
-    let mut tiles = Vec::new();
+/// Cuts an image into strips, each with its own part of the image to write to.
+fn strips(returns: &mut [Option<Return>], columns: usize) -> Vec<Strip<'_>> {
+    let mut strips = Vec::new();
     for (band_index, band) in returns.chunks_mut(TILE.0 * columns).enumerate() {
-        let first_tile = tiles.len();
+        let first_strip = strips.len();
         for row in band.chunks_mut(columns) {
-            for (index, piece) in row.chunks_mut(TILE.1).enumerate() {
-                if tiles.len() == first_tile + index {
-                    let (first_row, first_column) = (band_index * TILE.0, index * TILE.1);
-                    tiles.push(Tile { first_row, first_column, rows: Vec::with_capacity(TILE.0) });
+            for (index, piece) in row.chunks_mut(STRIP).enumerate() {
+                if strips.len() == first_strip + index {
+                    let (first_row, first_column) = (band_index * TILE.0, index * STRIP);
+                    strips.push(Strip { first_row, first_column, rows: Vec::with_capacity(TILE.0) });
                 }
-                tiles[first_tile + index].rows.push(piece);
+                strips[first_strip + index].rows.push(piece);
             }
         }
     }
-    tiles
+    strips
 }
 
-/// Room for a tile's rays and hits, kept from tile to tile.
+/// Room for a strip's rays and hits, kept from strip to strip.
 #[derive(Default)]
 struct Batch {
-    /// Where in the tile each ray's pixel is: a pixel without a pulse has no ray.
+    /// Where in the strip each ray's pixel is: a pixel without a pulse has no ray.
     pixels: Vec<(u8, u8)>,
     origins: Vec<DVec3>,
     directions: Vec<DVec3>,
@@ -127,19 +129,22 @@ struct Scanner<'a, C> {
 }
 
 impl<C: Cast> Scanner<'_, C> {
-    /// Casts the pulses of a tile and writes what comes back. Gives the number of rays.
-    fn fill(&self, tile: &mut Tile, batch: &mut Batch) -> usize {
+    /// Casts the pulses of a strip and writes what comes back. Gives the number of rays.
+    fn fill(&self, strip: &mut Strip, batch: &mut Batch) -> usize {
         let Batch { pixels, origins, directions, hits } = batch;
         pixels.clear();
         origins.clear();
         directions.clear();
-        for (row, piece) in tile.rows.iter().enumerate() {
-            for column in 0..piece.len() {
-                let pulse = self.sensor.pattern.pulse(tile.first_row + row, tile.first_column + column);
-                let Some(pulse) = pulse else { continue };
-                pixels.push((row as u8, column as u8));
-                origins.push(self.world_from_sensor.point(pulse.origin));
-                directions.push(self.world_from_sensor.direction(pulse.direction));
+        let width = strip.rows[0].len();
+        for first in (0..width).step_by(TILE.1) {
+            for row in 0..strip.rows.len() {
+                for column in first..width.min(first + TILE.1) {
+                    let pulse = self.sensor.pattern.pulse(strip.first_row + row, strip.first_column + column);
+                    let Some(pulse) = pulse else { continue };
+                    pixels.push((row as u8, column as u8));
+                    origins.push(self.world_from_sensor.point(pulse.origin));
+                    directions.push(self.world_from_sensor.direction(pulse.direction));
+                }
             }
         }
         let common = origins.first().copied().filter(|first| origins.iter().all(|o| o == first));
@@ -153,7 +158,7 @@ impl<C: Cast> Scanner<'_, C> {
         };
         self.tracer.cast(&rays, hits);
         for ((&(row, column), &direction), hit) in pixels.iter().zip(directions.iter()).zip(hits.iter()) {
-            let cell = &mut tile.rows[usize::from(row)][usize::from(column)];
+            let cell = &mut strip.rows[usize::from(row)][usize::from(column)];
             *cell = hit.as_ref().map(|hit| self.receive(direction, hit));
         }
         pixels.len()
@@ -186,15 +191,15 @@ mod tests {
     use crate::trace::Tracer;
 
     #[test]
-    fn tiles_cover_the_image_once() {
+    fn strips_cover_the_image_once() {
         for (rows, columns) in [(1, 1), (16, 1800), (7, 15), (9, 17), (480, 640)] {
             let mut returns = vec![None; rows * columns];
             let start = returns.as_ptr() as usize;
             let mut seen = vec![0; rows * columns];
-            for tile in tiles(&mut returns, columns) {
-                for (row, piece) in tile.rows.iter().enumerate() {
+            for strip in strips(&mut returns, columns) {
+                for (row, piece) in strip.rows.iter().enumerate() {
                     let at = (piece.as_ptr() as usize - start) / size_of::<Option<Return>>();
-                    assert_eq!(at, (tile.first_row + row) * columns + tile.first_column);
+                    assert_eq!(at, (strip.first_row + row) * columns + strip.first_column);
                     seen[at..at + piece.len()].iter_mut().for_each(|n| *n += 1);
                 }
             }
