@@ -118,26 +118,39 @@ impl<'s> Tracer<'s> {
         let mut pending = [(0, 0); 8];
         pending[0] = (0, hits.len());
         let mut count = 1;
+        // Rays that are in no packet, a bit each.
+        let mut apart = 0_u64;
         while count > 0 {
             count -= 1;
             let (from, to) = pending[count];
             let part = batch.part(from..to);
-            let mut nearest = Nearest::new(part.t_max);
             // A packet takes as long as a few single rays; those that start apart and are no packet at once are seldom one
             // in pieces.
             let least = if matches!(part.origins, Origins::Common(_)) { 4 } else { RAYS / 4 };
-            let is_packet =
-                self.packets && to - from >= 4 && self.cast_packet::<S>(&part, &mut nearest, room);
-            if !is_packet {
-                if self.packets && to - from > least {
-                    // No narrow pyramid; its halves may be.
-                    let middle = from + (to - from) / 2;
-                    (pending[count], pending[count + 1]) = ((middle, to), (from, middle));
-                    count += 2;
+            if self.packets && to - from >= 4 {
+                let mut nearest = Nearest::new(part.t_max);
+                if self.cast_packet::<S>(&part, &mut nearest, room) {
+                    self.finish_all::<S>(&part, &nearest, &mut hits[from..to]);
                     continue;
                 }
-                self.cast_singles::<S>(&part, false, &mut nearest, &mut room.single);
             }
+            if self.packets && to - from > least {
+                // No narrow pyramid; its halves may be.
+                let middle = from + (to - from) / 2;
+                (pending[count], pending[count + 1]) = ((middle, to), (from, middle));
+                count += 2;
+                continue;
+            }
+            apart |= u64::MAX >> (RAYS - (to - from)) << from;
+        }
+        // As many together as there are side by side: they wait for memory in turn.
+        while apart != 0 {
+            let from = apart.trailing_zeros() as usize;
+            let to = from + (apart >> from).trailing_ones() as usize;
+            apart &= !(u64::MAX >> (RAYS - (to - from)) << from);
+            let part = batch.part(from..to);
+            let mut nearest = Nearest::new(part.t_max);
+            self.cast_singles::<S>(&part, false, &mut nearest, &mut room.single);
             self.finish_all::<S>(&part, &nearest, &mut hits[from..to]);
         }
     }
@@ -230,7 +243,7 @@ impl<'s> Tracer<'s> {
             let ray = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let mut best = None;
-            self.cast_in_f64(rays.ray(ray), limits, &mut best, &mut room.scalar);
+            self.single_in::<S>(0, rays.ray(ray), limits, any, &mut best, &mut room.mesh);
             nearest.set(ray, best);
         }
     }
@@ -245,7 +258,7 @@ impl<'s> Tracer<'s> {
         best: &mut Option<Best>,
         room: &mut SingleRoom,
     ) {
-        let Some(mut top) = Single::new(ray, self.top.largest, limits) else {
+        let Some(mut top) = Single::new::<S>(ray, self.top.largest, limits) else {
             return self.cast_in_f64(ray, limits, best, &mut room.scalar);
         };
         room.top.start(&self.top);
@@ -273,7 +286,7 @@ impl<'s> Tracer<'s> {
     ) {
         let ray = if placement == 0 { ray } else { ray.carried(&self.scene.placements[placement as usize]) };
         let wide = self.wide(placement);
-        let Some(mut single) = Single::new(ray, wide.largest, limits) else {
+        let Some(mut single) = Single::new::<S>(ray, wide.largest, limits) else {
             return self.nearest_in(placement, ray, limits, best, &mut Vec::new());
         };
         if let Some(best) = best {

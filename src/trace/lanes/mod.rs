@@ -52,8 +52,12 @@ pub(super) trait Lanes: Copy {
     fn pick(words: &[u32; 24], indices: [u64; 3], below_16: bool) -> [Self; 3];
     /// The lanes where the mask is true, in their order, first; anything after them.
     fn compress(self, mask: Self::Mask) -> Self;
+    /// The lanes whose bit is set in the low eight of `bits`, in their order, first; anything after them.
+    fn compress_bits(self, bits: u32) -> Self;
     /// Asks for the cache lines of `place`, if the machine has a way to ask.
     fn prefetch<T>(place: &T);
+    /// Asks for one cache line, of which there need not be any.
+    fn prefetch_line(place: *const u32);
     /// The least lane.
     fn least(self) -> f32;
     /// The largest lane.
@@ -96,10 +100,7 @@ pub(super) trait Pair: Copy {
     type Half: Lanes;
     fn load(x: &[f32; 16]) -> Self;
     fn of(low: Self::Half, high: Self::Half) -> Self;
-    fn splat(x: f32) -> Self;
     fn sub(self, other: Self) -> Self;
-    /// self · factor + term, rounded once or twice.
-    fn mul_add(self, factor: Self, term: Self) -> Self;
     fn halves(self) -> (Self::Half, Self::Half);
 }
 

@@ -115,7 +115,15 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn compress_bits(self, bits: u32) -> Self {
+        self.compress(PortableMask::of_bits(bits))
+    }
+
+    #[inline(always)]
     fn prefetch<T>(_: &T) {}
+
+    #[inline(always)]
+    fn prefetch_line(_: *const u32) {}
 
     #[inline(always)]
     fn least(self) -> f32 {
@@ -182,18 +190,8 @@ impl Pair for PortablePair {
     }
 
     #[inline(always)]
-    fn splat(x: f32) -> Self {
-        Self(Portable([x; 8]), Portable([x; 8]))
-    }
-
-    #[inline(always)]
     fn sub(self, other: Self) -> Self {
         Self(self.0.sub(other.0), self.1.sub(other.1))
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
     }
 
     #[inline(always)]

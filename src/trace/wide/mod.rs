@@ -7,6 +7,8 @@
 mod build;
 mod walk;
 
+use std::hint::select_unpredictable;
+
 use super::lanes::{Lanes, Words};
 
 pub(super) use build::{build, build_over};
@@ -54,6 +56,18 @@ impl Child {
         Self(granule | Self::LEAF)
     }
 
+    /// As [`Child::bits`] gave it.
+    #[inline(always)]
+    pub fn of_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
+    /// As a number, whose highest bit says that it is a block.
+    #[inline(always)]
+    pub fn bits(self) -> u32 {
+        self.0
+    }
+
     /// The block's granule, or the node's index.
     pub fn get(self) -> Result<u32, u32> {
         if self.0 & Self::LEAF != 0 { Ok(self.0 & !Self::LEAF) } else { Err(self.0) }
@@ -61,6 +75,13 @@ impl Child {
 }
 
 impl Node {
+    /// All children's bits.
+    #[inline(always)]
+    pub fn children<S: Lanes>(&self) -> S::Words {
+        let [a, b, c, d, e, f, g, h] = &self.child;
+        S::Words::load(&[a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0])
+    }
+
     /// A node without children. Its boxes are inside out, and finite, so that no arithmetic on them makes a NaN.
     pub const EMPTY: Self = {
         let mut planes = [f32::MAX; 2 * WIDTH];
@@ -211,6 +232,21 @@ impl Wide {
             Err(node) => S::prefetch(&self.nodes[node as usize]),
             Ok(leaf) => self.prefetch_block::<S>(leaf),
         }
+    }
+
+    /// The same without a branch on what it is, for where nothing predicts that.
+    #[inline(always)]
+    pub fn prefetch_either<S: Lanes>(&self, child: Child) {
+        // Nothing is read from these places: a child that is none does no harm.
+        let node = self.nodes.as_ptr().wrapping_add(child.0 as usize).cast::<u32>();
+        let block = self.blocks.as_ptr().wrapping_add((child.0 & !Child::LEAF) as usize * GRANULE);
+        let is_block = child.0 & Child::LEAF != 0;
+        let start = select_unpredictable(is_block, block, node);
+        S::prefetch_line(start);
+        S::prefetch_line(start.wrapping_add(16));
+        S::prefetch_line(start.wrapping_add(32));
+        // A node's children, or the block's first line again.
+        S::prefetch_line(start.wrapping_add(select_unpredictable(is_block, 0, 48)));
     }
 
     /// Asks for a block's first cache lines.

@@ -61,7 +61,12 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn compress(self, mask: Avx2Mask) -> Self {
-        let order = FIRST[mask.bits() as usize & 255];
+        self.compress_bits(mask.bits())
+    }
+
+    #[inline(always)]
+    fn compress_bits(self, bits: u32) -> Self {
+        let order = FIRST[bits as usize & 255];
         // SAFETY: AVX2, see the module.
         Self(unsafe {
             _mm256_permutevar8x32_ps(self.0, _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(order as i64)))
@@ -141,18 +146,8 @@ impl Pair for Avx2Pair {
     }
 
     #[inline(always)]
-    fn splat(x: f32) -> Self {
-        Self(Avx2::splat(x), Avx2::splat(x))
-    }
-
-    #[inline(always)]
     fn sub(self, other: Self) -> Self {
         Self(self.0.sub(other.0), self.1.sub(other.1))
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
     }
 
     #[inline(always)]

@@ -69,6 +69,11 @@ impl Lanes for Avx512 {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm256_maskz_compress_ps(mask.0, self.0) })
     }
+
+    #[inline(always)]
+    fn compress_bits(self, bits: u32) -> Self {
+        self.compress(Avx512Mask::of_bits(bits))
+    }
 }
 
 /// A bit a lane.
@@ -117,21 +122,9 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
-    fn splat(x: f32) -> Self {
-        // SAFETY: AVX-512, see the module.
-        Self(unsafe { _mm512_set1_ps(x) })
-    }
-
-    #[inline(always)]
     fn sub(self, other: Self) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm512_sub_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        // SAFETY: AVX-512, see the module.
-        Self(unsafe { _mm512_fmadd_ps(self.0, factor.0, term.0) })
     }
 
     #[inline(always)]
