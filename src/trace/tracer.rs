@@ -8,7 +8,7 @@ use super::bounds::Bounds;
 use super::exact::{self, Candidate, Corners, LocalRay};
 use super::lanes::{self, Lanes, Portable, Work};
 use super::packet::{self, Nearest, PerRay, RAYS, Tile};
-use super::single::{Single, Stack, Together};
+use super::single::{Single, Stack, TOGETHER, Together};
 use super::wide::{self, Block, Child, Slot, Wide};
 use super::{Cast, Hit, Origins, Rays};
 use crate::scene::{Mesh, Placement, Scene};
@@ -118,26 +118,39 @@ impl<'s> Tracer<'s> {
         let mut pending = [(0, 0); 8];
         pending[0] = (0, hits.len());
         let mut count = 1;
+        // Rays that are in no packet, a bit each.
+        let mut apart = 0_u128;
         while count > 0 {
             count -= 1;
             let (from, to) = pending[count];
             let part = batch.part(from..to);
-            let mut nearest = Nearest::new(part.t_max);
             // A packet takes as long as a few single rays; those that start apart and are no packet at once are seldom one
             // in pieces.
             let least = if matches!(part.origins, Origins::Common(_)) { 4 } else { RAYS / 4 };
-            let is_packet =
-                self.packets && to - from >= 4 && self.cast_packet::<S>(&part, &mut nearest, room);
-            if !is_packet {
-                if self.packets && to - from > least {
-                    // No narrow pyramid; its halves may be.
-                    let middle = from + (to - from) / 2;
-                    (pending[count], pending[count + 1]) = ((middle, to), (from, middle));
-                    count += 2;
+            if self.packets && to - from >= 4 {
+                let mut nearest = Nearest::new(part.t_max);
+                if self.cast_packet::<S>(&part, &mut nearest, room) {
+                    self.finish_all::<S>(&part, &nearest, &mut hits[from..to]);
                     continue;
                 }
-                self.cast_singles::<S>(&part, false, &mut nearest, &mut room.single);
             }
+            if self.packets && to - from > least {
+                // No narrow pyramid; its halves may be.
+                let middle = from + (to - from) / 2;
+                (pending[count], pending[count + 1]) = ((middle, to), (from, middle));
+                count += 2;
+                continue;
+            }
+            apart |= ones(to - from) << from;
+        }
+        // As many together as there are side by side: they wait for memory in turn.
+        while apart != 0 {
+            let from = apart.trailing_zeros() as usize;
+            let to = from + ((apart >> from).trailing_ones() as usize).min(TOGETHER);
+            apart &= !(ones(to - from) << from);
+            let part = batch.part(from..to);
+            let mut nearest = Nearest::new(part.t_max);
+            self.cast_singles::<S>(&part, false, &mut nearest, &mut room.single);
             self.finish_all::<S>(&part, &nearest, &mut hits[from..to]);
         }
     }
@@ -213,7 +226,7 @@ impl<'s> Tracer<'s> {
         true
     }
 
-    /// The nearest hits of up to [`RAYS`] rays that are no packet, or with `any` a hit of each.
+    /// The nearest hits of up to [`TOGETHER`] rays that are no packet, or with `any` a hit of each.
     #[inline(always)]
     fn cast_singles<S: Lanes>(&self, rays: &Batch, any: bool, nearest: &mut Nearest, room: &mut SingleRoom) {
         let limits = (rays.t_min, rays.t_max);
@@ -230,7 +243,7 @@ impl<'s> Tracer<'s> {
             let ray = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let mut best = None;
-            self.cast_in_f64(rays.ray(ray), limits, &mut best, &mut room.scalar);
+            self.single_in::<S>(0, rays.ray(ray), limits, any, &mut best, &mut room.mesh);
             nearest.set(ray, best);
         }
     }
@@ -245,7 +258,7 @@ impl<'s> Tracer<'s> {
         best: &mut Option<Best>,
         room: &mut SingleRoom,
     ) {
-        let Some(mut top) = Single::new(ray, self.top.largest, limits) else {
+        let Some(mut top) = Single::new::<S>(ray, self.top.largest, limits) else {
             return self.cast_in_f64(ray, limits, best, &mut room.scalar);
         };
         room.top.start(&self.top);
@@ -273,7 +286,7 @@ impl<'s> Tracer<'s> {
     ) {
         let ray = if placement == 0 { ray } else { ray.carried(&self.scene.placements[placement as usize]) };
         let wide = self.wide(placement);
-        let Some(mut single) = Single::new(ray, wide.largest, limits) else {
+        let Some(mut single) = Single::new::<S>(ray, wide.largest, limits) else {
             return self.nearest_in(placement, ray, limits, best, &mut Vec::new());
         };
         if let Some(best) = best {
@@ -435,8 +448,8 @@ impl Work for Any<'_, '_, '_> {
         let Self { tracer, rays, blocked } = self;
         let mut room = SingleRoom::default();
         let mut origins = Vec::new();
-        for start in (0..blocked.len()).step_by(64) {
-            let end = (start + 64).min(blocked.len());
+        for start in (0..blocked.len()).step_by(TOGETHER) {
+            let end = (start + TOGETHER).min(blocked.len());
             let batch = tracer.batch(rays, start..end, &mut origins);
             let mut nearest = Nearest::new(rays.t_max);
             tracer.cast_singles::<S>(&batch, true, &mut nearest, &mut room);
@@ -478,6 +491,11 @@ impl Batch<'_> {
         };
         Self { origins, directions: &self.directions[range], ..*self }
     }
+}
+
+/// So many bits from the lowest on.
+fn ones(count: usize) -> u128 {
+    u128::MAX >> (RAYS - count)
 }
 
 /// Where a ray's nearest hit lies.

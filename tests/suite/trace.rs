@@ -17,8 +17,10 @@ fn tracers(scene: &Scene) -> Tracers<'_> {
     let tracer = |kind| Tracer::build(scene).with_instructions(kind);
     vec![
         ("packets", tracer(Instructions::Best)),
+        ("AVX2 packets", tracer(Instructions::Avx2)),
         ("portable packets", tracer(Instructions::Portable)),
         ("single rays", tracer(Instructions::Best).ray_by_ray()),
+        ("AVX2 single rays", tracer(Instructions::Avx2).ray_by_ray()),
         ("portable single rays", tracer(Instructions::Portable).ray_by_ray()),
         ("scalar", tracer(Instructions::Scalar)),
     ]

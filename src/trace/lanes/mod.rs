@@ -56,9 +56,11 @@ pub(super) trait Lanes: Copy {
     fn pick(words: &[u32; 24], indices: [u64; 3], below_16: bool) -> [Self; 3];
     /// The lanes where the mask is true, in their order, first; anything after them.
     fn compress(self, mask: Self::Mask) -> Self;
+    /// The lanes whose bit is set in the low eight of `bits`, in their order, first; anything after them.
+    fn compress_bits(self, bits: u32) -> Self;
     /// The first lanes, in their order, in those where the mask is true; elsewhere `others`.
     fn expand(self, mask: Self::Mask, others: Self) -> Self;
-    /// Asks for four cache lines from an address on, if the machine has a way to ask. Nothing is read, so it may be any.
+    /// Asks for a cache line, if the machine has a way to ask. Nothing is read, so the address may be any.
     fn prefetch(address: *const u32);
     /// The least lane.
     fn least(self) -> f32;
@@ -104,6 +106,7 @@ pub(super) trait Pair: Copy {
     fn store(self, to: &mut [f32; 16]);
     fn of(low: Self::Half, high: Self::Half) -> Self;
     fn splat(x: f32) -> Self;
+    fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
     /// self · factor + term, rounded once or twice.
     fn mul_add(self, factor: Self, term: Self) -> Self;

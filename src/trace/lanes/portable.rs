@@ -125,6 +125,11 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn compress_bits(self, bits: u32) -> Self {
+        self.compress(PortableMask::of_bits(bits))
+    }
+
+    #[inline(always)]
     fn expand(self, mask: PortableMask, others: Self) -> Self {
         let mut expanded = others;
         let mut count = 0;
@@ -208,6 +213,11 @@ impl Pair for PortablePair {
     #[inline(always)]
     fn of(low: Portable, high: Portable) -> Self {
         Self(low, high)
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self(self.0.sub(other.0), self.1.sub(other.1))
     }
 
     #[inline(always)]

@@ -7,6 +7,8 @@
 mod build;
 mod walk;
 
+use std::hint::select_unpredictable;
+
 use super::lanes::{Lanes, Words};
 
 pub(super) use build::{build, build_over};
@@ -54,6 +56,18 @@ impl Child {
         Self(granule | Self::LEAF)
     }
 
+    /// As [`Child::bits`] gave it.
+    #[inline(always)]
+    pub fn of_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
+    /// As a number, whose highest bit says that it is a block.
+    #[inline(always)]
+    pub fn bits(self) -> u32 {
+        self.0
+    }
+
     #[inline(always)]
     pub fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
@@ -67,11 +81,18 @@ impl Child {
 
     /// The block's granule, or the node's index.
     pub fn get(self) -> Result<u32, u32> {
-        if self.is_leaf() { Ok(self.0 & !Self::LEAF) } else { Err(self.0) }
+        if self.is_leaf() { Ok(self.number()) } else { Err(self.0) }
     }
 }
 
 impl Node {
+    /// All children's bits.
+    #[inline(always)]
+    pub fn children<S: Lanes>(&self) -> S::Words {
+        let [a, b, c, d, e, f, g, h] = &self.child;
+        S::Words::load(&[a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0])
+    }
+
     /// A node without children. Its boxes are inside out, and finite, so that no arithmetic on them makes a NaN.
     pub const EMPTY: Self = {
         let mut planes = [f32::MAX; 2 * WIDTH];
@@ -218,11 +239,16 @@ impl Wide {
     /// Asks for what a child is: a node, or a block's first cache lines.
     #[inline(always)]
     pub fn prefetch<S: Lanes>(&self, child: Child) {
-        // Both addresses are worked out and one is taken, since which it is nobody can predict.
-        let index = child.number() as usize;
-        let node = self.nodes.as_ptr().wrapping_add(index).cast::<u32>();
-        let block = self.blocks.as_ptr().wrapping_add(index * GRANULE);
-        S::prefetch(if child.is_leaf() { block } else { node });
+        // Both addresses are worked out and one is taken, since nobody can predict which it is. Nothing is read from them: a
+        // child that is none does no harm.
+        let node = self.nodes.as_ptr().wrapping_add(child.number() as usize).cast::<u32>();
+        let block = self.blocks.as_ptr().wrapping_add(child.number() as usize * GRANULE);
+        let start = select_unpredictable(child.is_leaf(), block, node);
+        S::prefetch(start);
+        S::prefetch(start.wrapping_add(16));
+        S::prefetch(start.wrapping_add(32));
+        // A node's children, or the block's first line again.
+        S::prefetch(start.wrapping_add(select_unpredictable(child.is_leaf(), 0, 48)));
     }
 
     /// Bytes held.

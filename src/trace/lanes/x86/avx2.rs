@@ -67,7 +67,12 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn compress(self, mask: Avx2Mask) -> Self {
-        let order = ORDERS[mask.bits() as usize & 255].compressed;
+        self.compress_bits(mask.bits())
+    }
+
+    #[inline(always)]
+    fn compress_bits(self, bits: u32) -> Self {
+        let order = ORDERS[bits as usize & 255].compressed;
         // SAFETY: AVX2, see the module.
         Self(unsafe {
             _mm256_permutevar8x32_ps(self.0, _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(order as i64)))
@@ -170,6 +175,11 @@ impl Pair for Avx2Pair {
     #[inline(always)]
     fn of(low: Avx2, high: Avx2) -> Self {
         Self(low, high)
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self(self.0.sub(other.0), self.1.sub(other.1))
     }
 
     #[inline(always)]

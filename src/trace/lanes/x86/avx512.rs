@@ -73,6 +73,11 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
+    fn compress_bits(self, bits: u32) -> Self {
+        self.compress(Avx512Mask::of_bits(bits))
+    }
+
+    #[inline(always)]
     fn expand(self, mask: Avx512Mask, others: Self) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm256_mask_expand_ps(others.0, mask.0, self.0) })
@@ -128,6 +133,12 @@ impl Pair for Avx512Pair {
     fn of(low: Avx512, high: Avx512) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low.0), high.0) })
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        // SAFETY: AVX-512, see the module.
+        Self(unsafe { _mm512_sub_ps(self.0, other.0) })
     }
 
     #[inline(always)]

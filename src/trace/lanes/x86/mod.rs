@@ -14,10 +14,15 @@ pub(in crate::trace) use avx512::Avx512;
 
 use super::Work;
 
-/// Whether this processor has AVX2 and FMA.
+/// Whether this processor has AVX2 and FMA, and what all that have these count bits with.
 #[inline]
 pub(in crate::trace) fn has_avx2() -> bool {
-    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+    is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("bmi1")
+        && is_x86_feature_detected!("bmi2")
+        && is_x86_feature_detected!("lzcnt")
+        && is_x86_feature_detected!("popcnt")
 }
 
 /// Whether this processor has what [`Avx512`] takes: any with AVX-512 since 2017.
@@ -36,12 +41,12 @@ pub(in crate::trace) fn has_avx512() -> bool {
 /// If the processor lacks them.
 #[inline]
 pub(in crate::trace) fn with_avx2<W: Work>(work: W) -> W::Output {
-    #[target_feature(enable = "avx2,fma")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     fn enabled<W: Work>(work: W) -> W::Output {
         work.run::<Avx2>()
     }
     assert!(has_avx2());
-    // SAFETY: the processor has just said that it has both features.
+    // SAFETY: the processor has just said that it has all of them.
     unsafe { enabled(work) }
 }
 
@@ -51,7 +56,7 @@ pub(in crate::trace) fn with_avx2<W: Work>(work: W) -> W::Output {
 /// If the processor lacks it.
 #[inline]
 pub(in crate::trace) fn with_avx512<W: Work>(work: W) -> W::Output {
-    #[target_feature(enable = "avx2,fma,avx512f,avx512vl,avx512dq,avx512bw")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512dq,avx512bw")]
     fn enabled<W: Work>(work: W) -> W::Output {
         work.run::<Avx512>()
     }
@@ -226,10 +231,8 @@ macro_rules! eight_floats {
 
         #[inline(always)]
         fn prefetch(address: *const u32) {
-            for line in 0..4 {
-                // SAFETY: a hint that reads nothing, whatever the address.
-                unsafe { _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(16 * line).cast()) }
-            }
+            // SAFETY: a hint that reads nothing, whatever the address.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
         }
     };
 }
