@@ -33,8 +33,7 @@ pub(in crate::trace) fn build(mesh: &Mesh) -> Wide {
     let space = Space { mesh, scale: reciprocal_power_of_two(largest) };
 
     let mut items: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
-    let mut parts = Vec::new();
-    split(&space, &mut items, &mut parts);
+    let parts = split(&space, &mut items);
     let trees: Vec<Tree> = parts.into_par_iter().map(|part| Tree::of_triangles(&space, part)).collect();
     drop(items);
     space.join(trees, largest)
@@ -151,82 +150,131 @@ impl Node {
     }
 }
 
+/// Twice the middles of boxes: their bounds.
+#[derive(Clone, Copy)]
+struct Middles {
+    low: Vec3A,
+    high: Vec3A,
+}
+
+impl Middles {
+    const NONE: Self = Self { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
+
+    fn with(self, middle: Vec3A) -> Self {
+        Self { low: self.low.min(middle), high: self.high.max(middle) }
+    }
+
+    fn union(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+}
+
+fn twice_middle(b: &Aabb) -> Vec3A {
+    b.min + b.max
+}
+
+/// Triangles whose middles lie in one slice of a part.
+#[derive(Clone, Copy)]
+struct Bin {
+    count: usize,
+    bounds: Aabb,
+    middles: Middles,
+}
+
+impl Bin {
+    const EMPTY: Self = Self { count: 0, bounds: Aabb::INVALID, middles: Middles::NONE };
+
+    fn union(self, other: &Self) -> Self {
+        Self {
+            count: self.count + other.count,
+            bounds: self.bounds.union(&other.bounds),
+            middles: self.middles.union(other.middles),
+        }
+    }
+
+    fn cost(&self) -> f32 {
+        self.count as f32 * self.bounds.half_area()
+    }
+}
+
+/// Triangles that a thread takes at once.
+const CHUNK: usize = 1 << 14;
+
 /// Cuts `items` in place into parts of at most [`PART`], by the surface area heuristic over 32 bins of the widest axis.
-fn split<'i>(space: &Space, items: &'i mut [u32], parts: &mut Vec<&'i mut [u32]>) {
+fn split<'i>(space: &Space, items: &'i mut [u32]) -> Vec<&'i mut [u32]> {
+    let middles = items
+        .par_iter()
+        .fold(|| Middles::NONE, |all, &i| all.with(twice_middle(&space.scaled(i))))
+        .reduce(|| Middles::NONE, Middles::union);
+    split_within(space, items, middles)
+}
+
+/// The same, given the bounds of twice the middles.
+fn split_within<'i>(space: &Space, items: &'i mut [u32], middles: Middles) -> Vec<&'i mut [u32]> {
     if items.len() <= PART {
-        parts.push(items);
-        return;
+        return vec![items];
     }
     const BINS: usize = 32;
-    let empty = (Vec3A::splat(f32::INFINITY), Vec3A::splat(f32::NEG_INFINITY));
-    let twice_middle = |i: u32| {
-        let b = space.scaled(i);
-        b.min + b.max
-    };
-    let (low, high) = items
-        .par_iter()
-        .fold(|| empty, |(l, h), &i| (l.min(twice_middle(i)), h.max(twice_middle(i))))
-        .reduce(|| empty, |a, b| (a.0.min(b.0), a.1.max(b.1)));
-    let extent = high - low;
+    let extent = middles.high - middles.low;
     let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap();
     let per_unit = BINS as f32 / extent[axis];
-    let bin = |i: u32| (((twice_middle(i)[axis] - low[axis]) * per_unit) as usize).min(BINS - 1);
-    let no_bins = || vec![(0_u64, Aabb::INVALID); BINS];
-    let merge = |a: &mut (u64, Aabb), b: &(u64, Aabb)| {
-        a.0 += b.0;
-        a.1 = a.1.union(&b.1);
-    };
+    let mut bin_of = vec![0_u8; items.len()];
     let bins = items
-        .par_chunks(1 << 16)
-        .map(|chunk| {
-            let mut bins = no_bins();
-            for &i in chunk {
-                merge(&mut bins[bin(i)], &(1, space.scaled(i)));
+        .par_chunks(CHUNK)
+        .zip(bin_of.par_chunks_mut(CHUNK))
+        .map(|(items, bin_of)| {
+            let mut bins = [Bin::EMPTY; BINS];
+            for (&i, bin_of) in items.iter().zip(bin_of) {
+                let bounds = space.scaled(i);
+                let middle = twice_middle(&bounds);
+                let bin = (((middle[axis] - middles.low[axis]) * per_unit) as usize).min(BINS - 1);
+                *bin_of = bin as u8;
+                bins[bin] = bins[bin].union(&Bin { count: 1, bounds, middles: Middles::NONE.with(middle) });
             }
             bins
         })
-        .reduce(no_bins, |mut a, b| {
-            a.iter_mut().zip(&b).for_each(|(a, b)| merge(a, b));
-            a
-        });
-    let mut from_right = vec![(0, Aabb::INVALID); BINS];
-    for cut in (1..BINS).rev() {
-        from_right[cut - 1] = from_right[cut];
-        let add = bins[cut];
-        merge(&mut from_right[cut - 1], &add);
-    }
-    let mut left = (0, Aabb::INVALID);
-    let mut best = (f32::INFINITY, 0);
-    for cut in 0..BINS - 1 {
-        merge(&mut left, &bins[cut]);
-        let right = &from_right[cut];
-        let cost = left.0 as f32 * left.1.half_area() + right.0 as f32 * right.1.half_area();
-        // Parts much smaller than PART make seams for nothing.
-        if left.0.min(right.0) as usize >= PART / 4 && cost < best.0 {
-            best = (cost, cut);
+        .reduce(
+            || [Bin::EMPTY; BINS],
+            |mut a, b| {
+                a.iter_mut().zip(&b).for_each(|(a, b)| *a = a.union(b));
+                a
+            },
+        );
+    let union = |bins: &[Bin]| bins.iter().fold(Bin::EMPTY, Bin::union);
+    // Parts much smaller than PART make seams for nothing.
+    let cuts = (1..BINS).map(|cut| (cut, union(&bins[..cut]), union(&bins[cut..])));
+    let cuts = cuts.filter(|(_, left, right)| left.count.min(right.count) >= PART / 4);
+    let best = cuts.min_by(|a, b| (a.1.cost() + a.2.cost()).total_cmp(&(b.1.cost() + b.2.cost())));
+    let (cut, left, right) = match best {
+        Some((cut, left, right)) if per_unit.is_finite() => {
+            (partition(items, &mut bin_of, cut as u8), left.middles, right.middles)
         }
-    }
-    let middle = if best.0.is_finite() && per_unit.is_finite() {
-        partition(items, |&i| bin(i) <= best.1)
-    } else {
         // All in one place, or nearly: any half will do.
-        items.len() / 2
+        _ => (items.len() / 2, middles, middles),
     };
-    let (a, b) = items.split_at_mut(middle);
-    split(space, a, parts);
-    split(space, b, parts);
+    drop(bin_of);
+    let (a, b) = items.split_at_mut(cut);
+    let (mut parts, rest) = rayon::join(|| split_within(space, a, left), || split_within(space, b, right));
+    parts.extend(rest);
+    parts
 }
 
-/// Brings the items that `is_left` to the front; their number.
-fn partition<T>(items: &mut [T], is_left: impl Fn(&T) -> bool) -> usize {
-    let mut left = 0;
-    for index in 0..items.len() {
-        if is_left(&items[index]) {
-            items.swap(left, index);
+/// Brings the items whose bin is below `cut` to the front, and their bins with them; their number.
+fn partition(items: &mut [u32], bin_of: &mut [u8], cut: u8) -> usize {
+    let (mut left, mut right) = (0, items.len());
+    loop {
+        while left < right && bin_of[left] < cut {
             left += 1;
         }
+        while left < right && bin_of[right - 1] >= cut {
+            right -= 1;
+        }
+        if left == right {
+            return left;
+        }
+        items.swap(left, right - 1);
+        bin_of.swap(left, right - 1);
     }
-    left
 }
 
 const PARAMS: BvhBuildParams = BvhBuildParams {
