@@ -170,8 +170,9 @@ pub(super) fn eight<'r>(points: &'r [DVec3], group: usize, room: &'r mut [DVec3;
     room
 }
 
+/// A corner of eight triangles.
 #[inline(always)]
-fn in_f64<S: Lanes>([x, y, z]: [S; 3]) -> Xyz<S::Doubles> {
+pub(super) fn in_f64<S: Lanes>([x, y, z]: [S; 3]) -> Xyz<S::Doubles> {
     Xyz(S::Doubles::from_floats(x), S::Doubles::from_floats(y), S::Doubles::from_floats(z))
 }
 

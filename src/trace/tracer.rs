@@ -87,6 +87,13 @@ impl<'s> Tracer<'s> {
         let mut origins = Vec::new();
         for start in (0..hits.len()).step_by(RAYS) {
             let end = (start + RAYS).min(hits.len());
+            // Directions come from memory as often as not: ask for the next ones while these are at work.
+            for line in (end..(end + RAYS).min(hits.len())).step_by(2) {
+                S::prefetch(rays.directions.as_ptr().wrapping_add(line).cast());
+                if let Origins::Each(origins) = rays.origins {
+                    S::prefetch(origins.as_ptr().wrapping_add(line).cast());
+                }
+            }
             let batch = self.batch(rays, start..end, &mut origins);
             self.cast_batch::<S>(&batch, &mut hits[start..end], &mut room);
         }

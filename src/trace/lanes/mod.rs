@@ -106,7 +106,6 @@ pub(super) trait Pair: Copy {
     fn store(self, to: &mut [f32; 16]);
     fn of(low: Self::Half, high: Self::Half) -> Self;
     fn splat(x: f32) -> Self;
-    fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
     /// self · factor + term, rounded once or twice.
     fn mul_add(self, factor: Self, term: Self) -> Self;

@@ -216,11 +216,6 @@ impl Pair for PortablePair {
     }
 
     #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self(self.0.sub(other.0), self.1.sub(other.1))
-    }
-
-    #[inline(always)]
     fn splat(x: f32) -> Self {
         Self(Portable([x; 8]), Portable([x; 8]))
     }

@@ -22,7 +22,7 @@ use glam::DVec3;
 use super::Origins;
 use super::exact::Real;
 use super::finish::eight as eight_points;
-use super::lanes::{Doubles, Lanes, Mask, Pair};
+use super::lanes::{Doubles, Lanes, Pair};
 use super::tracer::Best;
 use super::wide::{Slot, Wide};
 use leaf::Chosen;

@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::{BOTTOM, Prepared, Stacked, id, passing};
 use crate::trace::Origins;
 use crate::trace::exact::{Corners, Facet, LocalRay, Xyz};
-use crate::trace::finish::eight;
+use crate::trace::finish::{eight, in_f64};
 use crate::trace::lanes::{Doubles, Lanes, Words};
 use crate::trace::packet::Nearest;
 use crate::trace::tracer::{Batch, Best};
@@ -262,11 +262,6 @@ impl Walks {
         }
         of
     }
-}
-
-#[inline(always)]
-fn in_f64<S: Lanes>([x, y, z]: [S; 3]) -> Xyz<S::Doubles> {
-    Xyz(S::Doubles::from_floats(x), S::Doubles::from_floats(y), S::Doubles::from_floats(z))
 }
 
 /// The depth of a triangle that is seen so edge-on that it isn't that of its plane. Kept out of the loop, as it is rare.

@@ -14,7 +14,7 @@ use crate::scene::Mesh;
 use crate::trace::Bounds;
 
 /// Triangles of a part: large enough that the seams don't matter, small enough that the working memory doesn't.
-const PART: usize = 1 << 17;
+const PART: usize = 1 << 15;
 
 /// How much boxes grow on each side, with 1 for the largest |coordinate|: eight units of f32's roundoff, of which rounding
 /// here and subtracting an origin no farther out take three. (What a farther origin costs is added by who has one.)

@@ -178,11 +178,6 @@ impl Pair for Avx2Pair {
     }
 
     #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self(self.0.sub(other.0), self.1.sub(other.1))
-    }
-
-    #[inline(always)]
     fn splat(x: f32) -> Self {
         Self(Avx2::splat(x), Avx2::splat(x))
     }

@@ -136,12 +136,6 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        // SAFETY: AVX-512, see the module.
-        Self(unsafe { _mm512_sub_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
     fn splat(x: f32) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm512_set1_ps(x) })
