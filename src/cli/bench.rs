@@ -1,6 +1,7 @@
 //! `beamcast bench`: times a job, writing nothing.
 
 use std::num::NonZeroU16;
+use std::sync::Mutex;
 use std::time::Instant;
 
 use serde_json::json;
@@ -10,6 +11,7 @@ use super::terminal::Terminal;
 use crate::error::Error;
 use crate::scan::Progress;
 use crate::trace::kernel::Caster;
+use crate::trace::{Cast, Effort, Hit, Rays, Tracer};
 
 /// The arguments of `beamcast bench`.
 #[derive(Debug, clap::Args)]
@@ -37,6 +39,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 
     let repeat = usize::from(args.repeat.get());
     let (mut builds, mut casts, mut tracer_bytes) = (Vec::new(), Vec::new(), 0);
+    let mut effort = None;
     let progress = Progress::default();
     terminal.with_progress(plan.rays.saturating_mul(repeat as u64), &progress, || {
         for _ in 0..repeat {
@@ -49,6 +52,13 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
                 pipeline::cast(&job, sensor, &scene, &tracer, &progress);
             }
             casts.push(start.elapsed().as_secs_f64());
+            if let (Caster::Exact(tracer), None) = (&tracer, effort) {
+                let counting = Counting { tracer, effort: Mutex::default() };
+                for sensor in &job.sensors {
+                    pipeline::cast(&job, sensor, &scene, &counting, &Progress::default());
+                }
+                effort = counting.effort.into_inner().ok();
+            }
         }
     });
 
@@ -69,6 +79,13 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             "triangles": triangles,
             "bytes_per_triangle": bytes_per_triangle,
             "peak_rss_bytes": peak_rss_bytes,
+            "effort": effort.map(|e| json!({
+                "nodes": e.nodes,
+                "leaves": e.leaves,
+                "tests": e.tests,
+                "in_f64": e.in_f64,
+                "exactly": e.exactly,
+            })),
         });
         return terminal.data(&format!("{report:#}\n"));
     }
@@ -80,7 +97,34 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
          memory    {peak} at most\n",
         plan.rays,
         rays_per_s / 1e6
+    ))?;
+    let Some(effort) = effort else { return Ok(()) };
+    let per_ray = |count: u64| count as f64 / plan.rays.max(1) as f64;
+    terminal.data(&format!(
+        "effort    a ray: {:.3} nodes and {:.3} leaves (each for up to 128 rays), {:.2} triangles tested\n\
+         decided   {} of {} tests in f64, {} of these exactly\n",
+        per_ray(effort.nodes),
+        per_ray(effort.leaves),
+        per_ray(effort.tests),
+        effort.in_f64,
+        effort.tests,
+        effort.exactly
     ))
+}
+
+/// A tracer that adds up what its casts take.
+struct Counting<'t> {
+    tracer: &'t Tracer<'t>,
+    effort: Mutex<Effort>,
+}
+
+impl Cast for Counting<'_> {
+    fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
+        let effort = self.tracer.cast_counted(rays, hits);
+        if let Ok(mut sum) = self.effort.lock() {
+            *sum += effort;
+        }
+    }
 }
 
 /// The middle of the times, of an even number the mean of the two in the middle.

@@ -9,7 +9,7 @@ use crate::frame::Pose;
 use crate::output::{Capture, CloudFrame, Format, Manifest};
 use crate::scan::{self, Frame, Progress, Return};
 use crate::scene::{Scene, gltf};
-use crate::trace::kernel::Caster;
+use crate::trace::Cast;
 
 use super::terminal::Terminal;
 
@@ -114,7 +114,7 @@ pub fn cast(
     job: &Job,
     sensor: &MountedSensor,
     scene: &Scene,
-    tracer: &Caster,
+    tracer: &impl Cast,
     progress: &Progress,
 ) -> Option<Frame> {
     let world_from_sensor = job.world_from_body * sensor.body_from_sensor;

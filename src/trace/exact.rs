@@ -7,7 +7,7 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::{Hit, Origins};
+use super::{Effort, Hit, Origins};
 use crate::scene::{Mesh, Placement};
 
 /// A number or several side by side, with the operations of IEEE 754 f64, whose results are fixed to the bit. The
@@ -304,6 +304,20 @@ impl Corners {
     /// plane misses it). Exact. False if a number is not finite.
     #[inline]
     pub fn passes(&self, d: DVec3) -> bool {
+        self.passes_how(d).0
+    }
+
+    /// [`Corners::passes`], counted as decided in f64, and exactly if it was.
+    pub(super) fn passes_counted(&self, d: DVec3, effort: &mut Effort) -> bool {
+        let (passes, is_close) = self.passes_how(d);
+        effort.in_f64 += 1;
+        effort.exactly += u64::from(is_close);
+        passes
+    }
+
+    /// [`Corners::passes`], and whether it took exact arithmetic.
+    #[inline]
+    fn passes_how(&self, d: DVec3) -> (bool, bool) {
         let Self { a, b, c } = *self;
         let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
         // The error of a determinant d·(p × q) computed in f64, u = 2⁻⁵³, m the largest |coordinate|: a component of the
@@ -312,7 +326,8 @@ impl Corners {
         // u²; 64u has room for these and for the rounding of the bound itself.
         const U: f64 = f64::EPSILON / 2.0;
         let bound = 64.0 * U * (largest * largest) * d.abs().max_element();
-        let sign = |p: DVec3, q: DVec3| -> i8 {
+        let mut is_close = false;
+        let mut sign = |p: DVec3, q: DVec3| -> i8 {
             let determinant = dot(d, cross(p, q));
             if determinant > bound {
                 1
@@ -322,19 +337,21 @@ impl Corners {
                 // Overflow or a broken ray: no side at all.
                 2
             } else {
+                is_close = true;
                 exact_sign(d, p, q)
             }
         };
         let first = sign(b, c);
         let second = sign(c, a);
         if first * second < 0 {
-            return false; // most triangles that are looked at are left by here
+            return (false, is_close); // most triangles that are looked at are left by here
         }
         let third = sign(a, b);
         let signs = [first, second, third];
-        !signs.contains(&2)
+        let passes = !signs.contains(&2)
             && (signs.iter().all(|&s| s >= 0) || signs.iter().all(|&s| s <= 0))
-            && signs.iter().any(|&s| s != 0)
+            && signs.iter().any(|&s| s != 0);
+        (passes, is_close)
     }
 
     /// The depth at which the ray along `d` meets the triangle's plane, kept within the triangle's own box.

@@ -9,6 +9,7 @@
 
 mod bounds;
 mod brute;
+mod effort;
 pub mod exact;
 mod finish;
 pub mod kernel;
@@ -22,6 +23,7 @@ use bounds::Bounds;
 use glam::DVec3;
 
 pub use brute::BruteForce;
+pub use effort::Effort;
 pub use tracer::{Instructions, Tracer};
 
 /// Rays to cast together.

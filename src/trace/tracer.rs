@@ -10,7 +10,7 @@ use super::lanes::{self, Lanes, Portable, Work};
 use super::packet::{self, Nearest, PerRay, RAYS, Tile};
 use super::single::{Single, Stack, TOGETHER, Together};
 use super::wide::{self, Block, Child, Slot, Wide};
-use super::{Cast, Hit, Origins, Rays};
+use super::{Cast, Effort, Hit, Origins, Rays};
 use crate::scene::{Mesh, Placement, Scene};
 
 /// Finds the hits that [`BruteForce`](super::BruteForce) finds, bit for bit, and fast.
@@ -80,9 +80,37 @@ impl<'s> Tracer<'s> {
         self.top.bytes() + self.meshes.iter().map(Wide::bytes).sum::<usize>()
     }
 
+    /// [`Cast::cast`], and what it took. (Nothing is counted of [`Instructions::Scalar`].)
+    ///
+    /// # Panics
+    /// As [`Cast::cast`].
+    pub fn cast_counted(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> Effort {
+        rays.check(hits.len());
+        match self.with_lanes(All { tracer: self, rays, hits }) {
+            Ok(effort) => effort,
+            Err(all) => {
+                self.cast_all_in_f64(all.rays, all.hits);
+                Effort::default()
+            }
+        }
+    }
+
+    /// Does something with the best lanes that there are; gives it back if there are to be none.
+    #[inline]
+    fn with_lanes<W: Work>(&self, work: W) -> Result<W::Output, W> {
+        Ok(match self.instructions {
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Best if lanes::has_avx512() => lanes::with_avx512(work),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Best | Instructions::Avx2 if lanes::has_avx2() => lanes::with_avx2(work),
+            Instructions::Best | Instructions::Avx2 | Instructions::Portable => work.run::<Portable>(),
+            Instructions::Scalar => return Err(work),
+        })
+    }
+
     /// The hits of rays, by any kind of lanes: packet by packet.
     #[inline(always)]
-    fn cast_all<S: Lanes>(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
+    fn cast_all<S: Lanes>(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> Effort {
         let mut room = Room::default();
         let mut origins = Vec::new();
         for start in (0..hits.len()).step_by(RAYS) {
@@ -97,6 +125,7 @@ impl<'s> Tracer<'s> {
             let batch = self.batch(rays, start..end, &mut origins);
             self.cast_batch::<S>(&batch, &mut hits[start..end], &mut room);
         }
+        room.effort()
     }
 
     /// Some of the rays, in the scene's space; `room` is for their origins.
@@ -125,6 +154,7 @@ impl<'s> Tracer<'s> {
         let mut pending = [(0, 0); 8];
         pending[0] = (0, hits.len());
         let mut count = 1;
+        let top = if self.top.nodes.is_empty() { &self.meshes[0] } else { &self.top };
         // Rays that are in no packet, a bit each.
         let mut apart = 0_u128;
         while count > 0 {
@@ -134,7 +164,7 @@ impl<'s> Tracer<'s> {
             // A packet takes as long as a few single rays; those that start apart and are no packet at once are seldom one
             // in pieces.
             let least = if matches!(part.origins, Origins::Common(_)) { 4 } else { RAYS / 4 };
-            if self.packets && to - from >= 4 {
+            if self.packets && to - from >= 4 && packet::may_be_packet(top, part.origins) {
                 let mut nearest = Nearest::new(part.t_max);
                 if self.cast_packet::<S>(&part, &mut nearest, room) {
                     self.finish_all::<S>(&part, &nearest, &mut hits[from..to]);
@@ -301,7 +331,7 @@ impl<'s> Tracer<'s> {
         }
         stack.start(wide);
         while let Some(granule) = single.next_leaf::<S>(wide, stack) {
-            if single.test_leaf::<S>(wide, granule, placement, limits, best) && any {
+            if single.test_leaf::<S>(wide, granule, placement, limits, best, &mut stack.effort) && any {
                 return;
             }
         }
@@ -384,28 +414,13 @@ impl<'s> Tracer<'s> {
 
 impl Cast for Tracer<'_> {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        rays.check(hits.len());
-        let all = All { tracer: self, rays, hits };
-        match self.instructions {
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Best if lanes::has_avx512() => lanes::with_avx512(all),
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Best | Instructions::Avx2 if lanes::has_avx2() => lanes::with_avx2(all),
-            Instructions::Best | Instructions::Avx2 | Instructions::Portable => all.run::<Portable>(),
-            Instructions::Scalar => self.cast_all_in_f64(all.rays, all.hits),
-        }
+        self.cast_counted(rays, hits);
     }
 
     fn blocked(&self, rays: &Rays, blocked: &mut [bool]) {
         rays.check(blocked.len());
-        let any = Any { tracer: self, rays, blocked };
-        match self.instructions {
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Best if lanes::has_avx512() => lanes::with_avx512(any),
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Best | Instructions::Avx2 if lanes::has_avx2() => lanes::with_avx2(any),
-            Instructions::Best | Instructions::Avx2 | Instructions::Portable => any.run::<Portable>(),
-            Instructions::Scalar => any.run_in_f64(),
+        if let Err(any) = self.with_lanes(Any { tracer: self, rays, blocked }) {
+            any.run_in_f64();
         }
     }
 }
@@ -418,11 +433,11 @@ struct All<'a, 's, 'r> {
 }
 
 impl Work for All<'_, '_, '_> {
-    type Output = ();
+    type Output = Effort;
 
     #[inline(always)]
-    fn run<S: Lanes>(self) {
-        self.tracer.cast_all::<S>(self.rays, self.hits);
+    fn run<S: Lanes>(self) -> Effort {
+        self.tracer.cast_all::<S>(self.rays, self.hits)
     }
 }
 
@@ -523,6 +538,23 @@ struct Room {
     rays: PerRay,
     rays_of_mesh: PerRay,
     single: SingleRoom,
+}
+
+impl Room {
+    /// What was done in it.
+    fn effort(&self) -> Effort {
+        let mut effort = Effort { nodes: self.top.visited + self.mesh.visited, ..Effort::default() };
+        for more in [
+            self.rays.effort(),
+            self.rays_of_mesh.effort(),
+            self.single.top.effort,
+            self.single.mesh.effort,
+            self.single.together.effort(),
+        ] {
+            effort += more;
+        }
+        effort
+    }
 }
 
 #[derive(Default)]

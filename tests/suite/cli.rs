@@ -358,6 +358,7 @@ fn bench_tells_its_numbers() {
         "triangles",
         "bytes_per_triangle",
         "peak_rss_bytes",
+        "effort",
     ];
     assert_eq!(keys, expected);
     assert_eq!(
@@ -365,9 +366,16 @@ fn bench_tells_its_numbers() {
         (&720.into(), &2.into(), &2.into())
     );
     assert!(report["cast_s"].as_f64().unwrap() > 0.0 && report["bytes_per_triangle"].as_f64().unwrap() > 0.0);
+    let effort = |key: &str| report["effort"][key].as_u64().unwrap();
+    assert!(effort("nodes") > 0 && effort("leaves") > 0 && effort("tests") > 0);
+    assert!(effort("in_f64") <= effort("tests") && effort("exactly") <= effort("in_f64"));
     assert!(!work.path("out").exists());
     let text = stdout(&work.command("bench", &["--repeat", "1"]).output().unwrap());
     assert!(text.contains("720 rays on") && text.contains("2 triangles"), "{text}");
+    assert!(text.contains("triangles tested") && text.contains("of these exactly"), "{text}");
+    let kernel = ["--json", "--repeat", "1", "--set", "trace.kernel=\"watertight\""];
+    let report = json(&work.command("bench", &kernel).output().unwrap().stdout);
+    assert!(report["effort"].is_null(), "published methods count nothing: {report}");
 }
 
 #[test]

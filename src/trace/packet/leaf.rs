@@ -44,6 +44,7 @@ use std::marker::PhantomData;
 
 use super::walk::{Leaf, RelativeBox};
 use super::{BUNDLES, GROUPS, RAYS, Set, TINY, Tile, U, bits, eight, eight_mut};
+use crate::trace::effort::Effort;
 use crate::trace::exact::{Candidate, Corners};
 use crate::trace::lanes::{Lanes, Mask, Pair, Triple, Words};
 use crate::trace::wide::{Block, Slot};
@@ -74,6 +75,7 @@ pub(super) struct Chosen {
     /// The groups that they are of, and which of each group they are, a bit each.
     groups: [(u8, u8); GROUPS],
     group_count: usize,
+    pub effort: Effort,
 }
 
 /// Rays are written eight at a time, of which any number may count.
@@ -92,6 +94,7 @@ impl Default for Chosen {
             undecided: [[0; 8]; GROUPS],
             groups: [(0, 0); GROUPS],
             group_count: 0,
+            effort: Effort::default(),
         }
     }
 }
@@ -112,6 +115,8 @@ impl<const APART: bool> Tile<'_, APART> {
             return;
         }
         let block = Block::at(&self.wide.blocks, granule);
+        self.rays.chosen.effort.leaves += 1;
+        self.rays.chosen.effort.tests += (count * block.triangles) as u64;
         let prepared = Prepared::<S, APART>::new(self, &block, m);
         let mut undecided = 0;
         for first in (0..count).step_by(8) {
@@ -290,7 +295,7 @@ impl<const APART: bool> Tile<'_, APART> {
         let block = Block::at(&self.wide.blocks, granule);
         let direction = self.directions[ray];
         let corners = Corners::from_positions(block.positions(lane), self.origin(ray));
-        if !corners.passes(direction) {
+        if !corners.passes_counted(direction, &mut self.rays.chosen.effort) {
             return;
         }
         let t = corners.depth(direction);

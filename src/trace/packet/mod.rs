@@ -20,6 +20,7 @@ mod walk;
 use glam::DVec3;
 
 use super::Origins;
+use super::effort::Effort;
 use super::exact::Real;
 use super::finish::eight as eight_points;
 use super::lanes::{Doubles, Lanes, Pair};
@@ -90,6 +91,18 @@ impl Nearest {
     }
 }
 
+/// Whether rays from these origins may be a packet: those that come from all over are told by a glance at two of them.
+#[inline(always)]
+pub(super) fn may_be_packet(wide: &Wide, origins: Origins) -> bool {
+    match origins {
+        Origins::Common(_) => true,
+        Origins::Each(all) => {
+            let (first, last) = (all[0], all[all.len() - 1]);
+            (last - first).abs().max_element() <= f64::from(wide.largest) * (2.0 * SPREAD)
+        }
+    }
+}
+
 /// What a tile knows of each of its rays: room that is used again from tile to tile.
 pub(super) struct PerRay {
     /// g_u and g_v of each group: eight times −g, then g.
@@ -107,6 +120,13 @@ pub(super) struct PerRay {
     foreign: [u32; RAYS],
     /// Those that a leaf is tested against.
     chosen: Chosen,
+}
+
+impl PerRay {
+    /// What leaves took so far.
+    pub fn effort(&self) -> Effort {
+        self.chosen.effort
+    }
 }
 
 impl Default for PerRay {
@@ -194,13 +214,6 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         let turned = sum[w] < 0.0;
         let side = if turned { -1.0 } else { 1.0 };
         let mut origin = first_origin(origins);
-        if let (true, Origins::Each([.., last])) = (APART, origins) {
-            // Rays from all over are seen at a glance.
-            let is_near = (*last - origin).abs().max_element() <= f64::from(wide.largest) * (2.0 * SPREAD);
-            if !is_near {
-                return None;
-            }
-        }
         if let (true, Origins::Each(all)) = (APART, origins) {
             // None starts before it along w.
             origin[w] = side * all.iter().map(|o| o[w] * side).fold(f64::INFINITY, f64::min);

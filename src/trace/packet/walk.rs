@@ -41,12 +41,14 @@ pub(in crate::trace) struct Stack {
     /// Those of the node visited last, in no order.
     leaves: [Visit; WIDTH],
     leaf_count: usize,
+    /// Nodes visited so far.
+    pub visited: u64,
 }
 
 impl Default for Stack {
     fn default() -> Self {
         let none = Visit::default();
-        Self { nodes: vec![none; 256], node_count: 0, leaves: [none; WIDTH], leaf_count: 0 }
+        Self { nodes: vec![none; 256], node_count: 0, leaves: [none; WIDTH], leaf_count: 0, visited: 0 }
     }
 }
 
@@ -139,6 +141,7 @@ impl<const APART: bool> Tile<'_, APART> {
     #[inline(always)]
     fn visit_children<S: Lanes>(&self, index: u32, bundles: u32, stack: &mut Stack) {
         let node = &self.wide.nodes[index as usize];
+        stack.visited += 1;
         let [ru, rv] = self.rectangle_of::<S>(bundles);
         let (w_lower, w_upper) = self.sides::<S>(node, 2).halves();
         let (before, end) = if self.turned { (w_upper, w_lower) } else { (w_lower, w_upper) };

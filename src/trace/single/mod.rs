@@ -34,6 +34,7 @@ mod together;
 
 use std::hint::select_unpredictable;
 
+use super::effort::Effort;
 use super::exact::{Candidate, Corners, LocalRay, Real, Xyz};
 use super::lanes::{Doubles, Lanes, Mask, Words};
 use super::packet::{TINY, U};
@@ -232,15 +233,14 @@ impl<const N: usize> Prepared<N> {
             gv.mul_add(z[1], v[1].sub(from[1])),
             gv.mul_add(z[2], v[2].sub(from[1])),
         ];
-        let minus = S::splat(-0.0);
-        let ea = x[1].mul_add(y[2], y[1].mul(x[2]).xor(minus));
-        let eb = x[2].mul_add(y[0], y[2].mul(x[0]).xor(minus));
-        let ec = x[0].mul_add(y[1], y[0].mul(x[1]).xor(minus));
+        let ea = x[1].mul_sub(y[2], y[1].mul(x[2]));
+        let eb = x[2].mul_sub(y[0], y[2].mul(x[0]));
+        let ec = x[0].mul_sub(y[1], y[0].mul(x[1]));
         let (least, most) = (ea.min(eb).min(ec), ea.max(eb).max(ec));
         let reach_x = x[0].abs().max(x[1].abs()).max(x[2].abs());
         let reach_y = y[0].abs().max(y[1].abs()).max(y[2].abs());
         let bound = reach_x.max(reach_y).mul_add(S::splat(self.bound[0][ray]), S::splat(self.bound[1][ray]));
-        let outer = bound.xor(minus);
+        let outer = bound.neg();
         // In this form nothing that isn't a number passes for a miss.
         let miss = most.ge(bound).and(outer.ge(least)).bits();
         let maybe = !miss & ((1 << block.triangles) - 1);
@@ -323,6 +323,7 @@ pub(super) struct Stack {
     nears: Vec<f32>,
     children: Vec<u32>,
     top: usize,
+    pub effort: Effort,
 }
 
 impl Stack {
@@ -391,6 +392,7 @@ impl Single {
                     return Some(leaf);
                 }
                 Err(node) => {
+                    stack.effort.nodes += 1;
                     stack.make_room(top);
                     let before = top;
                     (child, top) =
@@ -414,12 +416,15 @@ impl Single {
         placement: u32,
         limits: (f64, f64),
         best: &mut Option<Best>,
+        effort: &mut Effort,
     ) -> bool {
         let (t_min, t_max) = limits;
         let block = Block::at(&wide.blocks, granule);
         let (mut maybe, sure) = self.prepared.test_leaf::<S>(0, &block);
+        effort.leaves += 1;
+        effort.tests += block.triangles as u64;
         if maybe & !sure != 0 {
-            maybe = maybe & sure | passing(block, maybe & !sure, self.ray);
+            maybe = maybe & sure | passing(block, maybe & !sure, self.ray, effort);
         }
         let mut found_any = false;
         while maybe != 0 {
@@ -453,12 +458,13 @@ fn id(wide: &Wide, slot: Slot) -> u32 {
 /// edge.
 #[cold]
 #[inline(never)]
-fn passing(block: Block, mut maybe: u32, ray: LocalRay) -> u32 {
+fn passing(block: Block, mut maybe: u32, ray: LocalRay, effort: &mut Effort) -> u32 {
     let mut passed = maybe;
     while maybe != 0 {
         let lane = maybe.trailing_zeros() as usize;
         maybe &= maybe - 1;
-        if !Corners::from_positions(block.positions(lane), ray.origin).passes(ray.direction) {
+        let corners = Corners::from_positions(block.positions(lane), ray.origin);
+        if !corners.passes_counted(ray.direction, effort) {
             passed &= !(1 << lane);
         }
     }

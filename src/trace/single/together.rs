@@ -9,6 +9,7 @@ use glam::DVec3;
 
 use super::{BOTTOM, Prepared, Stacked, id, passing};
 use crate::trace::Origins;
+use crate::trace::effort::Effort;
 use crate::trace::exact::{Corners, Facet, LocalRay, Xyz};
 use crate::trace::finish::{eight, in_f64};
 use crate::trace::lanes::{Doubles, Lanes, Words};
@@ -53,6 +54,7 @@ struct Walks {
     waits: u64,
     /// A bit each: who needs a longer stack.
     too_deep: u64,
+    effort: Effort,
 }
 
 impl Default for Walks {
@@ -73,11 +75,17 @@ impl Default for Walks {
             at_leaf: 0,
             waits: 0,
             too_deep: 0,
+            effort: Effort::default(),
         }
     }
 }
 
 impl Together {
+    /// What walking took so far.
+    pub fn effort(&self) -> Effort {
+        self.walks.as_ref().map_or(Effort::default(), |walks| walks.effort)
+    }
+
     /// Finds the nearest hits (with `any`, a hit) of up to 64 rays in mesh 0, in its space. Gives the rays that have to be
     /// taken one by one, a bit each.
     #[inline(always)]
@@ -153,6 +161,7 @@ impl Walks {
     #[inline(always)]
     fn visit_nodes<S: Lanes>(&mut self, wide: &Wide) {
         let mut rest = std::mem::take(&mut self.at_node);
+        self.effort.nodes += u64::from(rest.count_ones());
         while rest != 0 {
             let ray = rest.trailing_zeros() as usize & (TOGETHER - 1);
             rest &= rest - 1;
@@ -172,14 +181,16 @@ impl Walks {
     #[inline(always)]
     fn visit_leaves<S: Lanes>(&mut self, wide: &Wide, rays: &Batch, any: bool, at_leaf: u64) {
         let (mut rest, mut count, mut goes_on) = (at_leaf, self.waiting, 0);
+        let mut tests = 0;
         while rest != 0 {
             let ray = rest.trailing_zeros() as usize & (TOGETHER - 1);
             rest &= rest - 1;
             let granule = self.next[ray].bits() & !(1 << 31);
             let block = Block::at(&wide.blocks, granule);
             let (mut maybe, sure) = self.prepared.test_leaf::<S>(ray, &block);
+            tests += block.triangles as u64;
             if maybe & !sure != 0 {
-                maybe = maybe & sure | passing(block, maybe & !sure, rays.ray(ray));
+                maybe = maybe & sure | passing(block, maybe & !sure, rays.ray(ray), &mut self.effort);
             }
             goes_on |= u64::from(maybe == 0) << ray;
             // Whether it is none or one is hard to tell beforehand: no branch. More are rare.
@@ -194,6 +205,8 @@ impl Walks {
                 }
             }
         }
+        self.effort.leaves += u64::from(at_leaf.count_ones());
+        self.effort.tests += tests;
         self.waits |= at_leaf & !goes_on;
         // Fewer than eight only if nobody else has anything to do.
         let mut start = 0;
