@@ -24,8 +24,8 @@ use beamcast::trace::{Cast, Hit, Origins, Rays, Tracer};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Rays of a work item on several threads: tiles of 64, enough of them that sharing out costs nothing.
-const ITEM: usize = 64 * 32;
+/// Rays of a work item: tiles of 128, enough of them that sharing out costs nothing.
+const ITEM: usize = 128 * 16;
 
 /// Rays are cast again and again for so long: the scheduler accounts for CPU time by the tick, every few milliseconds.
 const LEAST_S: f64 = 0.2;

@@ -15,7 +15,7 @@ use crate::scene::{Mesh, Placement, Scene};
 
 /// Finds the hits that [`BruteForce`](super::BruteForce) finds, bit for bit, and fast.
 ///
-/// Rays are taken 64 at a time as they come: a batch's neighbours should be neighbours in space.
+/// Rays are taken 128 at a time as they come: a batch's neighbours should be neighbours in space.
 #[derive(Debug)]
 pub struct Tracer<'s> {
     pub(super) scene: &'s Scene,

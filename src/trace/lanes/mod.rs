@@ -116,6 +116,60 @@ pub(super) trait Pair: Copy {
     fn halves(self) -> (Self::Half, Self::Half);
 }
 
+/// Sixteen f32 as two times eight.
+#[derive(Clone, Copy)]
+pub(super) struct Two<S>(S, S);
+
+impl<S: Lanes> Pair for Two<S> {
+    type Half = S;
+
+    #[inline(always)]
+    fn load(x: &[f32; 16]) -> Self {
+        Self(S::load(x[..8].try_into().unwrap()), S::load(x[8..].try_into().unwrap()))
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f32; 16]) {
+        self.0.store((&mut to[..8]).try_into().unwrap());
+        self.1.store((&mut to[8..]).try_into().unwrap());
+    }
+
+    #[inline(always)]
+    fn of(low: S, high: S) -> Self {
+        Self(low, high)
+    }
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self(S::splat(x), S::splat(x))
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Self(self.0.mul(other.0), self.1.mul(other.1))
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(self.0.min(other.0), self.1.min(other.1))
+    }
+
+    #[inline(always)]
+    fn all_ge([p, q]: [Self; 2], [r, s]: [Self; 2]) -> S::Mask {
+        p.0.ge(r.0).and(p.1.ge(r.1)).and(q.0.ge(s.0).and(q.1.ge(s.1)))
+    }
+
+    #[inline(always)]
+    fn halves(self) -> (S, S) {
+        (self.0, self.1)
+    }
+}
+
 /// Eight u32.
 pub(super) trait Words: Copy {
     type Floats: Lanes;

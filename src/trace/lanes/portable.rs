@@ -4,7 +4,7 @@ use std::array::from_fn;
 
 use glam::DVec3;
 
-use super::{Doubles, Lanes, Mask, Pair, Words};
+use super::{Doubles, Lanes, Mask, Two, Words};
 use crate::trace::exact::Real;
 
 #[derive(Clone, Copy)]
@@ -26,7 +26,7 @@ impl Lanes for Portable {
     type Mask = PortableMask;
     type Words = PortableWords;
     type Doubles = PortableDoubles;
-    type Pair = PortablePair;
+    type Pair = Two<Self>;
 
     #[inline(always)]
     fn splat(x: f32) -> Self {
@@ -189,60 +189,6 @@ impl Mask for PortableMask {
     #[inline(always)]
     fn or(self, other: Self) -> Self {
         Self(from_fn(|k| self.0[k] | other.0[k]))
-    }
-}
-
-/// Sixteen f32 in two arrays.
-#[derive(Clone, Copy)]
-pub(in crate::trace) struct PortablePair(Portable, Portable);
-
-impl Pair for PortablePair {
-    type Half = Portable;
-
-    #[inline(always)]
-    fn load(x: &[f32; 16]) -> Self {
-        Self(Portable(from_fn(|k| x[k])), Portable(from_fn(|k| x[8 + k])))
-    }
-
-    #[inline(always)]
-    fn store(self, to: &mut [f32; 16]) {
-        to[..8].copy_from_slice(&self.0.0);
-        to[8..].copy_from_slice(&self.1.0);
-    }
-
-    #[inline(always)]
-    fn of(low: Portable, high: Portable) -> Self {
-        Self(low, high)
-    }
-
-    #[inline(always)]
-    fn splat(x: f32) -> Self {
-        Self(Portable([x; 8]), Portable([x; 8]))
-    }
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        Self(self.0.mul(other.0), self.1.mul(other.1))
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        Self(self.0.min(other.0), self.1.min(other.1))
-    }
-
-    #[inline(always)]
-    fn all_ge([p, q]: [Self; 2], [r, s]: [Self; 2]) -> PortableMask {
-        p.0.ge(r.0).and(p.1.ge(r.1)).and(q.0.ge(s.0)).and(q.1.ge(s.1))
-    }
-
-    #[inline(always)]
-    fn halves(self) -> (Portable, Portable) {
-        (self.0, self.1)
     }
 }
 

@@ -4,8 +4,8 @@
 //! All rays of a tile leave from o, so they are a pyramid. With w the axis along which they mostly go (turned over if they
 //! go down it), a ray is g = (g_u, g_v, 1) = d / d_w: a point on a plane, and the tile a rectangle there. A box (relative to
 //! o) is met by a ray of the rectangle only if, for some w in the box and in front of the origin, w·[u₀, u₁] meets the box's
-//! u and w·[v₀, v₁] its v. Lower sides are kept turned over, −u₀ beside u₁, so that both sides are one operation: for a box's
-//! (−b₀, b₁) and a rectangle's (−r₁, r₀), b₀ ≤ max(r₁w) and b₁ ≥ min(r₀w) are one comparison with min((−r₁, r₀)·w).
+//! u and w·[v₀, v₁] its v. Sides that bound from below are kept turned over, so that both are one operation: b₀ ≤ max(r₁·w)
+//! and b₁ ≥ min(r₀·w) are one comparison of (−b₀, b₁) with min((−r₁, r₀)·w).
 //!
 //! # Origins that differ a little
 //! A turning sensor on a moving body fires each column from a place of its own. The rays of a tile still start near one

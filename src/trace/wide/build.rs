@@ -467,3 +467,67 @@ fn reciprocal_power_of_two(x: f32) -> f32 {
     let (_, exponent) = libm::frexpf(x);
     if x == 0.0 { 1.0 } else { libm::ldexpf(1.0, (-exponent).clamp(-126, 127)) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The least sum of areas of wide nodes below `node`, by trying every set of up to eight children.
+    fn least_area(bvh: &Bvh2, node: usize) -> f32 {
+        fn forests(bvh: &Bvh2, open: &[usize], closed: &[usize], least: &mut f32) {
+            let Some((&next, open)) = open.split_first() else {
+                let below = closed.iter().filter(|&&n| !bvh.nodes[n].is_leaf());
+                *least = least.min(below.map(|&n| least_area(bvh, n)).sum());
+                return;
+            };
+            let closed_too: Vec<_> = closed.iter().copied().chain([next]).collect();
+            forests(bvh, open, &closed_too, least);
+            if !bvh.nodes[next].is_leaf() && open.len() + closed.len() + 2 <= WIDTH {
+                let first = bvh.nodes[next].first_index as usize;
+                let more: Vec<_> = open.iter().copied().chain([first, first + 1]).collect();
+                forests(bvh, &more, closed, least);
+            }
+        }
+        let first = bvh.nodes[node].first_index as usize;
+        let mut least = f32::INFINITY;
+        forests(bvh, &[first, first + 1], &[], &mut least);
+        bvh.nodes[node].aabb().half_area() + least
+    }
+
+    #[test]
+    fn wide_nodes_have_the_least_area() {
+        // Boxes in a heap, the same every time.
+        let mut state = 7_u32;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        for count in [2, 3, 8, 9, 13] {
+            let boxes: Vec<Aabb> = (0..count)
+                .map(|_| {
+                    let min = Vec3A::new(next(), next(), next()) * 10.0;
+                    Aabb { min, max: min + Vec3A::new(next(), next(), next()) * 4.0 }
+                })
+                .collect();
+            let bvh = build_binary(&boxes, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
+            let forests = Forests::new(&bvh);
+            let mut stack = vec![0];
+            let (mut area, mut leaves) = (0.0, 0);
+            while let Some(node) = stack.pop() {
+                area += bvh.nodes[node].aabb().half_area();
+                let mut children = [0; WIDTH];
+                let found = forests.roots_below(&bvh, node, &mut children);
+                for &child in &children[..found] {
+                    if bvh.nodes[child].is_leaf() {
+                        leaves += 1;
+                    } else {
+                        stack.push(child);
+                    }
+                }
+            }
+            let least = least_area(&bvh, 0);
+            assert!((area - least).abs() <= 1e-5 * least, "{count} boxes: {area}, at best {least}");
+            assert_eq!(leaves, count);
+        }
+    }
+}

@@ -1,6 +1,6 @@
 //! The structure that packets walk: a hierarchy eight boxes wide, its leaves blocks of triangles.
 //!
-//! Nodes hold their children's boxes as f32, one array a bound, so that eight boxes are tested at once. A leaf is a block
+//! Nodes hold their children's boxes as f32, an array an axis, so that eight boxes are tested at once. A leaf is a block
 //! of up to eight triangles with the vertices that they share, in the order of the tree: what a packet needs of a leaf
 //! lies in two or three cache lines.
 

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::{eight_floats, eight_words};
 use crate::trace::exact::Real;
-use crate::trace::lanes::{Doubles, Lanes, Mask, Pair, Words};
+use crate::trace::lanes::{Doubles, Lanes, Mask, Two, Words};
 
 /// Eight f32 in a register. Only to be made inside of [`with_avx2`](super::with_avx2).
 #[derive(Clone, Copy)]
@@ -16,7 +16,7 @@ impl Lanes for Avx2 {
     type Mask = Avx2Mask;
     type Words = Avx2Words;
     type Doubles = Avx2Doubles;
-    type Pair = Avx2Pair;
+    type Pair = Two<Self>;
 
     eight_floats!();
 
@@ -147,64 +147,6 @@ impl Mask for Avx2Mask {
     fn or(self, other: Self) -> Self {
         // SAFETY: AVX, see the module.
         Self(unsafe { _mm256_or_ps(self.0, other.0) })
-    }
-}
-
-/// Sixteen f32.
-#[derive(Clone, Copy)]
-pub(in crate::trace) struct Avx2Pair(Avx2, Avx2);
-
-impl Pair for Avx2Pair {
-    type Half = Avx2;
-
-    #[inline(always)]
-    fn load(x: &[f32; 16]) -> Self {
-        // SAFETY: AVX, see the module; the reference covers the 64 bytes read.
-        unsafe { Self(Avx2(_mm256_loadu_ps(x.as_ptr())), Avx2(_mm256_loadu_ps(x.as_ptr().add(8)))) }
-    }
-
-    #[inline(always)]
-    fn store(self, to: &mut [f32; 16]) {
-        // SAFETY: AVX, see the module; the reference covers the 64 bytes written.
-        unsafe {
-            _mm256_storeu_ps(to.as_mut_ptr(), self.0.0);
-            _mm256_storeu_ps(to.as_mut_ptr().add(8), self.1.0);
-        }
-    }
-
-    #[inline(always)]
-    fn of(low: Avx2, high: Avx2) -> Self {
-        Self(low, high)
-    }
-
-    #[inline(always)]
-    fn splat(x: f32) -> Self {
-        Self(Avx2::splat(x), Avx2::splat(x))
-    }
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        Self(self.0.mul(other.0), self.1.mul(other.1))
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        Self(self.0.min(other.0), self.1.min(other.1))
-    }
-
-    #[inline(always)]
-    fn all_ge([p, q]: [Self; 2], [r, s]: [Self; 2]) -> Avx2Mask {
-        p.0.ge(r.0).and(p.1.ge(r.1)).and(q.0.ge(s.0).and(q.1.ge(s.1)))
-    }
-
-    #[inline(always)]
-    fn halves(self) -> (Avx2, Avx2) {
-        (self.0, self.1)
     }
 }
 
