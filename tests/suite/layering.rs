@@ -61,7 +61,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
     ("clap::", &["cli/"], "only the command line has flags"),
     ("toml::", &["config/"], "only config knows TOML"),
     ("use gltf::", &["scene/gltf/"], "only the loader knows glTF"),
-    ("unsafe", &["trace/lanes/avx2.rs"], "intrinsics are the one thing that needs it"),
+    ("unsafe", &["trace/lanes/x86/"], "intrinsics are the one thing that needs it"),
 ];
 
 #[test]

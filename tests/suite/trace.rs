@@ -300,7 +300,7 @@ fn grazed_layers_agree_with_brute_force() {
         hits += same_hits(&scene, &tracers, batch, &from(Origins::Common(origin), &directions));
         // A moving sensor: depths are as uncertain, and origins differ.
         let origins: Vec<DVec3> =
-            (0..64).map(|ray| origin + DVec3::X * (1e-6 * f64::from(ray % 8))).collect();
+            (0..128).map(|ray| origin + DVec3::X * (1e-6 * f64::from(ray % 8))).collect();
         hits += same_hits(&scene, &tracers, batch, &from(Origins::Each(&origins), &directions));
     }
     assert!(hits > 10_000, "{hits}");
