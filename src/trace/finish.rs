@@ -122,7 +122,14 @@ impl Tracer<'_> {
                 o = exact::carried_point(&place.mesh_from_scene, o);
             }
             let wide = self.wide(placement);
-            let (corners, ids) = Block::corners::<S>(&wide.blocks, S::Words::of_floats(slot));
+            let (corners, ids) = if *slots == [slots[first]; 8] {
+                let slot = Slot(slots[first]);
+                let block = Block::at(&wide.blocks, slot.granule());
+                let [a, b, c] = block.positions(slot.lane());
+                ([splat(a), splat(b), splat(c)], S::Words::splat(block.id(slot.lane())))
+            } else {
+                Block::corners::<S>(&wide.blocks, S::Words::of_floats(slot))
+            };
             let [a, b, c] = [in_f64(corners[0]), in_f64(corners[1]), in_f64(corners[2])];
             let facet = Facet::new([a.sub(o), b.sub(o), c.sub(o)]);
             let (t, within) = facet.plane_depth(d);
@@ -168,6 +175,12 @@ pub(super) fn eight<'r>(points: &'r [DVec3], group: usize, room: &'r mut [DVec3;
     }
     *room = from_fn(|k| points[(start + k).min(points.len() - 1)]);
     room
+}
+
+/// One corner for all.
+#[inline(always)]
+fn splat<S: Lanes>([x, y, z]: [f32; 3]) -> [S; 3] {
+    [S::splat(x), S::splat(y), S::splat(z)]
 }
 
 /// A corner of eight triangles.
