@@ -54,6 +54,8 @@ pub(super) trait Lanes: Copy {
     /// For each of three lists of indices, a byte each: lane k is word number `indices`' byte k, as f32; anything where the
     /// byte is 24 or more, or 16 or more if they are said to be `below_16`.
     fn pick(words: &[u32; 24], indices: [u64; 3], below_16: bool) -> [Self; 3];
+    /// Lane k is lane number `from`'s k, of which only the low three bits count.
+    fn permute(self, from: Self::Words) -> Self;
     /// The lanes where the mask is true, in their order, first; anything after them.
     fn compress(self, mask: Self::Mask) -> Self;
     /// The lanes whose bit is set in the low eight of `bits`, in their order, first; anything after them.
@@ -106,14 +108,32 @@ pub(super) trait Pair: Copy {
     fn store(self, to: &mut [f32; 16]);
     fn of(low: Self::Half, high: Self::Half) -> Self;
     fn splat(x: f32) -> Self;
+    /// Lane `first` (which is even) in all of the low half, the next in all of the high one.
+    fn two_of(eight: Self::Half, first: usize) -> Self;
     fn mul(self, other: Self) -> Self;
     /// self · factor + term, rounded once or twice.
     fn mul_add(self, factor: Self, term: Self) -> Self;
     /// The lesser; either if one is NaN.
     fn min(self, other: Self) -> Self;
+    /// The larger; either if one is NaN.
+    fn max(self, other: Self) -> Self;
+    /// self ≥ other, a bit a lane; false for NaN.
+    fn ge(self, other: Self) -> u32;
     /// Where each of `these` ≥ that of `those`, in both halves; false for NaN.
     fn all_ge(these: [Self; 2], those: [Self; 2]) -> <Self::Half as Lanes>::Mask;
     fn halves(self) -> (Self::Half, Self::Half);
+    /// Lanes of `yes` whose bit is set, else of `no`.
+    fn select(bits: u32, yes: Self, no: Self) -> Self;
+    /// Writes the lanes whose bit is set first, in their order; anything after them.
+    fn store_some(self, bits: u32, to: &mut [f32; 16]);
+    /// The first of `from`, in their order, in the lanes whose bit is set; elsewhere self.
+    fn load_some(self, bits: u32, from: &[f32; 16]) -> Self;
+    /// The same, of f32 with these bits.
+    fn load_some_words(self, bits: u32, from: &[u32; 16]) -> Self;
+    /// f32 of these bits.
+    fn load_words(x: &[u32; 16]) -> Self;
+    /// The bits of f32.
+    fn store_words(self, to: &mut [u32; 16]);
 }
 
 /// Sixteen f32 as two times eight.
@@ -145,6 +165,12 @@ impl<S: Lanes> Pair for Two<S> {
     }
 
     #[inline(always)]
+    fn two_of(eight: S, first: usize) -> Self {
+        let (low, high) = (S::Words::splat(first as u32), S::Words::splat(first as u32 + 1));
+        Self(eight.permute(low), eight.permute(high))
+    }
+
+    #[inline(always)]
     fn mul(self, other: Self) -> Self {
         Self(self.0.mul(other.0), self.1.mul(other.1))
     }
@@ -160,6 +186,16 @@ impl<S: Lanes> Pair for Two<S> {
     }
 
     #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(self.0.max(other.0), self.1.max(other.1))
+    }
+
+    #[inline(always)]
+    fn ge(self, other: Self) -> u32 {
+        self.0.ge(other.0).bits() | self.1.ge(other.1).bits() << 8
+    }
+
+    #[inline(always)]
     fn all_ge([p, q]: [Self; 2], [r, s]: [Self; 2]) -> S::Mask {
         p.0.ge(r.0).and(p.1.ge(r.1)).and(q.0.ge(s.0).and(q.1.ge(s.1)))
     }
@@ -168,6 +204,62 @@ impl<S: Lanes> Pair for Two<S> {
     fn halves(self) -> (S, S) {
         (self.0, self.1)
     }
+
+    #[inline(always)]
+    fn select(bits: u32, yes: Self, no: Self) -> Self {
+        let (low, high) = masks::<S>(bits);
+        Self(S::select(low, yes.0, no.0), S::select(high, yes.1, no.1))
+    }
+
+    #[inline(always)]
+    fn store_some(self, bits: u32, to: &mut [f32; 16]) {
+        let (low, high) = masks::<S>(bits);
+        let count = low_count(bits);
+        self.0.compress(low).store((&mut to[..8]).try_into().unwrap());
+        self.1.compress(high).store((&mut to[count..count + 8]).try_into().unwrap());
+    }
+
+    #[inline(always)]
+    fn load_some(self, bits: u32, from: &[f32; 16]) -> Self {
+        let (low, high) = masks::<S>(bits);
+        let count = low_count(bits);
+        let (a, b) =
+            (S::load(from[..8].try_into().unwrap()), S::load(from[count..count + 8].try_into().unwrap()));
+        Self(a.expand(low, self.0), b.expand(high, self.1))
+    }
+
+    #[inline(always)]
+    fn load_some_words(self, bits: u32, from: &[u32; 16]) -> Self {
+        let (low, high) = masks::<S>(bits);
+        let count = low_count(bits);
+        let a = S::Words::load(from[..8].try_into().unwrap()).as_floats();
+        let b = S::Words::load(from[count..count + 8].try_into().unwrap()).as_floats();
+        Self(a.expand(low, self.0), b.expand(high, self.1))
+    }
+
+    #[inline(always)]
+    fn load_words(x: &[u32; 16]) -> Self {
+        let (low, high) = (x[..8].try_into().unwrap(), x[8..].try_into().unwrap());
+        Self(S::Words::load(low).as_floats(), S::Words::load(high).as_floats())
+    }
+
+    #[inline(always)]
+    fn store_words(self, to: &mut [u32; 16]) {
+        S::Words::of_floats(self.0).store((&mut to[..8]).try_into().unwrap());
+        S::Words::of_floats(self.1).store((&mut to[8..]).try_into().unwrap());
+    }
+}
+
+/// The masks of both halves.
+#[inline(always)]
+fn masks<S: Lanes>(bits: u32) -> (S::Mask, S::Mask) {
+    (S::Mask::of_bits(bits & 0xff), S::Mask::of_bits(bits >> 8 & 0xff))
+}
+
+/// How many bits of the low half are set.
+#[inline(always)]
+fn low_count(bits: u32) -> usize {
+    (bits & 0xff).count_ones() as usize
 }
 
 /// Eight u32.
@@ -178,6 +270,14 @@ pub(super) trait Words: Copy {
     fn store(self, to: &mut [u32; 8]);
     fn add(self, other: Self) -> Self;
     fn and(self, other: Self) -> Self;
+    fn or(self, other: Self) -> Self;
+    fn xor(self, other: Self) -> Self;
+    /// Where they have a bit in common.
+    fn common(self, other: Self) -> <Self::Floats as Lanes>::Mask;
+    /// Which bit it is, of numbers with one bit; anything for others.
+    fn log2(self) -> Self;
+    /// A byte each, the lowest first.
+    fn of_bytes(bytes: u64) -> Self;
     /// By fewer than 32 bits.
     fn shift_left(self, by: Self) -> Self;
     /// By fewer than 32 bits.
@@ -249,12 +349,6 @@ impl<S: Lanes> Triple<S> {
         u.mul_add(self.0, v.mul_add(self.1, self.2))
     }
 
-    /// self · side + term.
-    #[inline(always)]
-    pub fn dot_onto(self, side: Self, term: S) -> S {
-        self.0.mul_add(side.0, self.1.mul_add(side.1, self.2.mul_add(side.2, term)))
-    }
-
     /// volume − s·self, for the s whose 2·(g × s) is `moment`: (s_u, s_v) = (m_v, −m_u)/2.
     #[inline(always)]
     pub fn less_offset(self, moment: Self, volume: S) -> S {
@@ -269,19 +363,10 @@ impl<S: Lanes> Triple<S> {
         Self(self.0.xor(signs), self.1.xor(signs), self.2.xor(signs))
     }
 
-    /// One lane of each, in all lanes.
+    /// Each coordinate in both halves.
     #[inline(always)]
-    pub fn spread_lane(table: &[[f32; 8]; 3], lane: usize) -> Self {
-        Self(S::splat(table[0][lane]), S::splat(table[1][lane]), S::splat(table[2][lane]))
-    }
-
-    #[inline(always)]
-    pub fn store(self) -> [[f32; 8]; 3] {
-        let mut table = [[0.0; 8]; 3];
-        self.0.store(&mut table[0]);
-        self.1.store(&mut table[1]);
-        self.2.store(&mut table[2]);
-        table
+    pub fn twice(self) -> [S::Pair; 3] {
+        [S::Pair::of(self.0, self.0), S::Pair::of(self.1, self.1), S::Pair::of(self.2, self.2)]
     }
 }
 

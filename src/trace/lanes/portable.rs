@@ -114,6 +114,11 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn permute(self, from: PortableWords) -> Self {
+        Self(from.0.map(|k| self.0[k as usize & 7]))
+    }
+
+    #[inline(always)]
     fn compress(self, mask: PortableMask) -> Self {
         let mut first = self;
         let mut count = 0;
@@ -222,6 +227,31 @@ impl Words for PortableWords {
     #[inline(always)]
     fn and(self, other: Self) -> Self {
         Self(from_fn(|k| self.0[k] & other.0[k]))
+    }
+
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        Self(from_fn(|k| self.0[k] | other.0[k]))
+    }
+
+    #[inline(always)]
+    fn xor(self, other: Self) -> Self {
+        Self(from_fn(|k| self.0[k] ^ other.0[k]))
+    }
+
+    #[inline(always)]
+    fn common(self, other: Self) -> PortableMask {
+        PortableMask(from_fn(|k| if self.0[k] & other.0[k] != 0 { u32::MAX } else { 0 }))
+    }
+
+    #[inline(always)]
+    fn log2(self) -> Self {
+        Self(self.0.map(u32::trailing_zeros))
+    }
+
+    #[inline(always)]
+    fn of_bytes(bytes: u64) -> Self {
+        Self(bytes.to_le_bytes().map(u32::from))
     }
 
     #[inline(always)]

@@ -40,10 +40,8 @@
 //! replaces it, one behind is dropped, and where intervals overlap the f64 depths (and, if these are equal, the ids) decide.
 //! A box or triangle is passed over only if it begins behind the upper end.
 
-use std::marker::PhantomData;
-
 use super::walk::{Leaf, RelativeBox};
-use super::{BUNDLES, GROUPS, RAYS, Set, TINY, Tile, U, bits, eight, eight_mut};
+use super::{BUNDLES, RAYS, Set, TINY, Tile, U, bits, sixteen, sixteen_mut};
 use crate::trace::effort::Effort;
 use crate::trace::exact::{Candidate, Corners};
 use crate::trace::lanes::{Lanes, Mask, Pair, Triple, Words};
@@ -59,27 +57,27 @@ const VOLUME: f32 = 64.0;
 const SLOPE: f32 = 24.0;
 
 /// The rays that a block's box lets through, side by side.
+#[repr(align(64))]
 pub(super) struct Chosen {
     /// g_u and g_v.
     g: [[f32; ROOM]; 2],
     /// As [`PerRay`](super::PerRay) has it, if origins differ.
     moment: [[f32; ROOM]; 3],
-    /// Bounds of the nearest hits' depths, and their slots.
+    /// Bounds of the nearest hits' depths.
     z_low: [f32; ROOM],
     z_high: [f32; ROOM],
+    /// The slots of what is nearer than what was known.
     slot: [u32; ROOM],
-    /// Which ray it is.
-    ray: [u32; ROOM],
-    /// Of each eight, which a triangle of the block leaves undecided: a bit each of a byte a triangle.
-    undecided: [[u8; 8]; GROUPS],
-    /// The groups that they are of, and which of each group they are, a bit each.
-    groups: [(u8, u8); GROUPS],
-    group_count: usize,
+    /// Which triangles of the block are undecided, a bit each.
+    undecided: [u32; ROOM],
+    /// The bundles that they are of, and which of each they are, a bit each.
+    bundles: [(u8, u16); BUNDLES],
+    bundle_count: usize,
     pub effort: Effort,
 }
 
-/// Rays are written eight at a time, of which any number may count.
-const ROOM: usize = RAYS + 8;
+/// Rays are written sixteen at a time, of which any number may count.
+const ROOM: usize = RAYS + 16;
 
 impl Default for Chosen {
     fn default() -> Self {
@@ -90,17 +88,22 @@ impl Default for Chosen {
             z_low: none,
             z_high: none,
             slot: [0; ROOM],
-            ray: [0; ROOM],
-            undecided: [[0; 8]; GROUPS],
-            groups: [(0, 0); GROUPS],
-            group_count: 0,
+            undecided: [0; ROOM],
+            bundles: [(0, 0); BUNDLES],
+            bundle_count: 0,
             effort: Effort::default(),
         }
     }
 }
 
-/// Numbers of the rays of the first group.
-const NUMBERS: [u32; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
+/// What became of rays at a leaf.
+#[derive(Clone, Copy, Default)]
+struct Outcome {
+    /// Something is nearer than what was known.
+    nearer: bool,
+    /// Something is undecided.
+    undecided: bool,
+}
 
 impl<const APART: bool> Tile<'_, APART> {
     /// Tests the triangles of a block against the rays of its bundles that its box lets through.
@@ -118,76 +121,77 @@ impl<const APART: bool> Tile<'_, APART> {
         self.rays.chosen.effort.leaves += 1;
         self.rays.chosen.effort.tests += (count * block.triangles) as u64;
         let prepared = Prepared::<S, APART>::new(self, &block, m);
-        let mut undecided = 0;
+        let mut outcome = Outcome::default();
         for first in (0..count).step_by(8) {
-            undecided |= self.triangles_against_rays::<S>(granule, &prepared, first, count);
+            self.rays_against_triangles::<S>(granule, &prepared, first, count, &mut outcome);
         }
-        self.take_back::<S>();
-        if undecided != 0 {
-            self.decide_all(granule, block.triangles, count);
+        if outcome.nearer {
+            self.take_back::<S>();
         }
-        for bundle in bits(bundles) {
-            let bundle = bundle & (BUNDLES - 1);
-            self.far[bundle] = self.farthest_of::<S>(bundle);
+        if outcome.undecided {
+            self.decide_all(granule);
         }
-        self.farthest = S::load(&self.far).largest();
+        if outcome.nearer || outcome.undecided {
+            for bundle in bits(bundles) {
+                let bundle = bundle & (BUNDLES - 1);
+                self.far[bundle] = self.farthest_of::<S>(bundle);
+            }
+            self.farthest = S::load(&self.far).largest();
+        }
     }
 
     /// Sets the rays of `bundles` that may meet a box side by side; how many they are.
     #[inline(always)]
     fn choose<S: Lanes>(&mut self, b: &RelativeBox, m: f32, bundles: u32) -> usize {
-        let super::PerRay { g, moment, z_low, z_high, slot, chosen, .. } = &mut *self.rays;
+        let super::PerRay { g, moment, z_low, z_high, chosen, .. } = &mut *self.rays;
         // 2⁻²⁴ of |g|·w ≤ 8M is lost twice, in g and in the product.
         let room = 32.0 * U * m;
         let begin = larger(-b.w[0], 0.0);
         let (near, end) = (S::Pair::splat(begin), S::Pair::splat(b.w[1]));
-        let u = S::Pair::of(S::splat(b.u[0] + room), S::splat(b.u[1] + room));
-        let v = S::Pair::of(S::splat(b.v[0] + room), S::splat(b.v[1] + room));
-        let numbers = S::Words::load(&NUMBERS);
+        let low = [S::Pair::splat(-(b.u[0] + room)), S::Pair::splat(-(b.v[0] + room))];
+        let high = [S::Pair::splat(b.u[1] + room), S::Pair::splat(b.v[1] + room)];
         let mut count = 0;
-        chosen.group_count = 0;
+        chosen.bundle_count = 0;
         for bundle in bits(bundles) {
             let bundle = bundle & (BUNDLES - 1);
-            for group in [2 * bundle, 2 * bundle + 1] {
-                let (gu, gv) = (S::Pair::load(&g[0][group]), S::Pair::load(&g[1][group]));
-                let high = S::load(eight(z_high, group));
-                let least = [gu.mul(near).min(gu.mul(end)), gv.mul(near).min(gv.mul(end))];
-                let mask = S::Pair::all_ge([u, v], least).and(high.ge(S::splat(begin)));
-                if mask.bits() == 0 {
-                    continue;
-                }
-                chosen.groups[chosen.group_count & (GROUPS - 1)] = (group as u8, mask.bits() as u8);
-                chosen.group_count += 1;
-                gu.halves().1.compress(mask).store(at_mut(&mut chosen.g[0], count));
-                gv.halves().1.compress(mask).store(at_mut(&mut chosen.g[1], count));
-                S::load(eight(z_low, group)).compress(mask).store(at_mut(&mut chosen.z_low, count));
-                high.compress(mask).store(at_mut(&mut chosen.z_high, count));
-                let slots = S::Words::load(eight(slot, group)).as_floats().compress(mask);
-                S::Words::of_floats(slots).store(at_mut(&mut chosen.slot, count));
-                let number = numbers.add(S::Words::splat(8 * group as u32));
-                S::Words::of_floats(number.as_floats().compress(mask)).store(at_mut(&mut chosen.ray, count));
-                if APART {
-                    for (from, to) in moment.iter().zip(&mut chosen.moment) {
-                        S::load(eight(from, group)).compress(mask).store(at_mut(to, count));
-                    }
-                }
-                count += mask.bits().count_ones() as usize;
+            let (gu, gv) = (S::Pair::load(sixteen(&g[0], bundle)), S::Pair::load(sixteen(&g[1], bundle)));
+            let far = S::Pair::load(sixteen(z_high, bundle));
+            let (u, v) = ([gu.mul(near), gu.mul(end)], [gv.mul(near), gv.mul(end)]);
+            let alive = high[0].ge(u[0].min(u[1]))
+                & u[0].max(u[1]).ge(low[0])
+                & high[1].ge(v[0].min(v[1]))
+                & v[0].max(v[1]).ge(low[1])
+                & far.ge(near);
+            if alive == 0 {
+                continue;
             }
+            chosen.bundles[chosen.bundle_count & (BUNDLES - 1)] = (bundle as u8, alive as u16);
+            chosen.bundle_count += 1;
+            gu.store_some(alive, at_mut(&mut chosen.g[0], count));
+            gv.store_some(alive, at_mut(&mut chosen.g[1], count));
+            S::Pair::load(sixteen(z_low, bundle)).store_some(alive, at_mut(&mut chosen.z_low, count));
+            far.store_some(alive, at_mut(&mut chosen.z_high, count));
+            if APART {
+                for (from, to) in moment.iter().zip(&mut chosen.moment) {
+                    S::Pair::load(sixteen(from, bundle)).store_some(alive, at_mut(to, count));
+                }
+            }
+            count += alive.count_ones() as usize;
         }
         count
     }
 
-    /// Tests a block's triangles against the chosen rays from number `first` on, at most eight. What is sure goes to the rays'
-    /// bounds and slots, what is not to `undecided`; gives whether there is any, as bits that are not 0.
+    /// Tests the chosen rays from number `first` on, at most eight, against a block's triangles: two rays and eight triangles
+    /// at a time. What is sure goes to the rays' bounds and slots, what is not to `undecided`.
     #[inline(always)]
-    fn triangles_against_rays<S: Lanes>(
+    fn rays_against_triangles<S: Lanes>(
         &mut self,
         granule: u32,
         p: &Prepared<S, APART>,
         first: usize,
         count: usize,
-    ) -> u32 {
-        let present = S::Mask::of_bits(((1_u64 << (count - first).min(8)) - 1) as u32);
+        outcome: &mut Outcome,
+    ) {
         let chosen = &mut self.rays.chosen;
         let (gu, gv) = (S::load(at(&chosen.g[0], first)), S::load(at(&chosen.g[1], first)));
         let m = if APART {
@@ -196,54 +200,67 @@ impl<const APART: bool> Tile<'_, APART> {
         } else {
             Triple::splat([0.0; 3])
         };
+        let (inner, outer) = (S::Pair::splat(p.edge_error), S::Pair::splat(-p.edge_error));
+        // Which triangles a ray may pass, and passes for sure if they are oriented: a byte a ray, a bit a triangle.
+        let (mut may, mut does, mut unsure) = (0_u64, 0_u64, 0_u64);
+        for two in 0..4 {
+            let (gu, gv) = (S::Pair::two_of(gu, 2 * two), S::Pair::two_of(gv, 2 * two));
+            let [ea, eb, ec] = p.edges_of(gu, gv, m, 2 * two);
+            let least = ea.min(eb).min(ec);
+            may |= u64::from(least.ge(outer)) << (16 * two);
+            does |= u64::from(least.ge(inner)) << (16 * two);
+            if p.unoriented != 0 {
+                unsure |= u64::from(inner.ge(ea.max(eb).max(ec))) << (16 * two);
+            }
+        }
+        let present = u64::MAX >> (64 - 8 * (count - first).min(8));
+        let of_each = 0x0101_0101_0101_0101 & present;
+        unsure = (unsure | may) & (of_each * u64::from(p.unoriented));
+        may &= of_each * u64::from(p.oriented);
+        if may | unsure == 0 {
+            S::Words::splat(0).store(at_mut(&mut chosen.undecided, first));
+            return;
+        }
         let mut best_low = S::load(at(&chosen.z_low, first));
         let mut best_high = S::load(at(&chosen.z_high, first));
-        let mut slots = S::Words::load(at(&chosen.slot, first));
-        let (inner, outer) = (S::splat(p.edge_error), S::splat(-p.edge_error));
+        let mut slots = S::Words::splat(0);
+        let mut undecided = S::Words::of_bytes(unsure);
+        let does = S::Words::of_bytes(does);
+        let mut left = S::Words::of_bytes(may);
         let (near, least_slope) = (S::splat(self.near), S::splat(4.0 * p.slope_error));
-        let undecided = &mut chosen.undecided[first / 8];
-        *undecided = [0; 8];
-        let mut any = 0;
-        for lane in bits(p.oriented) {
-            let lane = lane & 7;
-            let [ea, eb, ec] = p.edges_of(lane, gu, gv, m);
-            let least = ea.min(eb).min(ec);
-            let maybe = least.ge(outer).and(present);
-            if maybe.bits() == 0 {
-                continue;
-            }
-            let normal = Triple::spread_lane(&p.normal, lane);
+        let mut any_nearer = 0;
+        // Each ray's next triangle.
+        while may != 0 {
+            let after = left.and(left.add(S::Words::splat(u32::MAX)));
+            let bit = left.xor(after);
+            left = after;
+            let lane = bit.log2();
+            let normal = Triple(p.normal.0.permute(lane), p.normal.1.permute(lane), p.normal.2.permute(lane));
             let slope = normal.dot_ray(gu, gv);
-            let mut volume = S::splat(p.volume[lane]);
+            let mut volume = p.volume.permute(lane);
             if APART {
                 volume = normal.less_offset(m, volume);
             }
             let (z_low, z_high) = p.depths(slope, volume);
-            let sure = least.ge(inner).and(slope.ge(least_slope)).and(present);
+            let sure = does.common(bit).and(slope.ge(least_slope));
             // Strictly before, and strictly behind.
             let nearer = sure.and(z_low.ge(near)).and(best_low.gt(z_high));
             let behind = sure.and(z_low.gt(best_high));
             best_low = S::select(nearer, z_low, best_low);
             best_high = S::select(nearer, z_high, best_high);
-            let slot = S::Words::splat(Slot::new(granule, lane).0).as_floats();
-            slots = S::Words::of_floats(S::select(nearer, slot, slots.as_floats()));
-            let rest = maybe.bits() & !nearer.or(behind).bits();
-            undecided[lane] = rest as u8;
-            any |= rest;
+            let slot = S::Words::splat(Slot::new(granule, 0).0).add(lane);
+            slots = S::Words::of_floats(S::select(nearer, slot.as_floats(), slots.as_floats()));
+            let rest = S::select(nearer.or(behind), S::splat(0.0), bit.as_floats());
+            undecided = undecided.or(S::Words::of_floats(rest));
+            any_nearer |= nearer.bits();
+            may = u64::from(left.common(S::Words::splat(u32::MAX)).bits());
         }
-        for lane in bits(p.unoriented) {
-            let lane = lane & 7;
-            let [ea, eb, ec] = p.edges_of(lane, gu, gv, m);
-            let one_side = ea.min(eb).min(ec).ge(outer);
-            let other_side = inner.ge(ea.max(eb).max(ec));
-            let rest = one_side.or(other_side).and(present).bits();
-            undecided[lane] = rest as u8;
-            any |= rest;
-        }
+        outcome.nearer |= any_nearer != 0;
+        outcome.undecided |= undecided.common(S::Words::splat(u32::MAX)).bits() != 0;
+        undecided.store(at_mut(&mut chosen.undecided, first));
         best_low.store(at_mut(&mut chosen.z_low, first));
         best_high.store(at_mut(&mut chosen.z_high, first));
         slots.store(at_mut(&mut chosen.slot, first));
-        any
     }
 
     /// Takes back what the chosen have hit for sure.
@@ -251,33 +268,37 @@ impl<const APART: bool> Tile<'_, APART> {
     fn take_back<S: Lanes>(&mut self) {
         let super::PerRay { z_low, z_high, slot, chosen, .. } = &mut *self.rays;
         let (mut count, mut changed) = (0, 0);
-        for &(group, alive) in &chosen.groups[..chosen.group_count] {
-            let group = usize::from(group) & (GROUPS - 1);
-            let mask = S::Mask::of_bits(u32::from(alive));
-            let old_high = S::load(eight(z_high, group));
-            let high = S::load(at(&chosen.z_high, count)).expand(mask, old_high);
-            high.store(eight_mut(z_high, group));
-            let low = S::load(at(&chosen.z_low, count)).expand(mask, S::load(eight(z_low, group)));
-            low.store(eight_mut(z_low, group));
-            let old_slots = S::Words::load(eight(slot, group)).as_floats();
-            let slots = S::Words::load(at(&chosen.slot, count)).as_floats().expand(mask, old_slots);
-            S::Words::of_floats(slots).store(eight_mut(slot, group));
+        for &(bundle, alive) in &chosen.bundles[..chosen.bundle_count] {
+            let bundle = usize::from(bundle) & (BUNDLES - 1);
+            let alive = u32::from(alive);
+            let old_high = S::Pair::load(sixteen(z_high, bundle));
+            let high = old_high.load_some(alive, at(&chosen.z_high, count));
+            high.store(sixteen_mut(z_high, bundle));
+            let low = S::Pair::load(sixteen(z_low, bundle)).load_some(alive, at(&chosen.z_low, count));
+            low.store(sixteen_mut(z_low, bundle));
             // Whoever has something new has it strictly before what it had.
-            changed |= Set::from(old_high.gt(high).bits()) << (8 * group);
+            let nearer = alive & !high.ge(old_high);
+            let old = S::Pair::load_words(sixteen(slot, bundle));
+            let new = old.load_some_words(alive, at(&chosen.slot, count));
+            S::Pair::select(nearer, new, old).store_words(sixteen_mut(slot, bundle));
+            changed |= Set::from(nearer) << (16 * bundle);
             count += alive.count_ones() as usize;
         }
         self.replaced(changed);
     }
 
-    /// Decides what triangles of a block left undecided for the `count` chosen rays.
+    /// Decides which triangles of a block the chosen rays hit, where that is undecided.
     #[cold]
     #[inline(never)]
-    fn decide_all(&mut self, granule: u32, triangles: usize, count: usize) {
-        for first in (0..count).step_by(8) {
-            for lane in 0..triangles {
-                for k in bits(u32::from(self.rays.chosen.undecided[first / 8][lane])) {
-                    self.decide(self.rays.chosen.ray[first + k] as usize, granule, lane);
+    fn decide_all(&mut self, granule: u32) {
+        let mut k = 0;
+        for index in 0..self.rays.chosen.bundle_count {
+            let (bundle, alive) = self.rays.chosen.bundles[index];
+            for lane in bits(u32::from(alive)) {
+                for triangle in bits(self.rays.chosen.undecided[k]) {
+                    self.decide(16 * usize::from(bundle) + lane, granule, triangle);
                 }
+                k += 1;
             }
         }
     }
@@ -341,15 +362,14 @@ impl<const APART: bool> Tile<'_, APART> {
 
 /// A block's triangles, prepared for the tile's origin: turned so that rays that pass from the front of the pyramid have
 /// positive edge functions and a positive denominator.
-struct Prepared<S, const APART: bool> {
-    lanes: PhantomData<S>,
-    /// E = g·edge of the three edges, those opposite a, b and c.
-    edges: [[[f32; 8]; 3]; 3],
+struct Prepared<S: Lanes, const APART: bool> {
+    /// E = g·edge of the three edges, those opposite a, b and c; for two rays.
+    edges: [[S::Pair; 3]; 3],
     /// Their vectors, turned as `edges` are; only if origins differ.
-    sides: [[[f32; 8]; 3]; 3],
-    normal: [[f32; 8]; 3],
+    sides: [[S::Pair; 3]; 3],
+    normal: Triple<S>,
     /// |T|.
-    volume: [f32; 8],
+    volume: S,
     /// Triangles whose orientation is known, and those whose is not, a bit each.
     oriented: u32,
     unoriented: u32,
@@ -387,14 +407,14 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
         // (c−b) × (c+b) is −2 b × c: positive inside for a triangle with T < 0.
         let against = volume.signs().neg();
         let edges = [
-            bc.cross(b.add(c)).flip(against).store(),
-            ac.cross(c.add(a)).flip(volume.signs()).store(),
-            ab.cross(a.add(b)).flip(against).store(),
+            bc.cross(b.add(c)).flip(against).twice(),
+            ac.cross(c.add(a)).flip(volume.signs()).twice(),
+            ab.cross(a.add(b)).flip(against).twice(),
         ];
         let sides = if APART {
-            [bc.flip(against).store(), ac.flip(volume.signs()).store(), ab.flip(against).store()]
+            [bc.flip(against).twice(), ac.flip(volume.signs()).twice(), ab.flip(against).twice()]
         } else {
-            [[[0.0; 8]; 3]; 3]
+            [[S::Pair::splat(0.0); 3]; 3]
         };
         let size = volume.abs();
         // |s·N|, with room for the rounding of N and of this.
@@ -408,14 +428,11 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
         let unoriented = least_volume.ge(size).bits() & triangles;
         // NaN, from overflow, is on neither side of anything.
         let known = size.ge(least_volume).bits() & triangles & !unoriented;
-        let mut volumes = [0.0; 8];
-        size.store(&mut volumes);
         Self {
-            lanes: PhantomData,
             edges,
             sides,
-            normal: normal.flip(volume.signs()).store(),
-            volume: volumes,
+            normal: normal.flip(volume.signs()),
+            volume: size,
             oriented: known,
             unoriented: triangles & !known,
             edge_error,
@@ -424,20 +441,15 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
         }
     }
 
-    /// The edge functions of one triangle, for rays of these g and moments.
+    /// The edge functions of all triangles for two rays of these g, whose moments are those from number `first` on.
     #[inline(always)]
-    fn edges_of(&self, lane: usize, gu: S, gv: S, m: Triple<S>) -> [S; 3] {
-        let mut edges = [
-            Triple::spread_lane(&self.edges[0], lane).dot_ray(gu, gv),
-            Triple::spread_lane(&self.edges[1], lane).dot_ray(gu, gv),
-            Triple::spread_lane(&self.edges[2], lane).dot_ray(gu, gv),
-        ];
+    fn edges_of(&self, gu: S::Pair, gv: S::Pair, m: Triple<S>, first: usize) -> [S::Pair; 3] {
+        let [a, b, c] = self.edges;
+        let mut edges = [dot_ray(a, gu, gv), dot_ray(b, gu, gv), dot_ray(c, gu, gv)];
         if APART {
-            edges = [
-                m.dot_onto(Triple::spread_lane(&self.sides[0], lane), edges[0]),
-                m.dot_onto(Triple::spread_lane(&self.sides[1], lane), edges[1]),
-                m.dot_onto(Triple::spread_lane(&self.sides[2], lane), edges[2]),
-            ];
+            let m = [S::Pair::two_of(m.0, first), S::Pair::two_of(m.1, first), S::Pair::two_of(m.2, first)];
+            let [a, b, c] = self.sides;
+            edges = [dot_onto(a, m, edges[0]), dot_onto(b, m, edges[1]), dot_onto(c, m, edges[2])];
         }
         edges
     }
@@ -455,19 +467,31 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
     }
 }
 
+/// edge · (gu, gv, 1).
+#[inline(always)]
+fn dot_ray<P: Pair>([u, v, w]: [P; 3], gu: P, gv: P) -> P {
+    gu.mul_add(u, gv.mul_add(v, w))
+}
+
+/// moment · side + term.
+#[inline(always)]
+fn dot_onto<P: Pair>([u, v, w]: [P; 3], [mu, mv, mw]: [P; 3], term: P) -> P {
+    mu.mul_add(u, mv.mul_add(v, mw.mul_add(w, term)))
+}
+
 /// The larger; the second if one is NaN. (The library's makes sure that it is the other one, in three instructions.)
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Eight of the chosen.
+/// So many of the chosen.
 #[inline(always)]
-fn at<T>(values: &[T; ROOM], first: usize) -> &[T; 8] {
-    values[first..first + 8].try_into().unwrap()
+fn at<T, const N: usize>(values: &[T; ROOM], first: usize) -> &[T; N] {
+    values[first..first + N].try_into().unwrap()
 }
 
 #[inline(always)]
-fn at_mut<T>(values: &mut [T; ROOM], first: usize) -> &mut [T; 8] {
-    (&mut values[first..first + 8]).try_into().unwrap()
+fn at_mut<T, const N: usize>(values: &mut [T; ROOM], first: usize) -> &mut [T; N] {
+    (&mut values[first..first + N]).try_into().unwrap()
 }

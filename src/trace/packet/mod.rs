@@ -104,9 +104,10 @@ pub(super) fn may_be_packet(wide: &Wide, origins: Origins) -> bool {
 }
 
 /// What a tile knows of each of its rays: room that is used again from tile to tile.
+#[repr(align(64))]
 pub(super) struct PerRay {
-    /// g_u and g_v of each group: eight times −g, then g.
-    g: [[[f32; 16]; GROUPS]; 2],
+    /// g_u and g_v.
+    g: [[f32; RAYS]; 2],
     /// 2·m, m = g × s: (−2s_v, 2s_u, 2(g_u·s_v − g_v·s_u)), if origins differ.
     moment: [[f32; RAYS]; 3],
     /// Bounds of the depth along w of the nearest hit; −1 for lanes without a ray.
@@ -133,7 +134,7 @@ impl Default for PerRay {
     fn default() -> Self {
         let none = [0.0; RAYS];
         Self {
-            g: [[[0.0; 16]; GROUPS]; 2],
+            g: [none; 2],
             moment: [none; 3],
             z_low: none,
             z_high: none,
@@ -278,9 +279,8 @@ impl<'a, const APART: bool> Tile<'a, APART> {
             steepest = steepest.max(steep);
             longest = longest.max(along);
             let [all_u, all_v] = &mut tile.rays.g;
-            let (u, v) = (gu.to_floats(), gv.to_floats());
-            S::Pair::of(u.neg(), u).store(&mut all_u[group]);
-            S::Pair::of(v.neg(), v).store(&mut all_v[group]);
+            gu.to_floats().store(eight_mut(all_u, group));
+            gv.to_floats().store(eight_mut(all_v, group));
             let mut start = zero;
             if let (true, Origins::Each(all)) = (APART, origins) {
                 let points = S::Doubles::load_xyz(eight_points(all, group, &mut room));
@@ -345,9 +345,16 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         }
         for (g, sides) in tile.rays.g.iter_mut().zip(&mut tile.rectangle) {
             // Rays of an earlier tile are not this one's.
-            let last = g[groups - 1];
-            g[groups..].fill(last);
-            let (turned, upright) = (S::least_of_each(rows(g, 0)), S::least_of_each(rows(g, 8)));
+            let last = *eight(g, groups - 1);
+            for group in groups..GROUPS {
+                *eight_mut(g, group) = last;
+            }
+            let (mut turned, mut upright) = ([S::splat(0.0); BUNDLES], [S::splat(0.0); BUNDLES]);
+            for bundle in 0..BUNDLES {
+                let (a, b) = (S::load(eight(g, 2 * bundle)), S::load(eight(g, 2 * bundle + 1)));
+                (turned[bundle], upright[bundle]) = (a.max(b).neg(), a.min(b));
+            }
+            let (turned, upright) = (S::least_of_each(turned), S::least_of_each(upright));
             // Room for the rounding of g and of products with it.
             let (wider, part) = (S::splat(-4e-7), S::splat(-4e-7));
             let turned = turned.add(turned.abs().mul_add(part, wider));
@@ -448,18 +455,6 @@ fn in_order<T>([x, y, z]: [T; 3], w: usize) -> [T; 3] {
     }
 }
 
-/// The lesser of each bundle's two groups, of the eight floats from `first` on.
-#[inline(always)]
-fn rows<S: Lanes>(table: &[[f32; 16]; GROUPS], first: usize) -> [S; BUNDLES] {
-    let mut rows = [S::splat(0.0); BUNDLES];
-    for (bundle, row) in rows.iter_mut().enumerate() {
-        let [a, b] = [&table[2 * bundle], &table[2 * bundle + 1]];
-        let eight = first..first + 8;
-        *row = S::load(a[eight.clone()].try_into().unwrap()).min(S::load(b[eight].try_into().unwrap()));
-    }
-    rows
-}
-
 #[inline(always)]
 fn least<D: Doubles>(x: D) -> f64 {
     -most(D::splat(0.0).sub(x))
@@ -490,4 +485,14 @@ fn eight<T>(values: &[T; RAYS], group: usize) -> &[T; 8] {
 #[inline(always)]
 fn eight_mut<T>(values: &mut [T; RAYS], group: usize) -> &mut [T; 8] {
     (&mut values[group * 8..group * 8 + 8]).try_into().unwrap()
+}
+
+#[inline(always)]
+fn sixteen<T>(values: &[T; RAYS], bundle: usize) -> &[T; 16] {
+    values[bundle * 16..bundle * 16 + 16].try_into().unwrap()
+}
+
+#[inline(always)]
+fn sixteen_mut<T>(values: &mut [T; RAYS], bundle: usize) -> &mut [T; 16] {
+    (&mut values[bundle * 16..bundle * 16 + 16]).try_into().unwrap()
 }

@@ -279,7 +279,7 @@ fn partition(items: &mut [u32], bin_of: &mut [u8], cut: u8) -> usize {
 
 const PARAMS: BvhBuildParams = BvhBuildParams {
     max_prims_per_leaf: WIDTH as u32,
-    collapse_traversal_cost: 4.3,
+    collapse_traversal_cost: 30.0,
     ..BvhBuildParams::fast_build()
 };
 

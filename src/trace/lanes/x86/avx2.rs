@@ -160,6 +160,15 @@ impl Words for Avx2Words {
     eight_words!();
 
     #[inline(always)]
+    fn common(self, other: Self) -> Avx2Mask {
+        // SAFETY: AVX2, see the module.
+        Avx2Mask(unsafe {
+            let none = _mm256_cmpeq_epi32(_mm256_and_si256(self.0, other.0), _mm256_setzero_si256());
+            _mm256_castsi256_ps(_mm256_xor_si256(none, _mm256_set1_epi32(-1)))
+        })
+    }
+
+    #[inline(always)]
     fn as_floats(self) -> Avx2 {
         // SAFETY: AVX, see the module.
         Avx2(unsafe { _mm256_castsi256_ps(self.0) })

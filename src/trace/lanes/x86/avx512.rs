@@ -142,6 +142,16 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
+    fn two_of(eight: Avx512, first: usize) -> Self {
+        // SAFETY: AVX-512, see the module.
+        Self(unsafe {
+            let halves = _mm512_setr_epi32(0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1);
+            let from = _mm512_add_epi32(halves, _mm512_set1_epi32(first as i32));
+            _mm512_permutexvar_ps(from, _mm512_castps256_ps512(eight.0))
+        })
+    }
+
+    #[inline(always)]
     fn mul(self, other: Self) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm512_mul_ps(self.0, other.0) })
@@ -160,6 +170,18 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: AVX-512, see the module.
+        Self(unsafe { _mm512_max_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn ge(self, other: Self) -> u32 {
+        // SAFETY: AVX-512, see the module.
+        u32::from(unsafe { _mm512_cmp_ps_mask::<_CMP_GE_OQ>(self.0, other.0) })
+    }
+
+    #[inline(always)]
     fn all_ge([p, q]: [Self; 2], [r, s]: [Self; 2]) -> Avx512Mask {
         // SAFETY: AVX-512, see the module.
         let sixteen = unsafe {
@@ -173,6 +195,46 @@ impl Pair for Avx512Pair {
         // SAFETY: AVX-512, see the module.
         unsafe { (Avx512(_mm512_castps512_ps256(self.0)), Avx512(_mm512_extractf32x8_ps::<1>(self.0))) }
     }
+
+    #[inline(always)]
+    fn select(bits: u32, yes: Self, no: Self) -> Self {
+        // SAFETY: AVX-512, see the module.
+        Self(unsafe { _mm512_mask_blend_ps(bits as __mmask16, no.0, yes.0) })
+    }
+
+    #[inline(always)]
+    fn store_some(self, bits: u32, to: &mut [f32; 16]) {
+        // SAFETY: AVX-512, see the module; the reference covers the 64 bytes written.
+        unsafe {
+            _mm512_storeu_ps(to.as_mut_ptr(), _mm512_maskz_compress_ps(bits as __mmask16, self.0));
+        }
+    }
+
+    #[inline(always)]
+    fn load_some(self, bits: u32, from: &[f32; 16]) -> Self {
+        // SAFETY: AVX-512, see the module; the reference covers the 64 bytes read.
+        Self(unsafe { _mm512_mask_expand_ps(self.0, bits as __mmask16, _mm512_loadu_ps(from.as_ptr())) })
+    }
+
+    #[inline(always)]
+    fn load_some_words(self, bits: u32, from: &[u32; 16]) -> Self {
+        // SAFETY: AVX-512, see the module; the reference covers the 64 bytes read.
+        Self(unsafe {
+            _mm512_mask_expand_ps(self.0, bits as __mmask16, _mm512_loadu_ps(from.as_ptr().cast()))
+        })
+    }
+
+    #[inline(always)]
+    fn load_words(x: &[u32; 16]) -> Self {
+        // SAFETY: AVX-512, see the module; the reference covers the 64 bytes read.
+        Self(unsafe { _mm512_loadu_ps(x.as_ptr().cast()) })
+    }
+
+    #[inline(always)]
+    fn store_words(self, to: &mut [u32; 16]) {
+        // SAFETY: AVX-512, see the module; the reference covers the 64 bytes written.
+        unsafe { _mm512_storeu_ps(to.as_mut_ptr().cast(), self.0) }
+    }
 }
 
 /// Eight u32 in a register.
@@ -183,6 +245,12 @@ impl Words for Avx512Words {
     type Floats = Avx512;
 
     eight_words!();
+
+    #[inline(always)]
+    fn common(self, other: Self) -> Avx512Mask {
+        // SAFETY: AVX-512, see the module.
+        Avx512Mask(unsafe { _mm256_test_epi32_mask(self.0, other.0) })
+    }
 
     #[inline(always)]
     fn as_floats(self) -> Avx512 {

@@ -147,6 +147,12 @@ macro_rules! eight_floats {
         }
 
         #[inline(always)]
+        fn permute(self, from: Self::Words) -> Self {
+            // SAFETY: AVX2, see the module.
+            Self(unsafe { _mm256_permutevar8x32_ps(self.0, from.0) })
+        }
+
+        #[inline(always)]
         fn least(self) -> f32 {
             // SAFETY: AVX, see the module.
             unsafe {
@@ -268,6 +274,33 @@ macro_rules! eight_words {
         fn and(self, other: Self) -> Self {
             // SAFETY: AVX2, see the module.
             Self(unsafe { _mm256_and_si256(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn or(self, other: Self) -> Self {
+            // SAFETY: AVX2, see the module.
+            Self(unsafe { _mm256_or_si256(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn xor(self, other: Self) -> Self {
+            // SAFETY: AVX2, see the module.
+            Self(unsafe { _mm256_xor_si256(self.0, other.0) })
+        }
+
+        #[inline(always)]
+        fn log2(self) -> Self {
+            // SAFETY: AVX2, see the module. (The exponent of f32, which is off by 127.)
+            Self(unsafe {
+                let exponent = _mm256_srli_epi32::<23>(_mm256_castps_si256(_mm256_cvtepi32_ps(self.0)));
+                _mm256_sub_epi32(exponent, _mm256_set1_epi32(127))
+            })
+        }
+
+        #[inline(always)]
+        fn of_bytes(bytes: u64) -> Self {
+            // SAFETY: AVX2, see the module.
+            Self(unsafe { _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(bytes as i64)) })
         }
 
         #[inline(always)]
