@@ -1,6 +1,6 @@
 //! What casting takes.
 
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Sub};
 
 /// What casting took, over all rays: how much of the hierarchy was looked at, and how far the decisions whether rays pass
 /// through triangles had to go. How the work is shared out among packets and single rays, and so all of this, is the tracer's
@@ -26,5 +26,19 @@ impl AddAssign for Effort {
         self.tests += more.tests;
         self.in_f64 += more.in_f64;
         self.exactly += more.exactly;
+    }
+}
+
+impl Sub for Effort {
+    type Output = Self;
+
+    fn sub(self, less: Self) -> Self {
+        Self {
+            nodes: self.nodes - less.nodes,
+            leaves: self.leaves - less.leaves,
+            tests: self.tests - less.tests,
+            in_f64: self.in_f64 - less.in_f64,
+            exactly: self.exactly - less.exactly,
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! The tracer: a hierarchy of placements over a hierarchy a mesh, walked by packets.
 
+use std::cell::Cell;
 use std::ops::Range;
 
 use glam::{DAffine3, DVec3};
@@ -111,7 +112,8 @@ impl<'s> Tracer<'s> {
     /// The hits of rays, by any kind of lanes: packet by packet.
     #[inline(always)]
     fn cast_all<S: Lanes>(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> Effort {
-        let mut room = Room::default();
+        let mut room = ROOM.take().unwrap_or_default();
+        let before = room.effort();
         let mut origins = Vec::new();
         for start in (0..hits.len()).step_by(RAYS) {
             let end = (start + RAYS).min(hits.len());
@@ -125,7 +127,9 @@ impl<'s> Tracer<'s> {
             let batch = self.batch(rays, start..end, &mut origins);
             self.cast_batch::<S>(&batch, &mut hits[start..end], &mut room);
         }
-        room.effort()
+        let effort = room.effort() - before;
+        ROOM.set(Some(room));
+        effort
     }
 
     /// Some of the rays, in the scene's space; `room` is for their origins.
@@ -468,17 +472,18 @@ impl Work for Any<'_, '_, '_> {
     #[inline(always)]
     fn run<S: Lanes>(self) {
         let Self { tracer, rays, blocked } = self;
-        let mut room = SingleRoom::default();
+        let mut room = ROOM.take().unwrap_or_default();
         let mut origins = Vec::new();
         for start in (0..blocked.len()).step_by(TOGETHER) {
             let end = (start + TOGETHER).min(blocked.len());
             let batch = tracer.batch(rays, start..end, &mut origins);
             let mut nearest = Nearest::new(rays.t_max);
-            tracer.cast_singles::<S>(&batch, true, &mut nearest, &mut room);
+            tracer.cast_singles::<S>(&batch, true, &mut nearest, &mut room.single);
             for (ray, blocked) in blocked[start..end].iter_mut().enumerate() {
                 *blocked = nearest.get(ray).is_some();
             }
         }
+        ROOM.set(Some(room));
     }
 }
 
@@ -528,7 +533,12 @@ pub(super) struct Best {
     pub slot: Slot,
 }
 
-/// Room to work in, kept from packet to packet.
+thread_local! {
+    /// A thread's room, unless it is in use: some 50 KiB, which take as long to make as a thousand rays in a small scene.
+    static ROOM: Cell<Option<Box<Room>>> = const { Cell::new(None) };
+}
+
+/// Room to work in, kept from packet to packet and cast to cast.
 #[derive(Default)]
 struct Room {
     top: packet::Stack,
@@ -541,7 +551,7 @@ struct Room {
 }
 
 impl Room {
-    /// What was done in it.
+    /// What was done in it so far.
     fn effort(&self) -> Effort {
         let mut effort = Effort { nodes: self.top.visited + self.mesh.visited, ..Effort::default() };
         for more in [
