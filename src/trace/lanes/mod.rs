@@ -51,9 +51,9 @@ pub(super) trait Lanes: Copy {
     fn gt(self, other: Self) -> Self::Mask;
     /// Lanes of `yes` where the mask is true, else of `no`.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
-    /// For each of three lists of indices, a byte each: lane k is word number `indices`' byte k, as f32; anything where the
-    /// byte is 24 or more, or 16 or more if they are said to be `below_16`.
-    fn pick(words: &[u32; 24], indices: [u64; 3], below_16: bool) -> [Self; 3];
+    /// Lane k is number `from`'s k of the sixteen `first` and, if there are `more`, those after them; anything where there is
+    /// none of that number.
+    fn pick(first: Self::Pair, more: Option<Self>, from: [Self::Words; 3]) -> [Self; 3];
     /// Lane k is lane number `from`'s k, of which only the low three bits count.
     fn permute(self, from: Self::Words) -> Self;
     /// The lanes where the mask is true, in their order, first; anything after them.
@@ -108,6 +108,7 @@ pub(super) trait Pair: Copy {
     fn store(self, to: &mut [f32; 16]);
     fn of(low: Self::Half, high: Self::Half) -> Self;
     fn splat(x: f32) -> Self;
+    fn sub(self, other: Self) -> Self;
     /// Lane `first` (which is even) in all of the low half, the next in all of the high one.
     fn two_of(eight: Self::Half, first: usize) -> Self;
     fn mul(self, other: Self) -> Self;
@@ -117,6 +118,7 @@ pub(super) trait Pair: Copy {
     fn min(self, other: Self) -> Self;
     /// The larger; either if one is NaN.
     fn max(self, other: Self) -> Self;
+    fn abs(self) -> Self;
     /// self ≥ other, a bit a lane; false for NaN.
     fn ge(self, other: Self) -> u32;
     /// Where each of `these` ≥ that of `those`, in both halves; false for NaN.
@@ -165,6 +167,11 @@ impl<S: Lanes> Pair for Two<S> {
     }
 
     #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self(self.0.sub(other.0), self.1.sub(other.1))
+    }
+
+    #[inline(always)]
     fn two_of(eight: S, first: usize) -> Self {
         let (low, high) = (S::Words::splat(first as u32), S::Words::splat(first as u32 + 1));
         Self(eight.permute(low), eight.permute(high))
@@ -188,6 +195,11 @@ impl<S: Lanes> Pair for Two<S> {
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         Self(self.0.max(other.0), self.1.max(other.1))
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(self.0.abs(), self.1.abs())
     }
 
     #[inline(always)]

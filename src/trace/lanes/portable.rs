@@ -4,7 +4,7 @@ use std::array::from_fn;
 
 use glam::DVec3;
 
-use super::{Doubles, Lanes, Mask, Two, Words};
+use super::{Doubles, Lanes, Mask, Pair, Two, Words};
 use crate::trace::exact::Real;
 
 #[derive(Clone, Copy)]
@@ -109,8 +109,10 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn pick(words: &[u32; 24], indices: [u64; 3], _below_16: bool) -> [Self; 3] {
-        indices.map(|list| Self(list.to_le_bytes().map(|k| f32::from_bits(words[usize::from(k) % 24]))))
+    fn pick(first: Two<Self>, more: Option<Self>, from: [PortableWords; 3]) -> [Self; 3] {
+        let (low, high) = first.halves();
+        let eights = [low, high, more.unwrap_or(low)];
+        from.map(|from| Self(from.0.map(|k| eights[k as usize / 8 % 3].0[k as usize % 8])))
     }
 
     #[inline(always)]

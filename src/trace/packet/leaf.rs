@@ -382,13 +382,10 @@ impl<S: Lanes, const APART: bool> Prepared<S, APART> {
     #[inline(always)]
     fn new(tile: &Tile<APART>, block: &Block, m: f32) -> Self {
         let turn = S::splat(if tile.turned { -0.0 } else { 0.0 });
-        let corners = [block.corner(0), block.corner(1), block.corner(2)];
+        let corners = block.corner_vertices::<S>();
         let [u, v, w] = tile.axes;
-        let (u, v, w) = (
-            block.coordinates(u, corners),
-            block.coordinates(v, corners),
-            block.coordinates::<S>(w, corners),
-        );
+        let (u, v, w) = (block.coordinates::<S>(u), block.coordinates::<S>(v), block.coordinates::<S>(w));
+        let (u, v, w) = (S::pick(u.0, u.1, corners), S::pick(v.0, v.1, corners), S::pick(w.0, w.1, corners));
         let a = Triple(u[0], v[0], w[0].xor(turn));
         let b = Triple(u[1], v[1], w[1].xor(turn));
         let c = Triple(u[2], v[2], w[2].xor(turn));

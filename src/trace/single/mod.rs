@@ -36,7 +36,7 @@ use std::hint::select_unpredictable;
 
 use super::effort::Effort;
 use super::exact::{Candidate, Corners, LocalRay, Real, Xyz};
-use super::lanes::{Doubles, Lanes, Mask, Words};
+use super::lanes::{Doubles, Lanes, Mask, Pair, Words};
 use super::packet::{TINY, U};
 use super::tracer::Best;
 use super::wide::{Block, Child, Node, Slot, WIDTH, Wide};
@@ -211,35 +211,43 @@ impl<const N: usize> Prepared<N> {
         ]
     }
 
+    /// x′ and y′ of vertices, and the larger |x′| or |y′|.
+    #[inline(always)]
+    fn sheared<S: Lanes>(&self, ray: usize, [u, v, w]: [S::Pair; 3]) -> [S::Pair; 3] {
+        let splat = S::Pair::splat;
+        let z = w.sub(splat(self.origin[2][ray]));
+        let x = splat(-self.g[0][ray]).mul_add(z, u.sub(splat(self.origin[0][ray])));
+        let y = splat(-self.g[1][ray]).mul_add(z, v.sub(splat(self.origin[1][ray])));
+        [x, y, x.abs().max(y.abs())]
+    }
+
     /// The triangles of a block that a ray may hit, a bit each, and those of them that it surely does.
     #[inline(always)]
     fn test_leaf<S: Lanes>(&self, ray: usize, block: &Block) -> (u32, u32) {
-        let corners = [block.corner(0), block.corner(1), block.corner(2)];
+        let corners = block.corner_vertices::<S>();
         let [u, v, w] = AXES[self.w[ray] as usize % 3];
-        let w = block.coordinates::<S>(w, corners);
-        let u = block.coordinates::<S>(u, corners);
-        let v = block.coordinates::<S>(v, corners);
-        let from =
-            [S::splat(self.origin[0][ray]), S::splat(self.origin[1][ray]), S::splat(self.origin[2][ray])];
-        let (gu, gv) = (S::splat(-self.g[0][ray]), S::splat(-self.g[1][ray]));
-        let z = [w[0].sub(from[2]), w[1].sub(from[2]), w[2].sub(from[2])];
-        let x = [
-            gu.mul_add(z[0], u[0].sub(from[0])),
-            gu.mul_add(z[1], u[1].sub(from[0])),
-            gu.mul_add(z[2], u[2].sub(from[0])),
-        ];
-        let y = [
-            gv.mul_add(z[0], v[0].sub(from[1])),
-            gv.mul_add(z[1], v[1].sub(from[1])),
-            gv.mul_add(z[2], v[2].sub(from[1])),
-        ];
+        let (u, v, w) = (block.coordinates::<S>(u), block.coordinates::<S>(v), block.coordinates::<S>(w));
+        let first = self.sheared::<S>(ray, [u.0, v.0, w.0]);
+        let (x, y, reach) = if let (Some(u), Some(v), Some(w)) = (u.1, v.1, w.1) {
+            let more = self.sheared::<S>(ray, [S::Pair::of(u, u), S::Pair::of(v, v), S::Pair::of(w, w)]);
+            (
+                S::pick(first[0], Some(more[0].halves().0), corners),
+                S::pick(first[1], Some(more[1].halves().0), corners),
+                S::pick(first[2], Some(more[2].halves().0), corners),
+            )
+        } else {
+            (
+                S::pick(first[0], None, corners),
+                S::pick(first[1], None, corners),
+                S::pick(first[2], None, corners),
+            )
+        };
         let ea = x[1].mul_sub(y[2], y[1].mul(x[2]));
         let eb = x[2].mul_sub(y[0], y[2].mul(x[0]));
         let ec = x[0].mul_sub(y[1], y[0].mul(x[1]));
         let (least, most) = (ea.min(eb).min(ec), ea.max(eb).max(ec));
-        let reach_x = x[0].abs().max(x[1].abs()).max(x[2].abs());
-        let reach_y = y[0].abs().max(y[1].abs()).max(y[2].abs());
-        let bound = reach_x.max(reach_y).mul_add(S::splat(self.bound[0][ray]), S::splat(self.bound[1][ray]));
+        let reach = reach[0].max(reach[1]).max(reach[2]);
+        let bound = reach.mul_add(S::splat(self.bound[0][ray]), S::splat(self.bound[1][ray]));
         let outer = bound.neg();
         // In this form nothing that isn't a number passes for a miss.
         let miss = most.ge(bound).and(outer.ge(least)).bits();

@@ -148,19 +148,19 @@ impl Walks {
 
     /// Notes where a ray goes next, and asks for it; nowhere if its stack is empty.
     #[inline(always)]
-    fn go<S: Lanes>(&mut self, wide: &Wide, ray: usize, child: Child, top: usize) {
+    fn go<S: Lanes>(&mut self, wide: &Wide, ray: usize, child: Child, top: usize) -> [u64; 2] {
         (self.next[ray], self.top[ray]) = (child, top as u32);
         let goes_on = u64::from(top >= BOTTOM) << ray;
         let to_leaf = u64::from(child.bits() >> 31) << ray;
-        self.at_leaf |= to_leaf & goes_on;
-        self.at_node |= goes_on & !to_leaf;
         wide.prefetch::<S>(child);
+        [goes_on & !to_leaf, goes_on & to_leaf]
     }
 
     /// Takes all rays that are at a node a step further.
     #[inline(always)]
     fn visit_nodes<S: Lanes>(&mut self, wide: &Wide) {
-        let mut rest = std::mem::take(&mut self.at_node);
+        let mut rest = self.at_node;
+        let [mut to_node, mut to_leaf] = [0, self.at_leaf];
         self.effort.nodes += u64::from(rest.count_ones());
         while rest != 0 {
             let ray = rest.trailing_zeros() as usize & (TOGETHER - 1);
@@ -173,8 +173,10 @@ impl Walks {
             let node = &wide.nodes[self.next[ray].bits() as usize];
             let mut stacked = Stacked { nears: &mut self.nears[ray], children: &mut self.children[ray] };
             let (child, top) = self.prepared.step::<S>(ray, node, &mut stacked, top);
-            self.go::<S>(wide, ray, child, top);
+            let [node, leaf] = self.go::<S>(wide, ray, child, top);
+            (to_node, to_leaf) = (to_node | node, to_leaf | leaf);
         }
+        (self.at_node, self.at_leaf) = (to_node, to_leaf);
     }
 
     /// Takes all rays of a set, which are at a leaf, a step further; or lets them wait.
@@ -220,14 +222,17 @@ impl Walks {
         self.passed.copy_within(start..start + WIDTH, 0);
         self.passed_by.copy_within(start..start + WIDTH, 0);
         let mut rest = goes_on;
+        let (mut to_node, mut to_leaf) = (self.at_node, self.at_leaf);
         while rest != 0 {
             let ray = rest.trailing_zeros() as usize & (TOGETHER - 1);
             rest &= rest - 1;
             let z_max = S::splat(self.prepared.z_max[ray]);
             let top = self.top[ray] as usize;
             let (child, top) = self.stacked(ray).pop::<S>(z_max, top);
-            self.go::<S>(wide, ray, child, top);
+            let [node, leaf] = self.go::<S>(wide, ray, child, top);
+            (to_node, to_leaf) = (to_node | node, to_leaf | leaf);
         }
+        (self.at_node, self.at_leaf) = (to_node, to_leaf);
     }
 
     /// Betters rays' hits by up to eight triangles that they pass through. Gives the rays, a bit each.

@@ -9,7 +9,7 @@ mod walk;
 
 use std::hint::select_unpredictable;
 
-use super::lanes::{Lanes, Words};
+use super::lanes::{Lanes, Pair, Words};
 
 pub(super) use build::{build, build_over};
 
@@ -149,20 +149,23 @@ impl<'a> Block<'a> {
         f32::from_bits(self.words[1])
     }
 
-    /// A coordinate of the corners of all triangles, `corners` as [`Block::corner`] gives them. Lanes past the last triangle
-    /// mean nothing.
+    /// A coordinate of its vertices: the first sixteen, and eight more if there are more. Lanes past the last vertex mean
+    /// nothing.
     #[inline(always)]
-    pub fn coordinates<S: Lanes>(&self, axis: usize, corners: [u64; 3]) -> [S; 3] {
+    pub fn coordinates<S: Lanes>(&self, axis: usize) -> (S::Pair, Option<S>) {
         let start = HEADER + axis * self.vertices;
         let words: &[u32; MAX_VERTICES] = self.words[start..start + MAX_VERTICES].try_into().unwrap();
-        S::pick(words, corners, self.vertices <= 16)
+        let more = (self.vertices > 16).then(|| S::Words::load(words[16..].try_into().unwrap()).as_floats());
+        (S::Pair::load_words(words[..16].try_into().unwrap()), more)
     }
 
-    /// For each triangle, which vertex its corner `corner` is: a byte a triangle.
+    /// For each of a triangle's three corners, which vertex it is. Lanes past the last triangle mean nothing.
     #[inline(always)]
-    pub fn corner(&self, corner: usize) -> u64 {
-        let start = HEADER + 3 * self.vertices + 2 * corner;
-        u64::from(self.words[start]) | u64::from(self.words[start + 1]) << 32
+    pub fn corner_vertices<S: Lanes>(&self) -> [S::Words; 3] {
+        let start = HEADER + 3 * self.vertices;
+        let &[a, a2, b, b2, c, c2]: &[u32; 6] = self.words[start..start + 6].try_into().unwrap();
+        let bytes = |low: u32, high: u32| u64::from(low) | u64::from(high) << 32;
+        [S::Words::of_bytes(bytes(a, a2)), S::Words::of_bytes(bytes(b, b2)), S::Words::of_bytes(bytes(c, c2))]
     }
 
     /// Of eight triangles, given by their slots: each corner's x, y and z, and the ids in their mesh.

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::{eight_floats, eight_words};
 use crate::trace::exact::Real;
-use crate::trace::lanes::{Doubles, Lanes, Mask, Two, Words};
+use crate::trace::lanes::{Doubles, Lanes, Mask, Pair, Two, Words};
 
 /// Eight f32 in a register. Only to be made inside of [`with_avx2`](super::with_avx2).
 #[derive(Clone, Copy)]
@@ -39,25 +39,23 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn pick(words: &[u32; 24], indices: [u64; 3], below_16: bool) -> [Self; 3] {
-        let start = words.as_ptr().cast::<f32>();
-        // SAFETY: AVX2, see the module; the reference covers the 96 bytes read.
+    fn pick(first: Two<Self>, more: Option<Self>, from: [Avx2Words; 3]) -> [Self; 3] {
+        let (low, middle) = first.halves();
+        // SAFETY: AVX2, see the module.
         unsafe {
-            let (low, middle) = (_mm256_loadu_ps(start), _mm256_loadu_ps(start.add(8)));
-            let mut picked = [Self(low); 3];
+            let mut picked = [low; 3];
             for k in 0..3 {
-                let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(indices[k] as i64));
+                let lanes = from[k].0;
                 let is_middle = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(lanes));
-                let from_low = _mm256_permutevar8x32_ps(low, lanes);
-                let from_middle = _mm256_permutevar8x32_ps(middle, lanes);
+                let from_low = _mm256_permutevar8x32_ps(low.0, lanes);
+                let from_middle = _mm256_permutevar8x32_ps(middle.0, lanes);
                 picked[k] = Self(_mm256_blendv_ps(from_low, from_middle, is_middle));
             }
-            if !below_16 {
-                let high = _mm256_loadu_ps(start.add(16));
+            if let Some(high) = more {
                 for k in 0..3 {
-                    let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(indices[k] as i64));
+                    let lanes = from[k].0;
                     let is_high = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(lanes));
-                    let from_high = _mm256_permutevar8x32_ps(high, lanes);
+                    let from_high = _mm256_permutevar8x32_ps(high.0, lanes);
                     picked[k] = Self(_mm256_blendv_ps(picked[k].0, from_high, is_high));
                 }
             }

@@ -39,23 +39,25 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn pick(words: &[u32; 24], indices: [u64; 3], below_16: bool) -> [Self; 3] {
-        let start = words.as_ptr().cast::<f32>();
-        let [a, b, c] = indices;
-        // SAFETY: AVX-512, see the module; the reference covers the 96 bytes read.
+    fn pick(first: Avx512Pair, more: Option<Self>, from: [Avx512Words; 3]) -> [Self; 3] {
+        let [a, b, c] = from;
+        let first = first.0;
+        // SAFETY: AVX-512, see the module.
         unsafe {
-            let low = _mm512_loadu_ps(start);
-            let a = _mm512_castsi256_si512(_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(a as i64)));
-            let b = _mm512_castsi256_si512(_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(b as i64)));
-            let c = _mm512_castsi256_si512(_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(c as i64)));
-            let [a, b, c] = if below_16 {
-                [_mm512_permutexvar_ps(a, low), _mm512_permutexvar_ps(b, low), _mm512_permutexvar_ps(c, low)]
-            } else {
-                let high = _mm512_castps256_ps512(_mm256_loadu_ps(start.add(16)));
+            let (a, b, c) =
+                (_mm512_castsi256_si512(a.0), _mm512_castsi256_si512(b.0), _mm512_castsi256_si512(c.0));
+            let [a, b, c] = if let Some(more) = more {
+                let more = _mm512_castps256_ps512(more.0);
                 [
-                    _mm512_permutex2var_ps(low, a, high),
-                    _mm512_permutex2var_ps(low, b, high),
-                    _mm512_permutex2var_ps(low, c, high),
+                    _mm512_permutex2var_ps(first, a, more),
+                    _mm512_permutex2var_ps(first, b, more),
+                    _mm512_permutex2var_ps(first, c, more),
+                ]
+            } else {
+                [
+                    _mm512_permutexvar_ps(a, first),
+                    _mm512_permutexvar_ps(b, first),
+                    _mm512_permutexvar_ps(c, first),
                 ]
             };
             [
@@ -142,6 +144,12 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        // SAFETY: AVX-512, see the module.
+        Self(unsafe { _mm512_sub_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
     fn two_of(eight: Avx512, first: usize) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe {
@@ -173,6 +181,12 @@ impl Pair for Avx512Pair {
     fn max(self, other: Self) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm512_max_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: AVX-512, see the module.
+        Self(unsafe { _mm512_abs_ps(self.0) })
     }
 
     #[inline(always)]
