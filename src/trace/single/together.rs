@@ -38,8 +38,8 @@ struct Walks {
     /// What each visits next, and its stack with the top.
     next: [Child; TOGETHER],
     top: [u32; TOGETHER],
-    nears: Vec<[f32; DEPTH]>,
-    children: Vec<[u32; DEPTH]>,
+    nears: [[f32; DEPTH]; TOGETHER],
+    children: [[u32; DEPTH]; TOGETHER],
     /// The depth of each one's nearest hit, or how far it goes, and where that is, if there is one (a bit each).
     t: [f64; TOGETHER],
     slot: [u32; TOGETHER],
@@ -63,8 +63,8 @@ impl Default for Walks {
             prepared: Prepared::NONE,
             next: [Child::NONE; TOGETHER],
             top: [0; TOGETHER],
-            nears: vec![[0.0; DEPTH]; TOGETHER],
-            children: vec![[0; DEPTH]; TOGETHER],
+            nears: [[0.0; DEPTH]; TOGETHER],
+            children: [[0; DEPTH]; TOGETHER],
             t: [0.0; TOGETHER],
             slot: [0; TOGETHER],
             hit: 0,

@@ -250,8 +250,7 @@ impl Wide {
         S::prefetch(start);
         S::prefetch(start.wrapping_add(16));
         S::prefetch(start.wrapping_add(32));
-        // A node's children, or the block's first line again.
-        S::prefetch(start.wrapping_add(select_unpredictable(child.is_leaf(), 0, 48)));
+        S::prefetch(start.wrapping_add(48));
     }
 
     /// Bytes held.
