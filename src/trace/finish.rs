@@ -30,7 +30,7 @@ impl Tracer<'_> {
             if found == 0xff && self.finish_alike::<S>(rays, directions, nearest, group, hits, &mut last) {
                 continue;
             }
-            self.finish_eight::<S>(rays, directions, nearest, (group, found), hits);
+            self.finish_eight::<S>(rays, nearest, (group, found), hits);
         }
     }
 
@@ -87,22 +87,12 @@ impl Tracer<'_> {
     fn finish_eight<S: Lanes>(
         &self,
         rays: &Batch,
-        directions: &[DVec3; 8],
         nearest: &Nearest,
         (group, found): (usize, u32),
         hits: &mut [Option<Hit>],
     ) {
         let (slots, placements) = nearest.places(group);
-        let mut room = [DVec3::ZERO; 8];
-        let [x, y, z] = S::Doubles::load_xyz(directions);
-        let scene_d = Xyz(x, y, z);
-        let scene_o = match rays.origins {
-            Origins::Common(origin) => Xyz::constant(origin),
-            Origins::Each(origins) => {
-                let [x, y, z] = S::Doubles::load_xyz(eight(origins, group, &mut room));
-                Xyz(x, y, z)
-            }
-        };
+        let (scene_o, scene_d) = rays.eight::<S>(group);
         let mut rest = found;
         while rest != 0 {
             let first = rest.trailing_zeros() as usize & 7;

@@ -6,10 +6,11 @@ use std::ops::Range;
 use glam::{DAffine3, DVec3};
 
 use super::bounds::Bounds;
-use super::exact::{self, Candidate, Corners, LocalRay};
-use super::lanes::{self, Lanes, Portable, Work};
+use super::exact::{self, Candidate, Corners, LocalRay, Xyz};
+use super::finish::eight;
+use super::lanes::{self, Doubles, Lanes, Portable, Work};
 use super::packet::{self, Nearest, PerRay, RAYS, Tile};
-use super::single::{Single, Stack, TOGETHER, Together};
+use super::single::{Single, Stack, Together};
 use super::wide::{self, Block, Child, Slot, Wide};
 use super::{Cast, Effort, Hit, Origins, Rays};
 use crate::scene::{Mesh, Placement, Scene};
@@ -115,6 +116,8 @@ impl<'s> Tracer<'s> {
         let mut room = ROOM.take().unwrap_or_default();
         let before = room.effort();
         let mut origins = Vec::new();
+        // Those in no packet, in one row as far as they go.
+        let mut singles = 0..0;
         for start in (0..hits.len()).step_by(RAYS) {
             let end = (start + RAYS).min(hits.len());
             // Directions come from memory as often as not: ask for the next ones while these are at work.
@@ -125,8 +128,19 @@ impl<'s> Tracer<'s> {
                 }
             }
             let batch = self.batch(rays, start..end, &mut origins);
-            self.cast_batch::<S>(&batch, &mut hits[start..end], &mut room);
+            let mut apart = self.cast_batch::<S>(&batch, &mut hits[start..end], &mut room);
+            while apart != 0 {
+                let from = apart.trailing_zeros() as usize;
+                let to = from + (apart >> from).trailing_ones() as usize;
+                apart &= !(ones(to - from) << from);
+                if singles.end != start + from || singles.len() >= MANY {
+                    self.cast_singles::<S>(rays, singles, hits, &mut origins, &mut room.single);
+                    singles = start + from..start + from;
+                }
+                singles.end = start + to;
+            }
         }
+        self.cast_singles::<S>(rays, singles, hits, &mut origins, &mut room.single);
         let effort = room.effort() - before;
         ROOM.set(Some(room));
         effort
@@ -152,9 +166,9 @@ impl<'s> Tracer<'s> {
         Batch { origins, directions: &rays.directions[range], t_min: rays.t_min, t_max: rays.t_max }
     }
 
-    /// The hits of up to [`RAYS`] rays.
+    /// The hits of those of up to [`RAYS`] rays that are packets; gives the others, a bit each.
     #[inline(always)]
-    fn cast_batch<S: Lanes>(&self, batch: &Batch, hits: &mut [Option<Hit>], room: &mut Room) {
+    fn cast_batch<S: Lanes>(&self, batch: &Batch, hits: &mut [Option<Hit>], room: &mut Room) -> u128 {
         let mut pending = [(0, 0); 8];
         pending[0] = (0, hits.len());
         let mut count = 1;
@@ -184,15 +198,30 @@ impl<'s> Tracer<'s> {
             }
             apart |= ones(to - from) << from;
         }
-        // As many together as there are side by side: they wait for memory in turn.
-        while apart != 0 {
-            let from = apart.trailing_zeros() as usize;
-            let to = from + ((apart >> from).trailing_ones() as usize).min(TOGETHER);
-            apart &= !(ones(to - from) << from);
-            let part = batch.part(from..to);
-            let mut nearest = Nearest::new(part.t_max);
-            self.cast_singles::<S>(&part, false, &mut nearest, &mut room.single);
-            self.finish_all::<S>(&part, &nearest, &mut hits[from..to]);
+        apart
+    }
+
+    /// The hits of rays that are in no packet.
+    #[inline(always)]
+    fn cast_singles<S: Lanes>(
+        &self,
+        rays: &Rays,
+        range: Range<usize>,
+        hits: &mut [Option<Hit>],
+        origins: &mut Vec<DVec3>,
+        room: &mut SingleRoom,
+    ) {
+        if range.is_empty() {
+            return;
+        }
+        let hits = &mut hits[range.clone()];
+        let batch = self.batch(rays, range, origins);
+        let mut nearest = Nearest::new(batch.t_max);
+        room.together.begin();
+        let mut eights = 0..hits.len().div_ceil(8);
+        while let Some(eight) = self.next_eight::<S>(&batch, false, &mut eights, &mut nearest, room) {
+            let rays = 8 * eight..(8 * eight + 8).min(hits.len());
+            self.finish_all::<S>(&batch.part(rays.clone()), &nearest, &mut hits[rays]);
         }
     }
 
@@ -267,26 +296,37 @@ impl<'s> Tracer<'s> {
         true
     }
 
-    /// The nearest hits of up to [`TOGETHER`] rays that are no packet, or with `any` a hit of each.
+    /// The nearest hits, or with `any` hits, of eight more rays of a batch: which eight. `eights` are those to come where rays
+    /// are taken one by one.
     #[inline(always)]
-    fn cast_singles<S: Lanes>(&self, rays: &Batch, any: bool, nearest: &mut Nearest, room: &mut SingleRoom) {
+    fn next_eight<S: Lanes>(
+        &self,
+        rays: &Batch,
+        any: bool,
+        eights: &mut Range<usize>,
+        nearest: &mut Nearest,
+        room: &mut SingleRoom,
+    ) -> Option<usize> {
         let limits = (rays.t_min, rays.t_max);
         if !self.top.nodes.is_empty() {
-            for ray in 0..rays.directions.len() {
+            let eight = eights.next()?;
+            nearest.clear();
+            for k in 0..(rays.directions.len() - 8 * eight).min(8) {
                 let mut best = None;
-                self.cast_single::<S>(rays.ray(ray), limits, any, &mut best, room);
-                nearest.set(ray, best);
+                self.cast_single::<S>(rays.ray(8 * eight + k), limits, any, &mut best, room);
+                nearest.set(k, best);
             }
-            return;
+            return Some(eight);
         }
-        let mut rest = room.together.walk::<S>(&self.meshes[0], rays, any, nearest);
+        let (eight, mut rest) = room.together.next_eight::<S>(&self.meshes[0], rays, any, nearest)?;
         while rest != 0 {
-            let ray = rest.trailing_zeros() as usize;
+            let k = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let mut best = None;
-            self.single_in::<S>(0, rays.ray(ray), limits, any, &mut best, &mut room.mesh);
-            nearest.set(ray, best);
+            self.single_in::<S>(0, rays.ray(8 * eight + k), limits, any, &mut best, &mut room.mesh);
+            nearest.set(k, best);
         }
+        Some(eight)
     }
 
     /// The nearest hit of one ray, or with `any` a hit, where there are placements.
@@ -474,13 +514,17 @@ impl Work for Any<'_, '_, '_> {
         let Self { tracer, rays, blocked } = self;
         let mut room = ROOM.take().unwrap_or_default();
         let mut origins = Vec::new();
-        for start in (0..blocked.len()).step_by(TOGETHER) {
-            let end = (start + TOGETHER).min(blocked.len());
-            let batch = tracer.batch(rays, start..end, &mut origins);
-            let mut nearest = Nearest::new(rays.t_max);
-            tracer.cast_singles::<S>(&batch, true, &mut nearest, &mut room.single);
-            for (ray, blocked) in blocked[start..end].iter_mut().enumerate() {
-                *blocked = nearest.get(ray).is_some();
+        let mut nearest = Nearest::new(rays.t_max);
+        for (start, blocked) in (0..).step_by(MANY).zip(blocked.chunks_mut(MANY)) {
+            let batch = tracer.batch(rays, start..start + blocked.len(), &mut origins);
+            room.single.together.begin();
+            let mut eights = 0..blocked.len().div_ceil(8);
+            while let Some(eight) =
+                tracer.next_eight::<S>(&batch, true, &mut eights, &mut nearest, &mut room.single)
+            {
+                for (k, blocked) in blocked[8 * eight..].iter_mut().take(8).enumerate() {
+                    *blocked = nearest.get(k).is_some();
+                }
             }
         }
         ROOM.set(Some(room));
@@ -510,6 +554,22 @@ impl Batch<'_> {
         LocalRay { origin: self.origin(ray), direction: self.directions[ray] }
     }
 
+    /// Origins and directions of a group of eight, filled up with the last one's.
+    #[inline(always)]
+    pub fn eight<S: Lanes>(&self, group: usize) -> (Xyz<S::Doubles>, Xyz<S::Doubles>) {
+        let mut room = [DVec3::ZERO; 8];
+        let [x, y, z] = S::Doubles::load_xyz(eight(self.directions, group, &mut room));
+        let direction = Xyz(x, y, z);
+        let origin = match self.origins {
+            Origins::Common(origin) => Xyz::constant(origin),
+            Origins::Each(origins) => {
+                let [x, y, z] = S::Doubles::load_xyz(eight(origins, group, &mut room));
+                Xyz(x, y, z)
+            }
+        };
+        (origin, direction)
+    }
+
     #[inline(always)]
     fn part(&self, range: Range<usize>) -> Self {
         let origins = match self.origins {
@@ -519,6 +579,10 @@ impl Batch<'_> {
         Self { origins, directions: &self.directions[range], ..*self }
     }
 }
+
+/// Rays in no packet that are taken together at most: so many that few are left without company at the end, and that their
+/// origins stay in the cache.
+const MANY: usize = 512;
 
 /// So many bits from the lowest on.
 fn ones(count: usize) -> u128 {

@@ -321,6 +321,14 @@ fn degenerate_arrangements_agree_with_brute_force() {
         line.parts[0].triangles.push([base, base + 1, base + 2]);
     }
     agrees(&alone(line), 16, 29, 1.0);
+    // One in front of the other: what waits is more than a ray's place has room for.
+    let mut nested = mesh(vec![], vec![]);
+    for i in 0..1300 {
+        let (base, size) = (nested.positions.len() as u32, libm::powf(1.02, i as f32));
+        nested.positions.extend([[-size, -size, size], [3.0 * size, -size, size], [-size, 3.0 * size, size]]);
+        nested.parts[0].triangles.push([base, base + 1, base + 2]);
+    }
+    assert!(agrees(&alone(nested), 16, 31, 1.0) > 100);
 }
 
 /// A million rays over the shipped scenes. Brute force pays for every triangle, so most of them are cast where there are

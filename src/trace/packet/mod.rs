@@ -65,6 +65,12 @@ impl Nearest {
         Self { t: [t_max; RAYS], slot: [0; RAYS], placement: [0; RAYS], hit: 0 }
     }
 
+    /// No hits.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        self.hit = 0;
+    }
+
     #[inline(always)]
     pub fn get(&self, ray: usize) -> Option<Best> {
         let best = Best { t: self.t[ray], placement: self.placement[ray], slot: Slot(self.slot[ray]) };

@@ -41,7 +41,7 @@ use super::packet::{TINY, U};
 use super::tracer::Best;
 use super::wide::{Block, Child, Node, Slot, WIDTH, Wide};
 
-pub(super) use together::{TOGETHER, Together};
+pub(super) use together::Together;
 
 /// Error of an edge function in units of u·s·X, and in units of u²·s².
 const EDGE: f32 = 48.0;

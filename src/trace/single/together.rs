@@ -1,24 +1,26 @@
 //! Many rays side by side.
 //!
-//! Most of what a ray by itself takes is waiting: for memory, and for branches that go either way as often. So a batch's rays
-//! take turns, a step each, and ask for what they visit next a round ahead. Nodes and leaves have loops of their own, and which
+//! Most of what a ray by itself takes is waiting: for memory, and for branches that go either way as often. So rays take turns,
+//! a step each, and ask for what they visit next a round ahead. Where eight are done, the next eight take their places. Nodes and leaves have loops of their own, and which
 //! child is next, or whether it is something from the stack, is computed without a branch. A ray that passes through a
 //! triangle waits until there are eight such triangles, and their depths are worked out together.
 
 use glam::DVec3;
 
 use super::{BOTTOM, Prepared, Stacked, id, passing};
-use crate::trace::Origins;
 use crate::trace::effort::Effort;
 use crate::trace::exact::{Corners, Facet, LocalRay, Xyz};
-use crate::trace::finish::{eight, in_f64};
+use crate::trace::finish::in_f64;
 use crate::trace::lanes::{Doubles, Lanes, Words};
 use crate::trace::packet::Nearest;
 use crate::trace::tracer::{Batch, Best};
 use crate::trace::wide::{Block, Child, Slot, WIDTH, Wide};
 
 /// Rays that are walked side by side at most.
-pub(in crate::trace) const TOGETHER: usize = 64;
+const TOGETHER: usize = 64;
+
+/// They come and go in groups of eight.
+const GROUPS: usize = TOGETHER / 8;
 
 /// The length of a ray's stack where there are many. (A ray that needs more is taken by itself: eight wide, a hierarchy over a
 /// thousand million triangles is some ten deep, and a level leaves seven children.)
@@ -27,13 +29,18 @@ const DEPTH: usize = 120;
 /// Room for triangles that rays pass through: eight of each ray's leaf, up to seven of an earlier round, and one vector.
 const PASSED: usize = (TOGETHER + 2) * WIDTH;
 
-/// Room for a batch's rays, walked side by side. (Nothing until there are any: it is some 70 KiB.)
+/// Room for rays, walked side by side. (Nothing until there are any: it is some 70 KiB.)
 #[derive(Default)]
 pub(in crate::trace) struct Together {
     walks: Option<Box<Walks>>,
 }
 
 struct Walks {
+    /// Which eight rays of the batch are in each group's places, and whose places are taken (a byte of ones each); the next
+    /// eight to come.
+    eights: [usize; GROUPS],
+    taken: u64,
+    next_eight: usize,
     prepared: Prepared<TOGETHER>,
     /// What each visits next, and its stack with the top.
     next: [Child; TOGETHER],
@@ -52,14 +59,17 @@ struct Walks {
     at_node: u64,
     at_leaf: u64,
     waits: u64,
-    /// A bit each: who needs a longer stack.
-    too_deep: u64,
+    /// A bit each: who has to be taken by itself.
+    left_out: u64,
     effort: Effort,
 }
 
 impl Default for Walks {
     fn default() -> Self {
         Self {
+            eights: [0; GROUPS],
+            taken: 0,
+            next_eight: 0,
             prepared: Prepared::NONE,
             next: [Child::NONE; TOGETHER],
             top: [0; TOGETHER],
@@ -74,7 +84,7 @@ impl Default for Walks {
             at_node: 0,
             at_leaf: 0,
             waits: 0,
-            too_deep: 0,
+            left_out: 0,
             effort: Effort::default(),
         }
     }
@@ -86,59 +96,89 @@ impl Together {
         self.walks.as_ref().map_or(Effort::default(), |walks| walks.effort)
     }
 
-    /// Finds the nearest hits (with `any`, a hit) of up to 64 rays in mesh 0, in its space. Gives the rays that have to be
-    /// taken one by one, a bit each.
-    #[inline(always)]
-    pub fn walk<S: Lanes>(&mut self, wide: &Wide, rays: &Batch, any: bool, nearest: &mut Nearest) -> u64 {
-        if wide.nodes.is_empty() {
-            return 0;
-        }
+    /// Makes ready for another batch.
+    pub fn begin(&mut self) {
         let walks = self.walks.get_or_insert_default();
-        let all = u64::MAX >> (TOGETHER - rays.directions.len());
-        let tame = walks.start::<S>(wide, rays) & all;
-        (walks.at_node, walks.at_leaf, walks.too_deep) = (tame, 0, 0);
-        (walks.waits, walks.waiting) = (0, 0);
-        while walks.at_node | walks.at_leaf | walks.waits != 0 || walks.waiting > 0 {
+        (walks.taken, walks.next_eight) = (0, 0);
+        (walks.at_node, walks.at_leaf, walks.waits, walks.waiting) = (0, 0, 0, 0);
+    }
+
+    /// Finds the nearest hits (with `any`, a hit) of eight more rays of a batch in mesh 0, in its space: which eight (their
+    /// hits are the first of `nearest`), and those of them that have to be taken one by one, a bit each. Eights come in any
+    /// order; the batch's last may be fewer. `None` if there are no more.
+    #[inline(always)]
+    pub fn next_eight<S: Lanes>(
+        &mut self,
+        wide: &Wide,
+        rays: &Batch,
+        any: bool,
+        nearest: &mut Nearest,
+    ) -> Option<(usize, u32)> {
+        let walks = self.walks.get_or_insert_default();
+        loop {
+            let done = walks.taken & !whole_bytes(walks.at_node | walks.at_leaf | walks.waits);
+            if done != 0 {
+                let group = done.trailing_zeros() as usize / 8;
+                walks.taken &= !(0xff << (8 * group));
+                return Some(walks.leave(group, nearest));
+            }
+            while walks.taken != u64::MAX && walks.next_eight * 8 < rays.directions.len() {
+                let group = (!walks.taken).trailing_zeros() as usize / 8;
+                walks.enter::<S>(group, wide, rays);
+            }
+            if walks.taken == 0 {
+                return None;
+            }
+            // Those that come to a leaf now get there next time, when it has been asked for.
             let at_leaf = std::mem::take(&mut walks.at_leaf);
             walks.visit_nodes::<S>(wide);
             walks.visit_leaves::<S>(wide, rays, any, at_leaf);
         }
-        let rest = all & (!tame | walks.too_deep);
-        let mut hits = walks.hit & !rest;
-        while hits != 0 {
-            let ray = hits.trailing_zeros() as usize;
-            hits &= hits - 1;
-            let (t, slot) = (walks.t[ray], Slot(walks.slot[ray]));
-            nearest.set(ray, Some(Best { t, placement: 0, slot }));
-        }
-        rest
     }
 }
 
 impl Walks {
-    /// Prepares rays and puts them at the root. A bit for each that f32 is of use for.
+    /// Prepares the next eight rays and puts them at the root.
     #[inline(always)]
-    fn start<S: Lanes>(&mut self, wide: &Wide, rays: &Batch) -> u64 {
-        let (mut tame, mut room) = (0, [DVec3::ZERO; 8]);
-        for group in 0..rays.directions.len().div_ceil(8) {
-            let [x, y, z] = S::Doubles::load_xyz(eight(rays.directions, group, &mut room));
-            let d = Xyz(x, y, z);
-            let o = match rays.origins {
-                Origins::Common(origin) => Xyz::constant(origin),
-                Origins::Each(origins) => {
-                    let [x, y, z] = S::Doubles::load_xyz(eight(origins, group, &mut room));
-                    Xyz(x, y, z)
-                }
-            };
-            let limits = (rays.t_min, rays.t_max);
-            tame |= u64::from(self.prepared.prepare::<S>(group, o, d, wide.largest, limits)) << (8 * group);
+    fn enter<S: Lanes>(&mut self, group: usize, wide: &Wide, rays: &Batch) {
+        let eight_rays = self.next_eight;
+        self.next_eight += 1;
+        self.eights[group] = eight_rays;
+        let places = 0xff << (8 * group);
+        self.taken |= places;
+        let (o, d) = rays.eight::<S>(eight_rays);
+        let tame = self.prepared.prepare::<S>(group, o, d, wide.largest, (rays.t_min, rays.t_max));
+        let all = 0xff_u32 >> (8 - (rays.directions.len() - 8 * eight_rays).min(8));
+        self.left_out = self.left_out & !places | u64::from(all & !tame) << (8 * group);
+        if !wide.nodes.is_empty() {
+            self.at_node |= u64::from(all & tame) << (8 * group);
         }
-        for ray in 0..rays.directions.len() {
-            self.stacked(ray).clear();
+        self.hit &= !places;
+        for place in 8 * group..8 * group + 8 {
+            self.stacked(place).clear();
+            (self.next[place], self.top[place], self.t[place]) = (Child::node(0), BOTTOM as u32, rays.t_max);
         }
-        (self.next, self.top) = ([Child::node(0); TOGETHER], [BOTTOM as u32; TOGETHER]);
-        (self.t, self.hit) = ([rays.t_max; TOGETHER], 0);
-        tame
+    }
+
+    /// Gives up a group's places: which eight rays they were, and those that have to be taken by themselves.
+    #[inline(always)]
+    fn leave(&self, group: usize, nearest: &mut Nearest) -> (usize, u32) {
+        let left_out = (self.left_out >> (8 * group)) as u32 & 0xff;
+        nearest.clear();
+        for k in 0..8 {
+            let place = 8 * group + k;
+            if (self.hit & !self.left_out) >> place & 1 != 0 {
+                let (t, slot) = (self.t[place], Slot(self.slot[place]));
+                nearest.set(k, Some(Best { t, placement: 0, slot }));
+            }
+        }
+        (self.eights[group], left_out)
+    }
+
+    /// Which ray of the batch is in a place.
+    #[inline(always)]
+    fn ray(&self, place: usize) -> usize {
+        8 * self.eights[place / 8] + place % 8
     }
 
     #[inline(always)]
@@ -167,7 +207,7 @@ impl Walks {
             rest &= rest - 1;
             let top = self.top[ray] as usize;
             if top > DEPTH - WIDTH {
-                self.too_deep |= 1 << ray;
+                self.left_out |= 1 << ray;
                 continue;
             }
             let node = &wide.nodes[self.next[ray].bits() as usize];
@@ -192,7 +232,8 @@ impl Walks {
             let (mut maybe, sure) = self.prepared.test_leaf::<S>(ray, &block);
             tests += block.triangles as u64;
             if maybe & !sure != 0 {
-                maybe = maybe & sure | passing(block, maybe & !sure, rays.ray(ray), &mut self.effort);
+                maybe =
+                    maybe & sure | passing(block, maybe & !sure, rays.ray(self.ray(ray)), &mut self.effort);
             }
             goes_on |= u64::from(maybe == 0) << ray;
             // Whether it is none or one is hard to tell beforehand: no branch. More are rare.
@@ -214,9 +255,12 @@ impl Walks {
         let mut start = 0;
         while count - start >= WIDTH || (count > start && self.at_node | self.at_leaf | goes_on == 0) {
             let some = (count - start).min(WIDTH);
-            goes_on |= self.better::<S>(wide, rays, any, start, some) & self.waits;
-            self.waits &= !goes_on;
+            let of = self.better::<S>(wide, rays, any, start, some);
             start += some;
+            // Whoever has another in the next eight goes on after that: its place is not to be given to someone else before.
+            let next = u64::from(start < count) << (self.passed_by[start] as usize % TOGETHER);
+            goes_on |= of & !next;
+            self.waits &= !goes_on;
         }
         self.waiting = count - start;
         self.passed.copy_within(start..start + WIDTH, 0);
@@ -238,19 +282,20 @@ impl Walks {
     /// Betters rays' hits by up to eight triangles that they pass through. Gives the rays, a bit each.
     #[inline(always)]
     fn better<S: Lanes>(&mut self, wide: &Wide, rays: &Batch, any: bool, start: usize, count: usize) -> u64 {
-        let slots: &mut [u32; WIDTH] = (&mut self.passed[start..start + WIDTH]).try_into().unwrap();
-        let passed_by: &[u8; WIDTH] = self.passed_by[start..start + WIDTH].try_into().unwrap();
+        let mut slots: [u32; WIDTH] = self.passed[start..start + WIDTH].try_into().unwrap();
+        let passed_by: [u8; WIDTH] = self.passed_by[start..start + WIDTH].try_into().unwrap();
         let (mut origins, mut directions) = ([DVec3::ZERO; WIDTH], [DVec3::ZERO; WIDTH]);
         let mut of = 0;
         for k in 0..count {
-            of |= 1 << (passed_by[k] % TOGETHER as u8);
-            let LocalRay { origin, direction } = rays.ray(usize::from(passed_by[k]));
+            let place = usize::from(passed_by[k]) % TOGETHER;
+            of |= 1 << place;
+            let LocalRay { origin, direction } = rays.ray(self.ray(place));
             (origins[k], directions[k]) = (origin, direction);
         }
         // What is worked out for lanes past the last is not used.
         let first = slots[0];
         slots[count..].fill(first);
-        let (corners, ids) = Block::corners::<S>(&wide.blocks, S::Words::load(slots));
+        let (corners, ids) = Block::corners::<S>(&wide.blocks, S::Words::load(&slots));
         let [[x, y, z], [dx, dy, dz]] = [S::Doubles::load_xyz(&origins), S::Doubles::load_xyz(&directions)];
         let o = Xyz(x, y, z);
         let [a, b, c] = [in_f64(corners[0]), in_f64(corners[1]), in_f64(corners[2])];
@@ -262,7 +307,7 @@ impl Walks {
         for k in 0..count {
             let (ray, slot) = (usize::from(passed_by[k]) % TOGETHER, slots[k]);
             if within >> k & 1 == 0 {
-                t[k] = depth_in_box(wide, Slot(slot), rays.ray(ray));
+                t[k] = depth_in_box(wide, Slot(slot), rays.ray(self.ray(ray)));
             }
             let (t, known) = (t[k], self.t[ray]);
             let is_first = self.hit >> ray & 1 == 0;
@@ -288,4 +333,58 @@ impl Walks {
 fn depth_in_box(wide: &Wide, slot: Slot, ray: LocalRay) -> f64 {
     let positions = Block::at(&wide.blocks, slot.granule()).positions(slot.lane());
     Corners::from_positions(positions, ray.origin).depth(ray.direction)
+}
+
+/// All ones in the bytes that aren't 0.
+#[inline(always)]
+fn whole_bytes(x: u64) -> u64 {
+    const LOW: u64 = 0x7f7f_7f7f_7f7f_7f7f;
+    let high = (((x & LOW) + LOW) | x) & !LOW;
+    (high >> 7) * 0xff
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Mesh;
+    use crate::trace::Origins;
+    use crate::trace::lanes::Portable;
+    use crate::trace::wide;
+
+    /// One triangle in front of the other, the nearer the smaller: each level leaves all but the nearest of a node's children.
+    #[test]
+    fn rays_that_need_a_longer_stack_are_told() {
+        let nested = |count: u32| {
+            let mut mesh = Mesh::default();
+            for i in 0..count {
+                let size = libm::powf(1.02, i as f32);
+                mesh.positions.extend([
+                    [-size, -size, size],
+                    [3.0 * size, -size, size],
+                    [-size, 3.0 * size, size],
+                ]);
+                mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+            }
+            wide::build(&mesh)
+        };
+        let directions: Vec<_> = (0..20).map(|k| DVec3::new(f64::from(k) * 1e-3, 0.0, 1.0)).collect();
+        let origins = Origins::Common(DVec3::new(0.0, 0.0, -1.0));
+        let rays = Batch { origins, directions: &directions, t_min: 0.0, t_max: f64::INFINITY };
+        for (count, is_deep) in [(10, false), (1300, true)] {
+            let wide = nested(count);
+            let (mut together, mut nearest) = (Together::default(), Nearest::new(rays.t_max));
+            together.begin();
+            let mut seen = Vec::new();
+            while let Some((eight, left_out)) =
+                together.next_eight::<Portable>(&wide, &rays, false, &mut nearest)
+            {
+                let present = if eight == 2 { 0x0f } else { 0xff };
+                assert_eq!(left_out, if is_deep { present } else { 0 }, "{count} triangles, eight {eight}");
+                assert_eq!(nearest.hits(0), present & !left_out);
+                seen.push(eight);
+            }
+            seen.sort();
+            assert_eq!(seen, [0, 1, 2]);
+        }
+    }
 }

@@ -111,6 +111,9 @@ pub(super) const GRANULE: usize = 4;
 /// The largest number of granules that a slot can tell apart.
 pub(super) const MAX_GRANULES: usize = 1 << 29;
 
+/// With fewer nodes than these, they and their leaves are in the cache as it is (a megabyte and a half of both).
+const IN_CACHE: usize = 1024;
+
 /// Words after the last block, so that whole vectors may be read from anywhere in it.
 const TAIL: usize = 3 * WIDTH;
 
@@ -242,6 +245,9 @@ impl Wide {
     /// Asks for what a child is: a node, or a block's first cache lines.
     #[inline(always)]
     pub fn prefetch<S: Lanes>(&self, child: Child) {
+        if self.nodes.len() < IN_CACHE {
+            return;
+        }
         // Both addresses are worked out and one is taken, since nobody can predict which it is. Nothing is read from them: a
         // child that is none does no harm.
         let node = self.nodes.as_ptr().wrapping_add(child.number() as usize).cast::<u32>();
