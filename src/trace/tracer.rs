@@ -580,7 +580,7 @@ impl Batch<'_> {
     }
 }
 
-/// Rays in no packet that are taken together at most: so many that few are left without company at the end, and that their
+/// About how many rays in no packet are taken together: so many that few are left without company at the end, and that their
 /// origins stay in the cache.
 const MANY: usize = 512;
 
