@@ -13,6 +13,7 @@
 //! Hits are written in full (f64 depth, u, v, normal, ids), a work item at a time into memory that is used again, as a scan
 //! does.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -63,6 +64,11 @@ fn main() {
     }
 }
 
+thread_local! {
+    /// Where a thread's hits go, item by item.
+    static HITS: RefCell<Vec<Option<Hit>>> = const { RefCell::new(Vec::new()) };
+}
+
 struct Caster<'s> {
     scene: &'s Scene,
     tracer: Tracer<'s>,
@@ -100,23 +106,24 @@ impl Caster<'_> {
         };
         let tracer = &self.tracer;
         let items = directions.len().div_ceil(ITEM);
-        let cast = |hits: &mut Vec<Option<Hit>>, item: usize| {
+        let cast = |item: usize| {
             let rays = rays(item);
-            hits.resize(rays.directions.len(), None);
-            tracer.cast(&rays, hits);
+            HITS.with_borrow_mut(|hits| {
+                hits.resize(rays.directions.len(), None);
+                tracer.cast(&rays, hits);
+            });
         };
         let (start, cpu) = (Instant::now(), thread_time());
         let mut times = 0_u32;
         if threads == 1 {
-            let mut hits = Vec::new();
             while start.elapsed().as_secs_f64() < LEAST_S {
-                (0..items).for_each(|item| cast(&mut hits, item));
+                (0..items).for_each(cast);
                 times += 1;
             }
         } else {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             while start.elapsed().as_secs_f64() < LEAST_S {
-                pool.install(|| (0..items).into_par_iter().for_each_init(Vec::new, cast));
+                pool.install(|| (0..items).into_par_iter().for_each(cast));
                 times += 1;
             }
         }
