@@ -109,7 +109,8 @@ pub(super) fn may_be_packet(wide: &Wide, origins: Origins) -> bool {
     }
 }
 
-/// What a tile knows of each of its rays: room that is used again from tile to tile.
+/// What a tile knows of each of its rays: room that is used again from tile to tile. (Sixteen are read at a time, from whole
+/// cache lines.)
 #[repr(align(64))]
 pub(super) struct PerRay {
     /// g_u and g_v.
