@@ -217,7 +217,6 @@ impl<'s> Tracer<'s> {
         let hits = &mut hits[range.clone()];
         let batch = self.batch(rays, range, origins);
         let mut nearest = Nearest::new(batch.t_max);
-        room.together.begin();
         let mut eights = 0..hits.len().div_ceil(8);
         while let Some(eight) = self.next_eight::<S>(&batch, false, &mut eights, &mut nearest, room) {
             let rays = 8 * eight..(8 * eight + 8).min(hits.len());
@@ -517,7 +516,6 @@ impl Work for Any<'_, '_, '_> {
         let mut nearest = Nearest::new(rays.t_max);
         for (start, blocked) in (0..).step_by(MANY).zip(blocked.chunks_mut(MANY)) {
             let batch = tracer.batch(rays, start..start + blocked.len(), &mut origins);
-            room.single.together.begin();
             let mut eights = 0..blocked.len().div_ceil(8);
             while let Some(eight) =
                 tracer.next_eight::<S>(&batch, true, &mut eights, &mut nearest, &mut room.single)
@@ -598,7 +596,7 @@ pub(super) struct Best {
 }
 
 thread_local! {
-    /// A thread's room, unless it is in use: some 50 KiB, which take as long to make as a thousand rays in a small scene.
+    /// A thread's room, unless it is in use: tens of kilobytes that need not be made for each call.
     static ROOM: Cell<Option<Box<Room>>> = const { Cell::new(None) };
 }
 

@@ -41,7 +41,7 @@
 //! A box or triangle is passed over only if it begins behind the upper end.
 
 use super::walk::{Leaf, RelativeBox};
-use super::{BUNDLES, RAYS, Set, TINY, Tile, U, bits, sixteen, sixteen_mut};
+use super::{BUNDLES, RAYS, Set, TINY, Tile, U, at, at_mut, bits};
 use crate::trace::effort::Effort;
 use crate::trace::exact::{Candidate, Corners};
 use crate::trace::lanes::{Lanes, Mask, Pair, Triple, Words};
@@ -154,8 +154,8 @@ impl<const APART: bool> Tile<'_, APART> {
         chosen.bundle_count = 0;
         for bundle in bits(bundles) {
             let bundle = bundle & (BUNDLES - 1);
-            let (gu, gv) = (S::Pair::load(sixteen(&g[0], bundle)), S::Pair::load(sixteen(&g[1], bundle)));
-            let far = S::Pair::load(sixteen(z_high, bundle));
+            let (gu, gv) = (S::Pair::load(at(&g[0], 16 * bundle)), S::Pair::load(at(&g[1], 16 * bundle)));
+            let far = S::Pair::load(at(z_high, 16 * bundle));
             let (u, v) = ([gu.mul(near), gu.mul(end)], [gv.mul(near), gv.mul(end)]);
             let alive = high[0].ge(u[0].min(u[1]))
                 & u[0].max(u[1]).ge(low[0])
@@ -169,11 +169,11 @@ impl<const APART: bool> Tile<'_, APART> {
             chosen.bundle_count += 1;
             gu.store_some(alive, at_mut(&mut chosen.g[0], count));
             gv.store_some(alive, at_mut(&mut chosen.g[1], count));
-            S::Pair::load(sixteen(z_low, bundle)).store_some(alive, at_mut(&mut chosen.z_low, count));
+            S::Pair::load(at(z_low, 16 * bundle)).store_some(alive, at_mut(&mut chosen.z_low, count));
             far.store_some(alive, at_mut(&mut chosen.z_high, count));
             if APART {
                 for (from, to) in moment.iter().zip(&mut chosen.moment) {
-                    S::Pair::load(sixteen(from, bundle)).store_some(alive, at_mut(to, count));
+                    S::Pair::load(at(from, 16 * bundle)).store_some(alive, at_mut(to, count));
                 }
             }
             count += alive.count_ones() as usize;
@@ -271,16 +271,16 @@ impl<const APART: bool> Tile<'_, APART> {
         for &(bundle, alive) in &chosen.bundles[..chosen.bundle_count] {
             let bundle = usize::from(bundle) & (BUNDLES - 1);
             let alive = u32::from(alive);
-            let old_high = S::Pair::load(sixteen(z_high, bundle));
+            let old_high = S::Pair::load(at(z_high, 16 * bundle));
             let high = old_high.load_some(alive, at(&chosen.z_high, count));
-            high.store(sixteen_mut(z_high, bundle));
-            let low = S::Pair::load(sixteen(z_low, bundle)).load_some(alive, at(&chosen.z_low, count));
-            low.store(sixteen_mut(z_low, bundle));
+            high.store(at_mut(z_high, 16 * bundle));
+            let low = S::Pair::load(at(z_low, 16 * bundle)).load_some(alive, at(&chosen.z_low, count));
+            low.store(at_mut(z_low, 16 * bundle));
             // Whoever has something new has it strictly before what it had.
             let nearer = alive & !high.ge(old_high);
-            let old = S::Pair::load_words(sixteen(slot, bundle));
+            let old = S::Pair::load_words(at(slot, 16 * bundle));
             let new = old.load_some_words(alive, at(&chosen.slot, count));
-            S::Pair::select(nearer, new, old).store_words(sixteen_mut(slot, bundle));
+            S::Pair::select(nearer, new, old).store_words(at_mut(slot, 16 * bundle));
             changed |= Set::from(nearer) << (16 * bundle);
             count += alive.count_ones() as usize;
         }
@@ -480,15 +480,4 @@ fn dot_onto<P: Pair>([u, v, w]: [P; 3], [mu, mv, mw]: [P; 3], term: P) -> P {
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
-}
-
-/// So many of the chosen.
-#[inline(always)]
-fn at<T, const N: usize>(values: &[T; ROOM], first: usize) -> &[T; N] {
-    values[first..first + N].try_into().unwrap()
-}
-
-#[inline(always)]
-fn at_mut<T, const N: usize>(values: &mut [T; ROOM], first: usize) -> &mut [T; N] {
-    (&mut values[first..first + N]).try_into().unwrap()
 }

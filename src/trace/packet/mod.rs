@@ -86,7 +86,7 @@ impl Nearest {
     /// The slots and placements of a group's hits.
     #[inline(always)]
     pub fn places(&self, group: usize) -> (&[u32; 8], &[u32; 8]) {
-        (eight(&self.slot, group), eight(&self.placement, group))
+        (at(&self.slot, 8 * group), at(&self.placement, 8 * group))
     }
 
     pub fn set(&mut self, ray: usize, best: Option<Best>) {
@@ -286,8 +286,8 @@ impl<'a, const APART: bool> Tile<'a, APART> {
             steepest = steepest.max(steep);
             longest = longest.max(along);
             let [all_u, all_v] = &mut tile.rays.g;
-            gu.to_floats().store(eight_mut(all_u, group));
-            gv.to_floats().store(eight_mut(all_v, group));
+            gu.to_floats().store(at_mut(all_u, 8 * group));
+            gv.to_floats().store(at_mut(all_v, 8 * group));
             let mut start = zero;
             if let (true, Origins::Each(all)) = (APART, origins) {
                 let points = S::Doubles::load_xyz(eight_points(all, group, &mut room));
@@ -298,18 +298,18 @@ impl<'a, const APART: bool> Tile<'a, APART> {
                 let sv = ov.sub(S::Doubles::splat(origin[axes[1]])).sub(gv.mul(start));
                 let two = S::Doubles::splat(2.0);
                 let [m_u, m_v, m_w] = &mut tile.rays.moment;
-                sv.mul(S::Doubles::splat(-2.0)).to_floats().store(eight_mut(m_u, group));
-                su.mul(two).to_floats().store(eight_mut(m_v, group));
-                gu.mul(sv).sub(gv.mul(su)).mul(two).to_floats().store(eight_mut(m_w, group));
+                sv.mul(S::Doubles::splat(-2.0)).to_floats().store(at_mut(m_u, 8 * group));
+                su.mul(two).to_floats().store(at_mut(m_v, 8 * group));
+                gu.mul(sv).sub(gv.mul(su)).mul(two).to_floats().store(at_mut(m_w, 8 * group));
                 least_s = [least_s[0].min(su), least_s[1].min(sv)];
                 most_s = [most_s[0].max(su), most_s[1].max(sv)];
             }
             if has_hits {
-                let z = S::Doubles::load(eight(&nearest.t, group)).mul(along).add(start).to_floats();
+                let z = S::Doubles::load(at(&nearest.t, 8 * group)).mul(along).add(start).to_floats();
                 let room = z.mul_add(S::splat(4.0 * U), S::splat(TINY));
                 let is_finite = S::splat(f32::MAX).ge(z);
-                S::select(is_finite, z.sub(room), z).store(eight_mut(&mut tile.rays.z_low, group));
-                S::select(is_finite, z.add(room), z).store(eight_mut(&mut tile.rays.z_high, group));
+                S::select(is_finite, z.sub(room), z).store(at_mut(&mut tile.rays.z_low, 8 * group));
+                S::select(is_finite, z.add(room), z).store(at_mut(&mut tile.rays.z_high, 8 * group));
             }
         }
         let padded = groups * 8;
@@ -352,13 +352,13 @@ impl<'a, const APART: bool> Tile<'a, APART> {
         }
         for (g, sides) in tile.rays.g.iter_mut().zip(&mut tile.rectangle) {
             // Rays of an earlier tile are not this one's.
-            let last = *eight(g, groups - 1);
+            let last: [f32; 8] = *at(g, 8 * (groups - 1));
             for group in groups..GROUPS {
-                *eight_mut(g, group) = last;
+                *at_mut(g, 8 * group) = last;
             }
             let (mut turned, mut upright) = ([S::splat(0.0); BUNDLES], [S::splat(0.0); BUNDLES]);
             for bundle in 0..BUNDLES {
-                let (a, b) = (S::load(eight(g, 2 * bundle)), S::load(eight(g, 2 * bundle + 1)));
+                let (a, b) = (S::load(at(g, 16 * bundle)), S::load(at(g, 16 * bundle + 8)));
                 (turned[bundle], upright[bundle]) = (a.max(b).neg(), a.min(b));
             }
             let (turned, upright) = (S::least_of_each(turned), S::least_of_each(upright));
@@ -420,7 +420,7 @@ impl<'a, const APART: bool> Tile<'a, APART> {
     #[inline(always)]
     fn farthest_of<S: Lanes>(&self, bundle: usize) -> f32 {
         let z_high = &self.rays.z_high;
-        S::load(eight(z_high, 2 * bundle)).max(S::load(eight(z_high, 2 * bundle + 1))).largest()
+        S::load(at(z_high, 16 * bundle)).max(S::load(at(z_high, 16 * bundle + 8))).largest()
     }
 
     /// Bounds of the depth along w, from o, of a depth along a ray.
@@ -484,22 +484,13 @@ fn bits(mut set: u32) -> impl Iterator<Item = usize> {
     })
 }
 
+/// So many of a table's elements from `first` on.
 #[inline(always)]
-fn eight<T>(values: &[T; RAYS], group: usize) -> &[T; 8] {
-    values[group * 8..group * 8 + 8].try_into().unwrap()
+fn at<T, const LENGTH: usize, const N: usize>(values: &[T; LENGTH], first: usize) -> &[T; N] {
+    values[first..first + N].try_into().unwrap()
 }
 
 #[inline(always)]
-fn eight_mut<T>(values: &mut [T; RAYS], group: usize) -> &mut [T; 8] {
-    (&mut values[group * 8..group * 8 + 8]).try_into().unwrap()
-}
-
-#[inline(always)]
-fn sixteen<T>(values: &[T; RAYS], bundle: usize) -> &[T; 16] {
-    values[bundle * 16..bundle * 16 + 16].try_into().unwrap()
-}
-
-#[inline(always)]
-fn sixteen_mut<T>(values: &mut [T; RAYS], bundle: usize) -> &mut [T; 16] {
-    (&mut values[bundle * 16..bundle * 16 + 16]).try_into().unwrap()
+fn at_mut<T, const LENGTH: usize, const N: usize>(values: &mut [T; LENGTH], first: usize) -> &mut [T; N] {
+    (&mut values[first..first + N]).try_into().unwrap()
 }

@@ -2,8 +2,8 @@
 //!
 //! Most of what a ray by itself takes is waiting: for memory, and for branches that go either way as often. So rays take turns,
 //! a step each, and ask for what they visit next a round ahead. Where eight are done, the next eight take their places: of many
-//! rays there are always enough to wait in turn. (Sixteen to sixty-four side by side are ever quicker; of 128 what they need
-//! no longer fits the first cache.) Nodes and leaves have loops of their own, and which child is next, or whether it is
+//! rays there are always enough to wait in turn. (Sixteen, thirty-two, sixty-four side by side are ever quicker; a hundred and
+//! twenty-eight are not.) Nodes and leaves have loops of their own, and which child is next, or whether it is
 //! something from the stack, is computed without a branch. A ray that passes through a triangle waits until there are eight
 //! such triangles, and their depths are worked out together.
 
@@ -98,16 +98,9 @@ impl Together {
         self.walks.as_ref().map_or(Effort::default(), |walks| walks.effort)
     }
 
-    /// Makes ready for another batch.
-    pub fn begin(&mut self) {
-        let walks = self.walks.get_or_insert_default();
-        (walks.taken, walks.next_eight) = (0, 0);
-        (walks.at_node, walks.at_leaf, walks.waits, walks.waiting) = (0, 0, 0, 0);
-    }
-
     /// Finds the nearest hits (with `any`, a hit) of eight more rays of a batch in mesh 0, in its space: which eight (their
     /// hits are the first of `nearest`), and those of them that have to be taken one by one, a bit each. Eights come in any
-    /// order; the batch's last may be fewer. `None` if there are no more.
+    /// order; the batch's last may be fewer. `None` if there are no more, and only then another batch may follow.
     #[inline(always)]
     pub fn next_eight<S: Lanes>(
         &mut self,
@@ -129,6 +122,8 @@ impl Together {
                 walks.enter::<S>(group, wide, rays);
             }
             if walks.taken == 0 {
+                // Nobody is left: another batch may begin.
+                walks.next_eight = 0;
                 return None;
             }
             // Those that come to a leaf now get there next time, when it has been asked for.
@@ -375,7 +370,6 @@ mod tests {
         for (count, is_deep) in [(10, false), (1300, true)] {
             let wide = nested(count);
             let (mut together, mut nearest) = (Together::default(), Nearest::new(rays.t_max));
-            together.begin();
             let mut seen = Vec::new();
             while let Some((eight, left_out)) =
                 together.next_eight::<Portable>(&wide, &rays, false, &mut nearest)

@@ -111,7 +111,7 @@ pub(super) const GRANULE: usize = 4;
 /// The largest number of granules that a slot can tell apart.
 pub(super) const MAX_GRANULES: usize = 1 << 29;
 
-/// With fewer nodes than these, they and their leaves are in the cache as it is (a megabyte and a half of both).
+/// With fewer nodes than these, they and their leaves are in the cache as it is (about a megabyte of both).
 const IN_CACHE: usize = 1024;
 
 /// Words after the last block, so that whole vectors may be read from anywhere in it.
