@@ -10,8 +10,8 @@ use super::pipeline::{self, Bytes, JobArgs, Plan};
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::scan::Progress;
-use crate::trace::kernel::Caster;
-use crate::trace::{Cast, Effort, Hit, Rays, Tracer};
+use crate::trace::AnyTracer;
+use crate::trace::{Cast, Hit, Rays, Tracer, TraversalStats};
 
 /// The arguments of `beamcast bench`.
 #[derive(Debug, clap::Args)]
@@ -44,7 +44,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     terminal.with_progress(plan.rays.saturating_mul(repeat as u64), &progress, || {
         for _ in 0..repeat {
             let start = Instant::now();
-            let tracer = Caster::build(&scene, job.kernel);
+            let tracer = AnyTracer::build(&scene, job.kernel);
             builds.push(start.elapsed().as_secs_f64());
             tracer_bytes = tracer.bytes();
             let start = Instant::now();
@@ -52,7 +52,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
                 pipeline::cast(&job, sensor, &scene, &tracer, &progress);
             }
             casts.push(start.elapsed().as_secs_f64());
-            if let (Caster::Exact(tracer), None) = (&tracer, effort) {
+            if let (AnyTracer::Exact(tracer), None) = (&tracer, effort) {
                 let counting = Counting { tracer, effort: Mutex::default() };
                 for sensor in &job.sensors {
                     pipeline::cast(&job, sensor, &scene, &counting, &Progress::default());
@@ -115,7 +115,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 /// A tracer that adds up what its casts take.
 struct Counting<'t> {
     tracer: &'t Tracer<'t>,
-    effort: Mutex<Effort>,
+    effort: Mutex<TraversalStats>,
 }
 
 impl Cast for Counting<'_> {

@@ -20,7 +20,7 @@ use crate::error::Error;
 use crate::output::{Capture, Destination, encode_png, write_file};
 use crate::scan::Frame;
 use crate::scene::Scene;
-use crate::trace::kernel::Caster;
+use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast check`.
 #[derive(Debug, clap::Args)]
@@ -226,7 +226,7 @@ fn check_all(
             }
         };
         // One hierarchy a kernel; nearly always one.
-        let mut casters: Vec<(Option<&str>, Caster)> = Vec::new();
+        let mut casters: Vec<(Option<&str>, AnyTracer)> = Vec::new();
         for entry in &mut entries[first..] {
             let State::Ready(job, _) = &entry.state else { continue };
             if SceneKey::of(job) != shared {
@@ -236,7 +236,7 @@ fn check_all(
             let caster = match casters.iter().position(|(name, _)| *name == kernel) {
                 Some(known) => &casters[known].1,
                 None => {
-                    casters.push((kernel, Caster::build(&scene, job.kernel)));
+                    casters.push((kernel, AnyTracer::build(&scene, job.kernel)));
                     &casters[casters.len() - 1].1
                 }
             };
@@ -274,7 +274,7 @@ fn check_job(
     args: &Args,
     job: &Job,
     scene: &Scene,
-    caster: &Caster,
+    caster: &AnyTracer,
     outcome: &mut Outcome,
     terminal: &Terminal,
     interrupt: &Interrupt,

@@ -16,7 +16,7 @@ use crate::config;
 use crate::error::Error;
 use crate::output::recorded::{Cloud, Recorded};
 use crate::output::{CHANNELS, Image, encode_png, write_file};
-use crate::trace::kernel::Caster;
+use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast diff`.
 #[derive(Debug, clap::Args)]
@@ -187,7 +187,7 @@ fn run_job(path: &Path, terminal: &Terminal, interrupt: &Interrupt) -> Result<Si
     let plan = Plan::of(&job)?;
     let scene = pipeline::load_scene(&job, terminal)?;
     interrupt.check()?;
-    let caster = Caster::build(&scene, job.kernel);
+    let caster = AnyTracer::build(&scene, job.kernel);
     let items = terminal.with_progress(plan.rays, interrupt.progress(), || {
         let mut items = BTreeMap::new();
         for mounted in &job.sensors {

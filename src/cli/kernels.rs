@@ -14,7 +14,7 @@ use super::terminal::Terminal;
 use crate::error::Error;
 use crate::frame::UpAxis;
 use crate::scene::{Scene, gltf};
-use crate::trace::kernel::{Culling, Edges};
+use crate::trace::methods::{Culling, Edges};
 use measure::{AIMS, DISTANCES_M, Figures, HIT_RATIOS};
 
 /// The arguments of `beamcast kernels`.

@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::output::{Destination, Manifest, WrittenFile};
 use crate::scan::Frame;
 use crate::scene::{Scene, SourceFile};
-use crate::trace::kernel::Caster;
+use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast scan`.
 #[derive(Debug, clap::Args)]
@@ -56,7 +56,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     if args.dry_run {
         return print_plan(args, terminal, &job, &plan, &scene, &destination);
     }
-    let (tracer, build) = timed(|| Caster::build(&scene, job.kernel));
+    let (tracer, build) = timed(|| AnyTracer::build(&scene, job.kernel));
     interrupt.check()?;
 
     interrupt.uncut(|| destination.prepare(Manifest::NAME))?;
@@ -110,7 +110,7 @@ type Seen = (Vec<Statistics>, Vec<WrittenFile>, Duration, Duration);
 fn cast_and_write(
     job: &Job,
     scene: &Scene,
-    tracer: &Caster,
+    tracer: &AnyTracer,
     destination: &Destination,
     interrupt: &Interrupt,
 ) -> Result<Seen, Error> {

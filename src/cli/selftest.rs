@@ -14,7 +14,7 @@ use crate::config::{self, Config};
 use crate::error::Error;
 use crate::frame::Pose;
 use crate::sensor::Sensor;
-use crate::trace::kernel::Method;
+use crate::trace::methods::Method;
 
 /// The arguments of `beamcast selftest`.
 #[derive(Debug, clap::Args)]

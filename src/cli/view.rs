@@ -17,7 +17,7 @@ use crate::output::{Capture, Channel, CloudFrame, Destination, Image, Samples, w
 use crate::scan::{Frame, Return};
 use crate::scene::Scene;
 use crate::sensor::Camera;
-use crate::trace::kernel::Caster;
+use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast view`.
 #[derive(Debug, clap::Args)]
@@ -92,7 +92,7 @@ fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec
     let plan = Plan::of(&job)?;
     let scene = pipeline::load_scene(&job, terminal)?;
     interrupt.check()?;
-    let tracer = Caster::build(&scene, job.kernel);
+    let tracer = AnyTracer::build(&scene, job.kernel);
     let cast = || {
         let frame = |mounted| pipeline::cast(&job, mounted, &scene, &tracer, interrupt.progress());
         job.sensors.iter().filter_map(|mounted| Some(of_frame(mounted, &frame(mounted)?, &scene))).collect()

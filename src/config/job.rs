@@ -15,7 +15,7 @@ use super::{Job, MountedSensor, OutputSettings, check, sensor};
 use crate::angle::Angle;
 use crate::frame::{Pose, UpAxis};
 use crate::output::{CloudFrame, Format};
-use crate::trace::kernel::{METHODS, Method};
+use crate::trace::methods::{METHODS, Method};
 
 /// Most sensors of a rig.
 const MAX_SENSORS: usize = 64;

@@ -20,7 +20,7 @@ use crate::error::{Diagnostic, Error};
 use crate::frame::{Pose, UpAxis};
 use crate::output::{CloudFrame, Format};
 use crate::sensor::Sensor;
-use crate::trace::kernel::Method;
+use crate::trace::methods::Method;
 
 pub(crate) use near::{is_unprintable, missing_file_help, quoted};
 pub use schema::{Document, schema};

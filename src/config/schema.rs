@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::section::{self, Shape};
 use crate::output::CHANNELS;
-use crate::trace::kernel::METHODS;
+use crate::trace::methods::METHODS;
 
 /// What a schema describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

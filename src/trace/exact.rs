@@ -7,7 +7,7 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::{Effort, Hit, Origins};
+use super::{Hit, Origins, TraversalStats};
 use crate::scene::{Mesh, Placement};
 
 /// A number or several side by side, with the operations of IEEE 754 f64, whose results are fixed to the bit. The
@@ -308,10 +308,10 @@ impl Corners {
     }
 
     /// [`Corners::passes`], counted as decided in f64, and exactly if it was.
-    pub(super) fn passes_counted(&self, d: DVec3, effort: &mut Effort) -> bool {
+    pub(super) fn passes_counted(&self, d: DVec3, stats: &mut TraversalStats) -> bool {
         let (passes, is_close) = self.passes_how(d);
-        effort.in_f64 += 1;
-        effort.exactly += u64::from(is_close);
+        stats.in_f64 += 1;
+        stats.exactly += u64::from(is_close);
         passes
     }
 

@@ -7,23 +7,26 @@
 //!
 //! Rays come in batches of neighbours: a tile of an image, the beams of a firing. They are fast where they share an origin.
 
+mod any;
 mod bounds;
 mod brute;
-mod effort;
+mod bvh;
 pub mod exact;
-mod finish;
-pub mod kernel;
-mod lanes;
+mod hit_attributes;
+pub mod methods;
 mod packet;
+mod simd;
 mod single;
+mod stats;
+mod stream;
 mod tracer;
-mod wide;
 
 use bounds::Bounds;
 use glam::DVec3;
 
+pub use any::AnyTracer;
 pub use brute::BruteForce;
-pub use effort::Effort;
+pub use stats::TraversalStats;
 pub use tracer::{Instructions, Tracer};
 
 /// Rays to cast together.

@@ -6,13 +6,14 @@ use std::ops::Range;
 use glam::{DAffine3, DVec3};
 
 use super::bounds::Bounds;
+use super::bvh::{self, Bvh8, Child, LeafBlock, TriangleRef};
 use super::exact::{self, Candidate, Corners, LocalRay, Xyz};
-use super::finish::eight;
-use super::lanes::{self, Doubles, Lanes, Portable, Work};
-use super::packet::{self, Nearest, PerRay, RAYS, Tile};
-use super::single::{Single, Stack, Together};
-use super::wide::{self, Block, Child, Slot, Wide};
-use super::{Cast, Effort, Hit, Origins, Rays};
+use super::hit_attributes::eight;
+use super::packet::{self, NearestHits, PACKET_RAYS, PerRay, RayPacket};
+use super::simd::{self, F32x8, F64x8, PortableF32x8, SimdTask};
+use super::single::{SingleRay, Stack};
+use super::stream::RayStream;
+use super::{Cast, Hit, Origins, Rays, TraversalStats};
 use crate::scene::{Mesh, Placement, Scene};
 
 /// Finds the hits that [`BruteForce`](super::BruteForce) finds, bit for bit, and fast.
@@ -22,11 +23,11 @@ use crate::scene::{Mesh, Placement, Scene};
 pub struct Tracer<'s> {
     pub(super) scene: &'s Scene,
     /// One a mesh.
-    pub(super) meshes: Vec<Wide>,
+    pub(super) meshes: Vec<Bvh8>,
     /// Of each mesh, in its space.
     bounds: Vec<Bounds>,
     /// Over the placements; without nodes if all there is is mesh 0.
-    pub(super) top: Wide,
+    pub(super) top: Bvh8,
     instructions: Instructions,
     packets: bool,
 }
@@ -47,7 +48,7 @@ pub enum Instructions {
 impl<'s> Tracer<'s> {
     /// Builds the hierarchies over a scene.
     pub fn build(scene: &'s Scene) -> Self {
-        let meshes = scene.meshes.iter().map(wide::build).collect();
+        let meshes = scene.meshes.iter().map(bvh::build).collect();
         let bounds: Vec<_> = scene.meshes.iter().map(bounds_of).collect();
         let top = over_placements(scene, &bounds);
         Self { scene, meshes, bounds, top, instructions: Instructions::Best, packets: true }
@@ -79,49 +80,49 @@ impl<'s> Tracer<'s> {
 
     /// Bytes held beside the scene.
     pub fn bytes(&self) -> usize {
-        self.top.bytes() + self.meshes.iter().map(Wide::bytes).sum::<usize>()
+        self.top.bytes() + self.meshes.iter().map(Bvh8::bytes).sum::<usize>()
     }
 
     /// [`Cast::cast`], and what it took. (Nothing is counted of [`Instructions::Scalar`].)
     ///
     /// # Panics
     /// As [`Cast::cast`].
-    pub fn cast_counted(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> Effort {
+    pub fn cast_counted(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> TraversalStats {
         rays.check(hits.len());
-        match self.with_lanes(All { tracer: self, rays, hits }) {
-            Ok(effort) => effort,
+        match self.with_simd(All { tracer: self, rays, hits }) {
+            Ok(stats) => stats,
             Err(all) => {
                 self.cast_all_in_f64(all.rays, all.hits);
-                Effort::default()
+                TraversalStats::default()
             }
         }
     }
 
     /// Does something with the best lanes that there are; gives it back if there are to be none.
     #[inline]
-    fn with_lanes<W: Work>(&self, work: W) -> Result<W::Output, W> {
+    fn with_simd<W: SimdTask>(&self, work: W) -> Result<W::Output, W> {
         Ok(match self.instructions {
             #[cfg(target_arch = "x86_64")]
-            Instructions::Best if lanes::has_avx512() => lanes::with_avx512(work),
+            Instructions::Best if simd::has_avx512() => simd::run_with_avx512(work),
             #[cfg(target_arch = "x86_64")]
-            Instructions::Best | Instructions::Avx2 if lanes::has_avx2() => lanes::with_avx2(work),
-            Instructions::Best | Instructions::Avx2 | Instructions::Portable => work.run::<Portable>(),
+            Instructions::Best | Instructions::Avx2 if simd::has_avx2() => simd::run_with_avx2(work),
+            Instructions::Best | Instructions::Avx2 | Instructions::Portable => work.run::<PortableF32x8>(),
             Instructions::Scalar => return Err(work),
         })
     }
 
     /// The hits of rays, by any kind of lanes: packet by packet.
     #[inline(always)]
-    fn cast_all<S: Lanes>(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> Effort {
-        let mut room = ROOM.take().unwrap_or_default();
-        let before = room.effort();
+    fn cast_all<S: F32x8>(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> TraversalStats {
+        let mut room = SCRATCH.take().unwrap_or_default();
+        let before = room.stats();
         let mut origins = Vec::new();
         // Those in no packet, in one row as far as they go.
         let mut singles = 0..0;
-        for start in (0..hits.len()).step_by(RAYS) {
-            let end = (start + RAYS).min(hits.len());
+        for start in (0..hits.len()).step_by(PACKET_RAYS) {
+            let end = (start + PACKET_RAYS).min(hits.len());
             // Directions come from memory as often as not: ask for the next ones while these are at work.
-            for line in (end..(end + RAYS).min(hits.len())).step_by(2) {
+            for line in (end..(end + PACKET_RAYS).min(hits.len())).step_by(2) {
                 S::prefetch(rays.directions.as_ptr().wrapping_add(line).cast());
                 if let Origins::Each(origins) = rays.origins {
                     S::prefetch(origins.as_ptr().wrapping_add(line).cast());
@@ -141,9 +142,9 @@ impl<'s> Tracer<'s> {
             }
         }
         self.cast_singles::<S>(rays, singles, hits, &mut origins, &mut room.single);
-        let effort = room.effort() - before;
-        ROOM.set(Some(room));
-        effort
+        let stats = room.stats() - before;
+        SCRATCH.set(Some(room));
+        stats
     }
 
     /// Some of the rays, in the scene's space; `room` is for their origins.
@@ -166,9 +167,9 @@ impl<'s> Tracer<'s> {
         Batch { origins, directions: &rays.directions[range], t_min: rays.t_min, t_max: rays.t_max }
     }
 
-    /// The hits of those of up to [`RAYS`] rays that are packets; gives the others, a bit each.
+    /// The hits of those of up to [`PACKET_RAYS`] rays that are packets; gives the others, a bit each.
     #[inline(always)]
-    fn cast_batch<S: Lanes>(&self, batch: &Batch, hits: &mut [Option<Hit>], room: &mut Room) -> u128 {
+    fn cast_batch<S: F32x8>(&self, batch: &Batch, hits: &mut [Option<Hit>], room: &mut Scratch) -> u128 {
         let mut pending = [(0, 0); 8];
         pending[0] = (0, hits.len());
         let mut count = 1;
@@ -181,11 +182,11 @@ impl<'s> Tracer<'s> {
             let part = batch.part(from..to);
             // A packet takes as long as a few single rays; those that start apart and are no packet at once are seldom one
             // in pieces.
-            let least = if matches!(part.origins, Origins::Common(_)) { 4 } else { RAYS / 4 };
+            let least = if matches!(part.origins, Origins::Common(_)) { 4 } else { PACKET_RAYS / 4 };
             if self.packets && to - from >= 4 && packet::may_be_packet(top, part.origins) {
-                let mut nearest = Nearest::new(part.t_max);
+                let mut nearest = NearestHits::new(part.t_max);
                 if self.cast_packet::<S>(&part, &mut nearest, room) {
-                    self.finish_all::<S>(&part, &nearest, &mut hits[from..to]);
+                    self.write_hits::<S>(&part, &nearest, &mut hits[from..to]);
                     continue;
                 }
             }
@@ -203,45 +204,45 @@ impl<'s> Tracer<'s> {
 
     /// The hits of rays that are in no packet.
     #[inline(always)]
-    fn cast_singles<S: Lanes>(
+    fn cast_singles<S: F32x8>(
         &self,
         rays: &Rays,
         range: Range<usize>,
         hits: &mut [Option<Hit>],
         origins: &mut Vec<DVec3>,
-        room: &mut SingleRoom,
+        room: &mut SingleScratch,
     ) {
         if range.is_empty() {
             return;
         }
         let hits = &mut hits[range.clone()];
         let batch = self.batch(rays, range, origins);
-        let mut nearest = Nearest::new(batch.t_max);
+        let mut nearest = NearestHits::new(batch.t_max);
         let mut eights = 0..hits.len().div_ceil(8);
         while let Some(eight) = self.next_eight::<S>(&batch, false, &mut eights, &mut nearest, room) {
             let rays = 8 * eight..(8 * eight + 8).min(hits.len());
-            self.finish_all::<S>(&batch.part(rays.clone()), &nearest, &mut hits[rays]);
+            self.write_hits::<S>(&batch.part(rays.clone()), &nearest, &mut hits[rays]);
         }
     }
 
-    /// The nearest hits of up to [`RAYS`] rays; false if they are no narrow pyramid.
+    /// The nearest hits of up to [`PACKET_RAYS`] rays; false if they are no narrow pyramid.
     #[inline(always)]
-    fn cast_packet<S: Lanes>(&self, rays: &Batch, nearest: &mut Nearest, room: &mut Room) -> bool {
+    fn cast_packet<S: F32x8>(&self, rays: &Batch, nearest: &mut NearestHits, room: &mut Scratch) -> bool {
         match rays.origins {
-            Origins::Common(_) => self.cast_tile::<S, false>(rays, nearest, room),
-            Origins::Each(_) => self.cast_tile::<S, true>(rays, nearest, room),
+            Origins::Common(_) => self.cast_packet_of::<S, false>(rays, nearest, room),
+            Origins::Each(_) => self.cast_packet_of::<S, true>(rays, nearest, room),
         }
     }
 
     #[inline(always)]
-    fn cast_tile<S: Lanes, const APART: bool>(
+    fn cast_packet_of<S: F32x8, const MULTI_ORIGIN: bool>(
         &self,
         rays: &Batch,
-        nearest: &mut Nearest,
-        room: &mut Room,
+        nearest: &mut NearestHits,
+        room: &mut Scratch,
     ) -> bool {
         let limits = (rays.t_min, rays.t_max);
-        let Room {
+        let Scratch {
             top: stack,
             mesh: mesh_stack,
             carried,
@@ -251,9 +252,9 @@ impl<'s> Tracer<'s> {
             rays_of_mesh,
         } = room;
         if self.top.nodes.is_empty() {
-            let wide = &self.meshes[0];
-            let Some(mut packet) = Tile::<APART>::new::<S>(
-                wide,
+            let bvh = &self.meshes[0];
+            let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
+                bvh,
                 0,
                 rays.origins,
                 rays.directions,
@@ -267,9 +268,15 @@ impl<'s> Tracer<'s> {
             packet.leave(nearest, false);
             return true;
         }
-        let Some(mut top) =
-            Tile::<APART>::new::<S>(&self.top, 0, rays.origins, rays.directions, limits, nearest, of_top)
-        else {
+        let Some(mut top) = RayPacket::<MULTI_ORIGIN>::new::<S>(
+            &self.top,
+            0,
+            rays.origins,
+            rays.directions,
+            limits,
+            nearest,
+            of_top,
+        ) else {
             return false;
         };
         top.enter_root::<S>(stack);
@@ -277,10 +284,16 @@ impl<'s> Tracer<'s> {
             let index = leaf.number;
             let placement = &self.scene.placements[index as usize];
             let origins = exact::carry(placement, rays.origins, rays.directions, carried, carried_origins);
-            let wide = &self.meshes[placement.mesh as usize];
-            if let Some(mut packet) =
-                Tile::<APART>::new::<S>(wide, index, origins, carried, limits, nearest, rays_of_mesh)
-            {
+            let bvh = &self.meshes[placement.mesh as usize];
+            if let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
+                bvh,
+                index,
+                origins,
+                carried,
+                limits,
+                nearest,
+                rays_of_mesh,
+            ) {
                 packet.walk_mesh::<S>(mesh_stack);
                 packet.leave(nearest, true);
             } else {
@@ -298,13 +311,13 @@ impl<'s> Tracer<'s> {
     /// The nearest hits, or with `any` hits, of eight more rays of a batch: which eight. `eights` are those to come where rays
     /// are taken one by one.
     #[inline(always)]
-    fn next_eight<S: Lanes>(
+    fn next_eight<S: F32x8>(
         &self,
         rays: &Batch,
         any: bool,
         eights: &mut Range<usize>,
-        nearest: &mut Nearest,
-        room: &mut SingleRoom,
+        nearest: &mut NearestHits,
+        room: &mut SingleScratch,
     ) -> Option<usize> {
         let limits = (rays.t_min, rays.t_max);
         if !self.top.nodes.is_empty() {
@@ -317,7 +330,7 @@ impl<'s> Tracer<'s> {
             }
             return Some(eight);
         }
-        let (eight, mut rest) = room.together.next_eight::<S>(&self.meshes[0], rays, any, nearest)?;
+        let (eight, mut rest) = room.stream.next_eight::<S>(&self.meshes[0], rays, any, nearest)?;
         while rest != 0 {
             let k = rest.trailing_zeros() as usize;
             rest &= rest - 1;
@@ -330,15 +343,15 @@ impl<'s> Tracer<'s> {
 
     /// The nearest hit of one ray, or with `any` a hit, where there are placements.
     #[inline(always)]
-    fn cast_single<S: Lanes>(
+    fn cast_single<S: F32x8>(
         &self,
         ray: LocalRay,
         limits: (f64, f64),
         any: bool,
-        best: &mut Option<Best>,
-        room: &mut SingleRoom,
+        best: &mut Option<NearestHit>,
+        room: &mut SingleScratch,
     ) {
-        let Some(mut top) = Single::new::<S>(ray, self.top.largest, limits) else {
+        let Some(mut top) = SingleRay::new::<S>(ray, self.top.largest, limits) else {
             return self.cast_in_f64(ray, limits, best, &mut room.scalar);
         };
         room.top.start(&self.top);
@@ -355,26 +368,26 @@ impl<'s> Tracer<'s> {
 
     /// Betters `best` by what one ray, of the scene's space, hits in a placement.
     #[inline(always)]
-    fn single_in<S: Lanes>(
+    fn single_in<S: F32x8>(
         &self,
         placement: u32,
         ray: LocalRay,
         limits: (f64, f64),
         any: bool,
-        best: &mut Option<Best>,
+        best: &mut Option<NearestHit>,
         stack: &mut Stack,
     ) {
         let ray = if placement == 0 { ray } else { ray.carried(&self.scene.placements[placement as usize]) };
-        let wide = self.wide(placement);
-        let Some(mut single) = Single::new::<S>(ray, wide.largest, limits) else {
+        let bvh = self.bvh(placement);
+        let Some(mut single) = SingleRay::new::<S>(ray, bvh.largest, limits) else {
             return self.nearest_in(placement, ray, limits, best, &mut Vec::new());
         };
         if let Some(best) = best {
             single.limit(best.t);
         }
-        stack.start(wide);
-        while let Some(granule) = single.next_leaf::<S>(wide, stack) {
-            if single.test_leaf::<S>(wide, granule, placement, limits, best, &mut stack.effort) && any {
+        stack.start(bvh);
+        while let Some(block_offset) = single.next_leaf::<S>(bvh, stack) {
+            if single.test_leaf::<S>(bvh, block_offset, placement, limits, best, &mut stack.stats) && any {
                 return;
             }
         }
@@ -383,11 +396,11 @@ impl<'s> Tracer<'s> {
     /// The hits of rays taken one by one, in f64.
     #[inline(never)]
     fn cast_all_in_f64(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        let mut room = ScalarRoom::default();
+        let mut room = ScalarScratch::default();
         for (ray, hit) in hits.iter_mut().enumerate() {
             let ray =
                 LocalRay { origin: rays.origin(ray) - self.scene.centre, direction: rays.directions[ray] };
-            let mut best: Option<Best> = None;
+            let mut best: Option<NearestHit> = None;
             self.cast_in_f64(ray, (rays.t_min, rays.t_max), &mut best, &mut room);
             *hit = best.map(|best| self.finish(ray, &best));
         }
@@ -395,12 +408,18 @@ impl<'s> Tracer<'s> {
 
     /// The nearest hit of a ray, in f64.
     #[inline(never)]
-    fn cast_in_f64(&self, ray: LocalRay, limits: (f64, f64), best: &mut Option<Best>, room: &mut ScalarRoom) {
-        let ScalarRoom { top, mesh } = room;
+    fn cast_in_f64(
+        &self,
+        ray: LocalRay,
+        limits: (f64, f64),
+        best: &mut Option<NearestHit>,
+        room: &mut ScalarScratch,
+    ) {
+        let ScalarScratch { top, mesh } = room;
         if self.top.nodes.is_empty() {
             return self.nearest_in(0, ray, limits, best, mesh);
         }
-        self.top.visit(&ray, limits, top, |index| {
+        self.top.traverse(&ray, limits, top, |index| {
             let local = ray.carried(&self.scene.placements[index as usize]);
             self.nearest_in(index, local, limits, best, mesh);
             best.map_or(limits.1, |b| b.t)
@@ -414,13 +433,13 @@ impl<'s> Tracer<'s> {
         placement: u32,
         ray: LocalRay,
         (t_min, t_max): (f64, f64),
-        best: &mut Option<Best>,
+        best: &mut Option<NearestHit>,
         stack: &mut Vec<(Child, f64)>,
     ) {
-        let wide = self.wide(placement);
+        let bvh = self.bvh(placement);
         let far = best.map_or(t_max, |b| b.t);
-        wide.visit(&ray, (t_min, far), stack, |granule| {
-            let block = Block::at(&wide.blocks, granule);
+        bvh.traverse(&ray, (t_min, far), stack, |block_offset| {
+            let block = LeafBlock::at(&bvh.blocks, block_offset);
             for lane in 0..block.triangles {
                 let corners = Corners::from_positions(block.positions(lane), ray.origin);
                 if !corners.passes(ray.direction) {
@@ -429,27 +448,27 @@ impl<'s> Tracer<'s> {
                 let t = corners.depth(ray.direction);
                 let found = Candidate { t, placement, triangle: block.id(lane) };
                 if (t_min..=t_max).contains(&t) && best.is_none_or(|b| found.beats(&self.candidate(&b))) {
-                    *best = Some(Best { t, placement, slot: Slot::new(granule, lane) });
+                    *best = Some(NearestHit { t, placement, slot: TriangleRef::new(block_offset, lane) });
                 }
             }
             best.map_or(t_max, |b| b.t)
         });
     }
 
-    pub(super) fn wide(&self, placement: u32) -> &Wide {
+    pub(super) fn bvh(&self, placement: u32) -> &Bvh8 {
         &self.meshes[self.scene.placements[placement as usize].mesh as usize]
     }
 
-    fn candidate(&self, best: &Best) -> Candidate {
-        let block = Block::at(&self.wide(best.placement).blocks, best.slot.granule());
+    fn candidate(&self, best: &NearestHit) -> Candidate {
+        let block = LeafBlock::at(&self.bvh(best.placement).blocks, best.slot.block_offset());
         Candidate { t: best.t, placement: best.placement, triangle: block.id(best.slot.lane()) }
     }
 
     /// The whole hit of a ray in the scene's space.
-    fn finish(&self, ray: LocalRay, best: &Best) -> Hit {
+    fn finish(&self, ray: LocalRay, best: &NearestHit) -> Hit {
         let placement = &self.scene.placements[best.placement as usize];
         let local = ray.carried(placement);
-        let block = Block::at(&self.wide(best.placement).blocks, best.slot.granule());
+        let block = LeafBlock::at(&self.bvh(best.placement).blocks, best.slot.block_offset());
         let corners = Corners::from_positions(block.positions(best.slot.lane()), local.origin);
         self.candidate(best).finish(&corners, local.direction, placement)
     }
@@ -462,7 +481,7 @@ impl Cast for Tracer<'_> {
 
     fn blocked(&self, rays: &Rays, blocked: &mut [bool]) {
         rays.check(blocked.len());
-        if let Err(any) = self.with_lanes(Any { tracer: self, rays, blocked }) {
+        if let Err(any) = self.with_simd(Any { tracer: self, rays, blocked }) {
             any.run_in_f64();
         }
     }
@@ -475,11 +494,11 @@ struct All<'a, 's, 'r> {
     hits: &'a mut [Option<Hit>],
 }
 
-impl Work for All<'_, '_, '_> {
-    type Output = Effort;
+impl SimdTask for All<'_, '_, '_> {
+    type Output = TraversalStats;
 
     #[inline(always)]
-    fn run<S: Lanes>(self) -> Effort {
+    fn run<S: F32x8>(self) -> TraversalStats {
         self.tracer.cast_all::<S>(self.rays, self.hits)
     }
 }
@@ -494,7 +513,7 @@ struct Any<'a, 's, 'r> {
 impl Any<'_, '_, '_> {
     fn run_in_f64(self) {
         let Self { tracer, rays, blocked } = self;
-        let mut room = ScalarRoom::default();
+        let mut room = ScalarScratch::default();
         for (ray, blocked) in blocked.iter_mut().enumerate() {
             let origin = rays.origin(ray) - tracer.scene.centre;
             let ray = LocalRay { origin, direction: rays.directions[ray] };
@@ -505,15 +524,15 @@ impl Any<'_, '_, '_> {
     }
 }
 
-impl Work for Any<'_, '_, '_> {
+impl SimdTask for Any<'_, '_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(self) {
+    fn run<S: F32x8>(self) {
         let Self { tracer, rays, blocked } = self;
-        let mut room = ROOM.take().unwrap_or_default();
+        let mut room = SCRATCH.take().unwrap_or_default();
         let mut origins = Vec::new();
-        let mut nearest = Nearest::new(rays.t_max);
+        let mut nearest = NearestHits::new(rays.t_max);
         for (start, blocked) in (0..).step_by(MANY).zip(blocked.chunks_mut(MANY)) {
             let batch = tracer.batch(rays, start..start + blocked.len(), &mut origins);
             let mut eights = 0..blocked.len().div_ceil(8);
@@ -525,7 +544,7 @@ impl Work for Any<'_, '_, '_> {
                 }
             }
         }
-        ROOM.set(Some(room));
+        SCRATCH.set(Some(room));
     }
 }
 
@@ -554,14 +573,14 @@ impl Batch<'_> {
 
     /// Origins and directions of a group of eight, filled up with the last one's.
     #[inline(always)]
-    pub fn eight<S: Lanes>(&self, group: usize) -> (Xyz<S::Doubles>, Xyz<S::Doubles>) {
+    pub fn eight<S: F32x8>(&self, group: usize) -> (Xyz<S::F64x8>, Xyz<S::F64x8>) {
         let mut room = [DVec3::ZERO; 8];
-        let [x, y, z] = S::Doubles::load_xyz(eight(self.directions, group, &mut room));
+        let [x, y, z] = S::F64x8::load_xyz(eight(self.directions, group, &mut room));
         let direction = Xyz(x, y, z);
         let origin = match self.origins {
             Origins::Common(origin) => Xyz::constant(origin),
             Origins::Each(origins) => {
-                let [x, y, z] = S::Doubles::load_xyz(eight(origins, group, &mut room));
+                let [x, y, z] = S::F64x8::load_xyz(eight(origins, group, &mut room));
                 Xyz(x, y, z)
             }
         };
@@ -584,67 +603,68 @@ const MANY: usize = 512;
 
 /// So many bits from the lowest on.
 fn ones(count: usize) -> u128 {
-    u128::MAX >> (RAYS - count)
+    u128::MAX >> (PACKET_RAYS - count)
 }
 
 /// Where a ray's nearest hit lies.
 #[derive(Clone, Copy)]
-pub(super) struct Best {
+pub(super) struct NearestHit {
     pub t: f64,
     pub placement: u32,
-    pub slot: Slot,
+    pub slot: TriangleRef,
 }
 
 thread_local! {
     /// A thread's room, unless it is in use: tens of kilobytes that need not be made for each call.
-    static ROOM: Cell<Option<Box<Room>>> = const { Cell::new(None) };
+    static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
 }
 
 /// Room to work in, kept from packet to packet and cast to cast.
 #[derive(Default)]
-struct Room {
+struct Scratch {
     top: packet::Stack,
     mesh: packet::Stack,
     carried: Vec<DVec3>,
     carried_origins: Vec<DVec3>,
     rays: PerRay,
     rays_of_mesh: PerRay,
-    single: SingleRoom,
+    single: SingleScratch,
 }
 
-impl Room {
+impl Scratch {
     /// What was done in it so far.
-    fn effort(&self) -> Effort {
-        let mut effort = Effort { nodes: self.top.visited + self.mesh.visited, ..Effort::default() };
+    fn stats(&self) -> TraversalStats {
+        let mut stats =
+            TraversalStats { nodes: self.top.visited + self.mesh.visited, ..TraversalStats::default() };
         for more in [
-            self.rays.effort(),
-            self.rays_of_mesh.effort(),
-            self.single.top.effort,
-            self.single.mesh.effort,
-            self.single.together.effort(),
+            self.rays.stats(),
+            self.rays_of_mesh.stats(),
+            self.single.top.stats,
+            self.single.mesh.stats,
+            self.single.stream.stats(),
         ] {
-            effort += more;
+            stats += more;
         }
-        effort
+        stats
     }
 }
 
 #[derive(Default)]
-struct SingleRoom {
+struct SingleScratch {
     top: Stack,
     mesh: Stack,
-    together: Together,
-    scalar: ScalarRoom,
+    stream: RayStream,
+    scalar: ScalarScratch,
 }
 
 #[derive(Default)]
-struct ScalarRoom {
+struct ScalarScratch {
     top: Vec<(Child, f64)>,
     mesh: Vec<(Child, f64)>,
 }
 
 /// The hierarchy over a scene's placements; without nodes if there is one.
-fn over_placements(scene: &Scene, bounds: &[Bounds]) -> Wide {
+fn over_placements(scene: &Scene, bounds: &[Bounds]) -> Bvh8 {
     let size = scene.placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
     let size = size.filter(|b| b.low.x <= b.high.x).fold(Bounds::EMPTY, Bounds::union).largest();
     let boxes: Vec<_> = scene
@@ -656,7 +676,7 @@ fn over_placements(scene: &Scene, bounds: &[Bounds]) -> Wide {
             false => carried_bounds(&bounds[p.mesh as usize], p, size),
         })
         .collect();
-    if boxes.len() > 1 { wide::build_over(&boxes) } else { Wide::default() }
+    if boxes.len() > 1 { bvh::build_over(&boxes) } else { Bvh8::default() }
 }
 
 fn bounds_of(mesh: &Mesh) -> Bounds {

@@ -11,9 +11,9 @@ use beamcast::scan::{Frame, Progress, scan};
 use beamcast::scene::{Scene, gltf};
 use beamcast::sensor::{Beam, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use beamcast::trace::exact::LocalRay;
-use beamcast::trace::kernel::truth::{Passage, Truth};
-use beamcast::trace::kernel::{Caster, Crossing, Culling, Edges, METHODS, Method, Ray};
-use beamcast::trace::{Origins, Rays, Tracer};
+use beamcast::trace::methods::truth::{Passage, Truth};
+use beamcast::trace::methods::{Crossing, Culling, Edges, METHODS, Method, Ray};
+use beamcast::trace::{AnyTracer, Origins, Rays, Tracer};
 use glam::{DAffine3, DVec3, Vec3};
 use serde_json::Value;
 
@@ -445,7 +445,7 @@ fn lidar() -> Sensor {
 }
 
 fn see(scene: &Scene, method: Option<&Method>, pose: &Pose) -> Frame {
-    scan(scene, &Caster::build(scene, method), &lidar(), pose, &Progress::default()).unwrap()
+    scan(scene, &AnyTracer::build(scene, method), &lidar(), pose, &Progress::default()).unwrap()
 }
 
 /// Whole scans of meshes placed once and more than once: apart from what a method culls, it sees what the definition sees.
@@ -517,8 +517,9 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
     let scene = gltf::load(&job.scene_path, "street.glb", &options).unwrap().scene;
     let sensor = &job.sensors[0].sensor;
     let pose = job.world_from_body * job.sensors[0].body_from_sensor;
-    let see =
-        |method| scan(&scene, &Caster::build(&scene, method), sensor, &pose, &Progress::default()).unwrap();
+    let see = |method| {
+        scan(&scene, &AnyTracer::build(&scene, method), sensor, &pose, &Progress::default()).unwrap()
+    };
     let exact = see(None);
 
     #[derive(PartialEq, PartialOrd)]

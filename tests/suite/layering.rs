@@ -55,13 +55,13 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
     ("std::net", &[], "nothing is fetched"),
     (
         "rayon::",
-        &["scan/", "trace/wide/build.rs", "output/exr.rs", "cli/"],
+        &["scan/", "trace/bvh/build.rs", "output/exr.rs", "cli/"],
         "threads live where rays are shared out, trees built and images compressed",
     ),
     ("clap::", &["cli/"], "only the command line has flags"),
     ("toml::", &["config/"], "only config knows TOML"),
     ("use gltf::", &["scene/gltf/"], "only the loader knows glTF"),
-    ("unsafe", &["trace/lanes/x86/"], "intrinsics are the one thing that needs it"),
+    ("unsafe", &["trace/simd/x86/"], "intrinsics are the one thing that needs it"),
 ];
 
 #[test]

@@ -388,7 +388,7 @@ fn shipped_scenes_agree_with_brute_force() {
 
 /// What casting takes is counted: rays at vertices are too close for f64, and a ray that leaves meets nothing.
 #[test]
-fn effort_is_counted() {
+fn traversal_statistics_are_counted() {
     let scene = alone(sphere(1.0, DVec3::ZERO, 4));
     let mesh = &scene.meshes[0];
     let at = |v: usize| DVec3::from(mesh.positions[v].map(f64::from)) + scene.centre;

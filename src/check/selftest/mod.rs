@@ -32,7 +32,8 @@ use crate::scene::{
     Instance, Material, Placed, Scene, SceneBuildError, SceneBuilder, SourceMesh, SourcePart,
 };
 use crate::sensor::{Lens, Pattern, RangeLimits, Sensor};
-use crate::trace::kernel::{Caster, Method};
+use crate::trace::AnyTracer;
+use crate::trace::methods::Method;
 use shapes::{Model, Solid};
 
 /// Half the last place of 1 in f64.
@@ -161,7 +162,7 @@ pub fn selftest(
     for (which, distance) in distances.into_iter().enumerate() {
         for (index, target) in targets(sensor, distance).into_iter().enumerate() {
             let stage = Stage::new(&target, world_from_sensor)?;
-            let caster = Caster::build(&stage.scene, method);
+            let caster = AnyTracer::build(&stage.scene, method);
             let Some(frame) = scan(&stage.scene, &caster, sensor, world_from_sensor, progress) else {
                 return Ok(None);
             };

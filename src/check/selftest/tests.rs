@@ -200,7 +200,7 @@ fn times_that_go_back_or_take_too_long_are_caught() {
 
 #[test]
 fn a_published_method_is_not_good_enough() {
-    let method = crate::trace::kernel::METHODS.first().unwrap();
+    let method = crate::trace::methods::METHODS.first().unwrap();
     let report = selftest(&lidar(), &Pose::IDENTITY, Some(method), &Progress::default()).unwrap().unwrap();
     assert!(!report.passed(), "f32 ranges are off by micrometres");
 }

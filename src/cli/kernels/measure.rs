@@ -16,9 +16,9 @@ use crate::scan::{Frame, Progress, scan};
 use crate::scene::Scene;
 use crate::sensor::{Beam, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use crate::trace::exact::{Corners, LocalRay};
-use crate::trace::kernel::truth::{Passage, Truth};
-use crate::trace::kernel::{Caster, Culling, METHODS, Method, Pair, Ray};
-use crate::trace::{Cast, Hit, Origins, Rays, Tracer};
+use crate::trace::methods::truth::{Passage, Truth};
+use crate::trace::methods::{Culling, METHODS, Method, Ray, RayTriangle};
+use crate::trace::{AnyTracer, Cast, Hit, Origins, Rays, Tracer};
 
 /// Shares of hits among the tests that are timed.
 pub const HIT_RATIOS: [f64; 3] = [0.1, 0.5, 0.9];
@@ -310,7 +310,7 @@ fn depth_errors(subjects: &[Subject], distance: f64, rays: u64) -> Vec<DepthErro
 }
 
 /// A ray, and a triangle that it hits about `distance` away.
-fn facing(random: &mut Random, origin: Vec3, distance: f64) -> Pair {
+fn facing(random: &mut Random, origin: Vec3, distance: f64) -> RayTriangle {
     let d = random.direction();
     let normal = loop {
         let n = random.direction();
@@ -408,7 +408,7 @@ fn times(subjects: &[Subject]) -> Vec<[f64; 3]> {
     samples.iter().map(|of_row| of_row.each_ref().map(|samples| least(samples))).collect()
 }
 
-fn batch(subject: Subject, pairs: &[Pair]) -> Box<dyn Fn() -> usize> {
+fn batch(subject: Subject, pairs: &[RayTriangle]) -> Box<dyn Fn() -> usize> {
     match subject.0 {
         Some(method) => method.batch(pairs),
         None => {
@@ -422,7 +422,7 @@ fn batch(subject: Subject, pairs: &[Pair]) -> Box<dyn Fn() -> usize> {
 
 /// Rays from one origin, each with a triangle 2 to 60 m away, of which it hits `ratio` and passes the others by no more than
 /// their size: what the leaves of a hierarchy leave to be tested. What culls gets them turned so that it sees them.
-fn pairs(subject: Subject, ratio: f64) -> Vec<Pair> {
+fn pairs(subject: Subject, ratio: f64) -> Vec<RayTriangle> {
     let mut random = Random::new(32);
     let origin = Vec3::new(3.0, -2.0, 1.8);
     (0..PAIRS)
@@ -466,7 +466,7 @@ fn speeds(
             let seconds = match subject.0 {
                 None => pool.install(|| scan_time(scene, exact.as_ref(), sensor, pose)),
                 Some(method) => {
-                    let tracer = Caster::Method(method.tracer(exact));
+                    let tracer = AnyTracer::Method(method.tracer(exact));
                     pool.install(|| scan_time(scene, &tracer, sensor, pose))
                 }
             };

@@ -27,7 +27,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::Tracer;
-pub use tracer::{Caster, KernelTracer, MethodTracer};
+pub use tracer::{KernelTracer, MethodTracer};
 
 /// A ray in f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -149,7 +149,7 @@ impl Culling {
 }
 
 /// A ray and a triangle's corners.
-pub type Pair = (Ray, [Vec3; 3]);
+pub type RayTriangle = (Ray, [Vec3; 3]);
 
 /// An entry of [`METHODS`]: a [`Kernel`] as a value.
 #[derive(Clone, Copy, Debug)]
@@ -159,7 +159,7 @@ pub struct Method {
     /// What it keeps of a triangle, in bytes.
     pub bytes_per_triangle: usize,
     intersect: fn(&Ray, [Vec3; 3]) -> Option<Crossing>,
-    batch: fn(&[Pair]) -> Box<dyn Fn() -> usize>,
+    batch: fn(&[RayTriangle]) -> Box<dyn Fn() -> usize>,
     tracer: for<'s> fn(&Arc<Tracer<'s>>) -> Box<dyn MethodTracer + 's>,
 }
 
@@ -170,7 +170,8 @@ impl Method {
             bytes_per_triangle: size_of::<K::Triangle>(),
             intersect: |ray, corners| K::intersect(&K::triangle(corners, ray.origin), &K::ray(*ray)),
             batch: |pairs| {
-                let prepare = |(ray, corners): &Pair| (K::triangle(*corners, ray.origin), K::ray(*ray));
+                let prepare =
+                    |(ray, corners): &RayTriangle| (K::triangle(*corners, ray.origin), K::ray(*ray));
                 let prepared: Vec<_> = pairs.iter().map(prepare).collect();
                 Box::new(move || prepared.iter().filter(|(t, r)| K::intersect(t, r).is_some()).count())
             },
@@ -189,7 +190,7 @@ impl Method {
     }
 
     /// Prepares pairs, and gives what intersects each of them and counts the crossings: the thing to time.
-    pub fn batch(&self, pairs: &[Pair]) -> Box<dyn Fn() -> usize> {
+    pub fn batch(&self, pairs: &[RayTriangle]) -> Box<dyn Fn() -> usize> {
         (self.batch)(pairs)
     }
 

@@ -9,7 +9,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use rayon::prelude::*;
 
-use super::{Child, GRANULE, HEADER, MAX_GRANULES, MAX_VERTICES, Node, TAIL, WIDTH, Wide};
+use super::{BLOCK_OFFSET_WORDS, Bvh8, Child, HEADER, MAX_BLOCK_OFFSET, MAX_VERTICES, Node, TAIL, WIDTH};
 use crate::scene::Mesh;
 use crate::trace::Bounds;
 
@@ -24,9 +24,9 @@ const PAD: f32 = 1.0 / (1 << 21) as f32;
 ///
 /// # Panics
 /// If the blocks would take more than 8 GiB (some 200 million triangles).
-pub(in crate::trace) fn build(mesh: &Mesh) -> Wide {
+pub(in crate::trace) fn build(mesh: &Mesh) -> Bvh8 {
     if mesh.triangles.is_empty() {
-        return Wide::default();
+        return Bvh8::default();
     }
     let corners = mesh.triangles.par_iter().flatten_iter().flat_map_iter(|&v| mesh.positions[v as usize]);
     let largest = corners.map(f32::abs).reduce(|| 0.0, f32::max);
@@ -40,9 +40,9 @@ pub(in crate::trace) fn build(mesh: &Mesh) -> Wide {
 }
 
 /// Builds a hierarchy over `boxes`, whose leaves are their numbers.
-pub(in crate::trace) fn build_over(boxes: &[Bounds]) -> Wide {
+pub(in crate::trace) fn build_over(boxes: &[Bounds]) -> Bvh8 {
     if boxes.is_empty() {
-        return Wide::default();
+        return Bvh8::default();
     }
     let largest = boxes.iter().map(Bounds::largest).fold(0.0, f64::max) as f32;
     let scale = reciprocal_power_of_two(largest);
@@ -50,11 +50,11 @@ pub(in crate::trace) fn build_over(boxes: &[Bounds]) -> Wide {
     let boxes: Vec<Aabb> = boxes.iter().map(|b| Aabb { min: to_f32(b.low), max: to_f32(b.high) }).collect();
     let bvh = build_binary(&boxes, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
     let mut tree = Tree::default();
-    tree.widen(&bvh, |_, leaf| Child::block(bvh.primitive_indices[bvh.nodes[leaf].first_index as usize]));
+    tree.widen(&bvh, |_, leaf| Child::leaf(bvh.primitive_indices[bvh.nodes[leaf].first_index as usize]));
     for node in &mut tree.nodes {
         node.finish(scale, largest);
     }
-    Wide { nodes: tree.nodes, blocks: Vec::new(), largest }
+    Bvh8 { nodes: tree.nodes, blocks: Vec::new(), largest }
 }
 
 /// A mesh and the power of two that brings its coordinates to 1 at most. obvhs measures areas in f32, which meshes of
@@ -80,43 +80,45 @@ impl Space<'_> {
     }
 
     /// Puts the parts' trees under one root.
-    fn join(&self, trees: Vec<Tree>, largest: f32) -> Wide {
+    fn join(&self, trees: Vec<Tree>, largest: f32) -> Bvh8 {
         let (nodes, words) = trees.iter().fold((0, 0), |(n, w), t| (n + t.nodes.len(), w + t.blocks.len()));
-        assert!(words / GRANULE < MAX_GRANULES, "a mesh of more than 8 GiB of leaves");
-        let mut wide = Wide { nodes: Vec::new(), blocks: Vec::with_capacity(words + TAIL), largest };
+        assert!(words / BLOCK_OFFSET_WORDS < MAX_BLOCK_OFFSET, "a mesh of more than 8 GiB of leaves");
+        let mut bvh = Bvh8 { nodes: Vec::new(), blocks: Vec::with_capacity(words + TAIL), largest };
         let roots: Vec<Aabb> = trees.iter().map(|t| t.bounds).collect();
         if let [_] = roots[..] {
-            wide.nodes.reserve_exact(nodes);
+            bvh.nodes.reserve_exact(nodes);
         } else {
             // Nodes above the parts; their leaves are the parts' roots.
-            let bvh = build_binary(&roots, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
+            let over_parts = build_binary(&roots, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
             let mut top = Tree::default();
             // For now a part goes by its number, as if it were a block.
-            top.widen(&bvh, |_, leaf| {
-                Child::block(bvh.primitive_indices[bvh.nodes[leaf].first_index as usize])
+            top.widen(&over_parts, |_, leaf| {
+                let first = over_parts.nodes[leaf].first_index as usize;
+                Child::leaf(over_parts.primitive_indices[first])
             });
-            wide.nodes.reserve_exact(nodes + top.nodes.len());
-            wide.nodes = top.nodes;
+            bvh.nodes.reserve_exact(nodes + top.nodes.len());
+            bvh.nodes = top.nodes;
         }
-        let first = wide.nodes.len() as u32;
+        let first = bvh.nodes.len() as u32;
         let mut starts = Vec::with_capacity(trees.len());
         for tree in trees {
-            let (node, granule) = (wide.nodes.len() as u32, (wide.blocks.len() / GRANULE) as u32);
+            let (node, block_offset) =
+                (bvh.nodes.len() as u32, (bvh.blocks.len() / BLOCK_OFFSET_WORDS) as u32);
             starts.push(node);
-            wide.nodes.extend(tree.nodes.into_iter().map(|mut n| {
+            bvh.nodes.extend(tree.nodes.into_iter().map(|mut n| {
                 for child in &mut n.child {
                     if *child != Child::NONE {
                         *child = match child.get() {
-                            Ok(block) => Child::block(block + granule),
+                            Ok(block) => Child::leaf(block + block_offset),
                             Err(inner) => Child::node(inner + node),
                         };
                     }
                 }
                 n
             }));
-            wide.blocks.extend(tree.blocks);
+            bvh.blocks.extend(tree.blocks);
         }
-        for node in &mut wide.nodes[..first as usize] {
+        for node in &mut bvh.nodes[..first as usize] {
             for child in &mut node.child {
                 if *child != Child::NONE
                     && let Ok(part) = child.get()
@@ -125,11 +127,11 @@ impl Space<'_> {
                 }
             }
         }
-        wide.blocks.resize(wide.blocks.len() + TAIL, 0);
-        for node in &mut wide.nodes {
+        bvh.blocks.resize(bvh.blocks.len() + TAIL, 0);
+        for node in &mut bvh.nodes {
             node.finish(self.scale, largest);
         }
-        wide
+        bvh
     }
 }
 
@@ -380,8 +382,8 @@ impl Tree {
         }
         debug_assert_eq!(self.blocks.len(), start + HEADER + 3 * count + 6);
         self.blocks.extend(ids);
-        self.blocks.resize(self.blocks.len().next_multiple_of(GRANULE), 0);
-        Child::block((start / GRANULE) as u32)
+        self.blocks.resize(self.blocks.len().next_multiple_of(BLOCK_OFFSET_WORDS), 0);
+        Child::leaf((start / BLOCK_OFFSET_WORDS) as u32)
     }
 }
 

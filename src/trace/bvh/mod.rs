@@ -5,11 +5,11 @@
 //! lies in two or three cache lines.
 
 mod build;
-mod walk;
+mod traverse;
 
 use std::hint::select_unpredictable;
 
-use super::lanes::{Lanes, Pair, Words};
+use super::simd::{F32x8, F32x16, U32x8};
 
 pub(super) use build::{build, build_over};
 
@@ -18,10 +18,10 @@ pub(super) const WIDTH: usize = 8;
 
 /// A hierarchy over the triangles of one mesh, in the mesh's space.
 #[derive(Debug, Default)]
-pub(super) struct Wide {
+pub(super) struct Bvh8 {
     /// The root is node 0, if there is any.
     pub nodes: Vec<Node>,
-    /// Blocks, one after the other, each a whole number of [`GRANULE`]s; see [`Block`]. Empty for a hierarchy of placements,
+    /// Blocks, one after the other, each a whole number of [`BLOCK_OFFSET_WORDS`]; see [`LeafBlock`]. Empty for a hierarchy of placements,
     /// whose leaves are named by number.
     pub blocks: Vec<u32>,
     /// The largest |coordinate| of a vertex.
@@ -51,14 +51,14 @@ impl Child {
         Self(index)
     }
 
-    pub fn block(granule: u32) -> Self {
-        debug_assert!(granule < Self::LEAF - 1);
-        Self(granule | Self::LEAF)
+    pub fn leaf(block_offset: u32) -> Self {
+        debug_assert!(block_offset < Self::LEAF - 1);
+        Self(block_offset | Self::LEAF)
     }
 
     /// As [`Child::bits`] gave it.
     #[inline(always)]
-    pub fn of_bits(bits: u32) -> Self {
+    pub fn from_bits(bits: u32) -> Self {
         Self(bits)
     }
 
@@ -73,13 +73,13 @@ impl Child {
         self.0 & Self::LEAF != 0
     }
 
-    /// The block's granule or the node's index, whichever it is.
+    /// The block's offset or the node's index, whichever it is.
     #[inline(always)]
     pub fn number(self) -> u32 {
         self.0 & !Self::LEAF
     }
 
-    /// The block's granule, or the node's index.
+    /// The block's offset, or the node's index.
     pub fn get(self) -> Result<u32, u32> {
         if self.is_leaf() { Ok(self.number()) } else { Err(self.0) }
     }
@@ -88,9 +88,9 @@ impl Child {
 impl Node {
     /// All children's bits.
     #[inline(always)]
-    pub fn children<S: Lanes>(&self) -> S::Words {
+    pub fn children<S: F32x8>(&self) -> S::U32x8 {
         let [a, b, c, d, e, f, g, h] = &self.child;
-        S::Words::load(&[a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0])
+        S::U32x8::load(&[a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0])
     }
 
     /// A node without children. Its boxes are inside out, and finite, so that no arithmetic on them makes a NaN.
@@ -106,10 +106,10 @@ impl Node {
 }
 
 /// Words (of 32 bits) that a block's place is counted in.
-pub(super) const GRANULE: usize = 4;
+pub(super) const BLOCK_OFFSET_WORDS: usize = 4;
 
-/// The largest number of granules that a slot can tell apart.
-pub(super) const MAX_GRANULES: usize = 1 << 29;
+/// The largest block offset that a reference can tell apart.
+pub(super) const MAX_BLOCK_OFFSET: usize = 1 << 29;
 
 /// With fewer nodes than these, they and their leaves are in the cache as it is (about a megabyte of both).
 const IN_CACHE: usize = 1024;
@@ -127,7 +127,7 @@ const TAIL: usize = 3 * WIDTH;
 /// | 3 × 2 | for the first, second and third corner: a byte a triangle, which vertex it is |
 /// | triangles | ids in the mesh |
 #[derive(Clone, Copy)]
-pub(super) struct Block<'a> {
+pub(super) struct LeafBlock<'a> {
     words: &'a [u32],
     pub triangles: usize,
     vertices: usize,
@@ -138,10 +138,10 @@ pub(super) const MAX_VERTICES: usize = 3 * WIDTH;
 
 const HEADER: usize = 2;
 
-impl<'a> Block<'a> {
+impl<'a> LeafBlock<'a> {
     #[inline(always)]
-    pub fn at(blocks: &'a [u32], granule: u32) -> Self {
-        let words = &blocks[granule as usize * GRANULE..];
+    pub fn at(blocks: &'a [u32], block_offset: u32) -> Self {
+        let words = &blocks[block_offset as usize * BLOCK_OFFSET_WORDS..];
         let head = words[0];
         Self { words, triangles: (head & 0xff) as usize, vertices: (head >> 8 & 0xff) as usize }
     }
@@ -155,44 +155,48 @@ impl<'a> Block<'a> {
     /// A coordinate of its vertices: the first sixteen, and eight more if there are more. Lanes past the last vertex mean
     /// nothing.
     #[inline(always)]
-    pub fn coordinates<S: Lanes>(&self, axis: usize) -> (S::Pair, Option<S>) {
+    pub fn coordinates<S: F32x8>(&self, axis: usize) -> (S::F32x16, Option<S>) {
         let start = HEADER + axis * self.vertices;
         let words: &[u32; MAX_VERTICES] = self.words[start..start + MAX_VERTICES].try_into().unwrap();
-        let more = (self.vertices > 16).then(|| S::Words::load(words[16..].try_into().unwrap()).as_floats());
-        (S::Pair::load_words(words[..16].try_into().unwrap()), more)
+        let more = (self.vertices > 16).then(|| S::U32x8::load(words[16..].try_into().unwrap()).bitcast());
+        (S::F32x16::load_u32(words[..16].try_into().unwrap()), more)
     }
 
     /// For each of a triangle's three corners, which vertex it is. Lanes past the last triangle mean nothing.
     #[inline(always)]
-    pub fn corner_vertices<S: Lanes>(&self) -> [S::Words; 3] {
+    pub fn corner_vertices<S: F32x8>(&self) -> [S::U32x8; 3] {
         let start = HEADER + 3 * self.vertices;
         let &[a, a2, b, b2, c, c2]: &[u32; 6] = self.words[start..start + 6].try_into().unwrap();
         let bytes = |low: u32, high: u32| u64::from(low) | u64::from(high) << 32;
-        [S::Words::of_bytes(bytes(a, a2)), S::Words::of_bytes(bytes(b, b2)), S::Words::of_bytes(bytes(c, c2))]
+        [
+            S::U32x8::from_bytes(bytes(a, a2)),
+            S::U32x8::from_bytes(bytes(b, b2)),
+            S::U32x8::from_bytes(bytes(c, c2)),
+        ]
     }
 
     /// Of eight triangles, given by their slots: each corner's x, y and z, and the ids in their mesh.
     #[inline(always)]
-    pub fn corners<S: Lanes>(blocks: &[u32], slots: S::Words) -> ([[S; 3]; 3], S::Words) {
-        let constant = S::Words::splat;
+    pub fn corners<S: F32x8>(blocks: &[u32], slots: S::U32x8) -> ([[S; 3]; 3], S::U32x8) {
+        let constant = S::U32x8::splat;
         let lane = slots.and(constant(WIDTH as u32 - 1));
-        // Slots count in granules of four words, after three bits for the lane.
-        let start = slots.shift_right(constant(1)).and(constant(!(GRANULE as u32 - 1)));
-        let vertices = S::Words::of(blocks, start).shift_right(constant(8)).and(constant(0xff));
+        // References count in offsets of four words, after three bits for the lane.
+        let start = slots.shift_right(constant(1)).and(constant(!(BLOCK_OFFSET_WORDS as u32 - 1)));
+        let vertices = S::U32x8::gather(blocks, start).shift_right(constant(8)).and(constant(0xff));
         let x = start.add(constant(HEADER as u32));
         let (y, z) = (x.add(vertices), x.add(vertices).add(vertices));
         let indices = z.add(vertices);
-        let ids = S::Words::of(blocks, indices.add(constant(6)).add(lane));
+        let ids = S::U32x8::gather(blocks, indices.add(constant(6)).add(lane));
         let word = indices.add(lane.shift_right(constant(2)));
         let shift = lane.and(constant(3)).shift_left(constant(3));
         let mut corners = [[S::splat(0.0); 3]; 3];
         for (k, corner) in corners.iter_mut().enumerate() {
-            let vertex = S::Words::of(blocks, word.add(constant(2 * k as u32))).shift_right(shift);
+            let vertex = S::U32x8::gather(blocks, word.add(constant(2 * k as u32))).shift_right(shift);
             let vertex = vertex.and(constant(0xff));
             *corner = [
-                S::Words::of(blocks, x.add(vertex)).as_floats(),
-                S::Words::of(blocks, y.add(vertex)).as_floats(),
-                S::Words::of(blocks, z.add(vertex)).as_floats(),
+                S::U32x8::gather(blocks, x.add(vertex)).bitcast(),
+                S::U32x8::gather(blocks, y.add(vertex)).bitcast(),
+                S::U32x8::gather(blocks, z.add(vertex)).bitcast(),
             ];
         }
         (corners, ids)
@@ -220,18 +224,18 @@ impl<'a> Block<'a> {
     }
 }
 
-/// Where a triangle lies: its block's granule and its lane in the block, in 32 bits.
+/// Where a triangle lies: its block's offset and its lane in the block, in 32 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Slot(pub u32);
+pub(super) struct TriangleRef(pub u32);
 
-impl Slot {
+impl TriangleRef {
     #[inline(always)]
-    pub fn new(granule: u32, lane: usize) -> Self {
-        Self(granule << 3 | lane as u32)
+    pub fn new(block_offset: u32, lane: usize) -> Self {
+        Self(block_offset << 3 | lane as u32)
     }
 
     #[inline(always)]
-    pub fn granule(self) -> u32 {
+    pub fn block_offset(self) -> u32 {
         self.0 >> 3
     }
 
@@ -241,17 +245,17 @@ impl Slot {
     }
 }
 
-impl Wide {
+impl Bvh8 {
     /// Asks for what a child is: a node, or a block's first cache lines.
     #[inline(always)]
-    pub fn prefetch<S: Lanes>(&self, child: Child) {
+    pub fn prefetch<S: F32x8>(&self, child: Child) {
         if self.nodes.len() < IN_CACHE {
             return;
         }
         // Both addresses are worked out and one is taken, since nobody can predict which it is. Nothing is read from them: a
         // child that is none does no harm.
         let node = self.nodes.as_ptr().wrapping_add(child.number() as usize).cast::<u32>();
-        let block = self.blocks.as_ptr().wrapping_add(child.number() as usize * GRANULE);
+        let block = self.blocks.as_ptr().wrapping_add(child.number() as usize * BLOCK_OFFSET_WORDS);
         let start = select_unpredictable(child.is_leaf(), block, node);
         S::prefetch(start);
         S::prefetch(start.wrapping_add(16));
@@ -273,9 +277,9 @@ mod tests {
     #[test]
     fn children_and_slots_keep_what_they_are_given() {
         assert_eq!(Child::node(7).get(), Err(7));
-        assert_eq!(Child::block(9).get(), Ok(9));
-        let last = MAX_GRANULES as u32 - 1;
-        assert_eq!((Slot::new(last, 7).granule(), Slot::new(last, 7).lane()), (last, 7));
+        assert_eq!(Child::leaf(9).get(), Ok(9));
+        let last = MAX_BLOCK_OFFSET as u32 - 1;
+        assert_eq!((TriangleRef::new(last, 7).block_offset(), TriangleRef::new(last, 7).lane()), (last, 7));
     }
 
     /// Every triangle of a mesh is in exactly one block, below boxes that hold it.
@@ -283,11 +287,11 @@ mod tests {
     fn the_tree_holds_every_triangle_once() {
         for (width, height) in [(1, 1), (2, 3), (40, 57), (300, 300)] {
             let mesh = grid(width, height);
-            let wide = build(&mesh);
+            let bvh = build(&mesh);
             let mut seen = vec![0_u32; mesh.triangles.len()];
             let mut stack = vec![(0, [f32::MIN; 3], [f32::MAX; 3])];
             while let Some((node, low, high)) = stack.pop() {
-                let node = &wide.nodes[node as usize];
+                let node = &bvh.nodes[node as usize];
                 for lane in 0..WIDTH {
                     if node.child[lane] == Child::NONE {
                         continue;
@@ -299,8 +303,8 @@ mod tests {
                     );
                     match node.child[lane].get() {
                         Err(child) => stack.push((child, l, h)),
-                        Ok(granule) => {
-                            let block = Block::at(&wide.blocks, granule);
+                        Ok(block_offset) => {
+                            let block = LeafBlock::at(&bvh.blocks, block_offset);
                             for lane in 0..block.triangles {
                                 let id = block.id(lane);
                                 seen[id as usize] += 1;

@@ -6,7 +6,7 @@ use std::ops::{AddAssign, Sub};
 /// through triangles had to go. How the work is shared out among packets and single rays, and so all of this, is the tracer's
 /// own business, and may change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Effort {
+pub struct TraversalStats {
     /// Nodes visited, each by a packet or by a ray.
     pub nodes: u64,
     /// Leaves whose triangles were tested, each against a packet or a ray.
@@ -19,7 +19,7 @@ pub struct Effort {
     pub exactly: u64,
 }
 
-impl AddAssign for Effort {
+impl AddAssign for TraversalStats {
     fn add_assign(&mut self, more: Self) {
         self.nodes += more.nodes;
         self.leaves += more.leaves;
@@ -29,7 +29,7 @@ impl AddAssign for Effort {
     }
 }
 
-impl Sub for Effort {
+impl Sub for TraversalStats {
     type Output = Self;
 
     fn sub(self, less: Self) -> Self {

@@ -4,13 +4,13 @@ use std::array::from_fn;
 
 use glam::DVec3;
 
-use super::{Doubles, Lanes, Mask, Pair, Two, Words};
+use super::{F32x8, F32x16, F64x8, Mask8, TwoF32x8, U32x8};
 use crate::trace::exact::Real;
 
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct Portable([f32; 8]);
+pub(in crate::trace) struct PortableF32x8([f32; 8]);
 
-impl Portable {
+impl PortableF32x8 {
     #[inline(always)]
     fn with(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         Self(from_fn(|k| f(self.0[k], other.0[k])))
@@ -22,11 +22,11 @@ impl Portable {
     }
 }
 
-impl Lanes for Portable {
-    type Mask = PortableMask;
-    type Words = PortableWords;
-    type Doubles = PortableDoubles;
-    type Pair = Two<Self>;
+impl F32x8 for PortableF32x8 {
+    type Mask8 = PortableMask8;
+    type U32x8 = PortableU32x8;
+    type F64x8 = PortableF64x8;
+    type F32x16 = TwoF32x8<Self>;
 
     #[inline(always)]
     fn splat(x: f32) -> Self {
@@ -94,34 +94,34 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn ge(self, other: Self) -> PortableMask {
-        PortableMask(from_fn(|k| if self.0[k] >= other.0[k] { u32::MAX } else { 0 }))
+    fn ge(self, other: Self) -> PortableMask8 {
+        PortableMask8(from_fn(|k| if self.0[k] >= other.0[k] { u32::MAX } else { 0 }))
     }
 
     #[inline(always)]
-    fn gt(self, other: Self) -> PortableMask {
-        PortableMask(from_fn(|k| if self.0[k] > other.0[k] { u32::MAX } else { 0 }))
+    fn gt(self, other: Self) -> PortableMask8 {
+        PortableMask8(from_fn(|k| if self.0[k] > other.0[k] { u32::MAX } else { 0 }))
     }
 
     #[inline(always)]
-    fn select(mask: PortableMask, yes: Self, no: Self) -> Self {
+    fn select(mask: PortableMask8, yes: Self, no: Self) -> Self {
         Self(from_fn(|k| if mask.0[k] != 0 { yes.0[k] } else { no.0[k] }))
     }
 
     #[inline(always)]
-    fn pick(first: Two<Self>, more: Option<Self>, from: [PortableWords; 3]) -> [Self; 3] {
+    fn lookup(first: TwoF32x8<Self>, more: Option<Self>, from: [PortableU32x8; 3]) -> [Self; 3] {
         let (low, high) = first.halves();
         let eights = [low, high, more.unwrap_or(low)];
         from.map(|from| Self(from.0.map(|k| eights[k as usize / 8 % 3].0[k as usize % 8])))
     }
 
     #[inline(always)]
-    fn permute(self, from: PortableWords) -> Self {
+    fn permute(self, from: PortableU32x8) -> Self {
         Self(from.0.map(|k| self.0[k as usize & 7]))
     }
 
     #[inline(always)]
-    fn compress(self, mask: PortableMask) -> Self {
+    fn compress(self, mask: PortableMask8) -> Self {
         let mut first = self;
         let mut count = 0;
         for k in 0..8 {
@@ -132,12 +132,12 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn compress_bits(self, bits: u32) -> Self {
-        self.compress(PortableMask::of_bits(bits))
+    fn compress_by_bits(self, bits: u32) -> Self {
+        self.compress(PortableMask8::from_bits(bits))
     }
 
     #[inline(always)]
-    fn expand(self, mask: PortableMask, others: Self) -> Self {
+    fn expand(self, mask: PortableMask8, others: Self) -> Self {
         let mut expanded = others;
         let mut count = 0;
         for k in 0..8 {
@@ -153,33 +153,33 @@ impl Lanes for Portable {
     fn prefetch(_: *const u32) {}
 
     #[inline(always)]
-    fn least(self) -> f32 {
+    fn reduce_min(self) -> f32 {
         self.0.into_iter().fold(f32::INFINITY, |a, b| if a < b { a } else { b })
     }
 
     #[inline(always)]
-    fn largest(self) -> f32 {
+    fn reduce_max(self) -> f32 {
         self.0.into_iter().fold(f32::NEG_INFINITY, |a, b| if a > b { a } else { b })
     }
 
     #[inline(always)]
-    fn least_of_four(rows: [Self; 4]) -> [f32; 4] {
-        rows.map(Self::least)
+    fn reduce_min_4(rows: [Self; 4]) -> [f32; 4] {
+        rows.map(Self::reduce_min)
     }
 
     #[inline(always)]
-    fn least_of_each(rows: [Self; 8]) -> Self {
-        Self(rows.map(Self::least))
+    fn reduce_min_8(rows: [Self; 8]) -> Self {
+        Self(rows.map(Self::reduce_min))
     }
 }
 
 /// All ones or all zeros a lane.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct PortableMask([u32; 8]);
+pub(in crate::trace) struct PortableMask8([u32; 8]);
 
-impl Mask for PortableMask {
+impl Mask8 for PortableMask8 {
     #[inline(always)]
-    fn of_bits(bits: u32) -> Self {
+    fn from_bits(bits: u32) -> Self {
         Self(from_fn(|k| if bits >> k & 1 != 0 { u32::MAX } else { 0 }))
     }
 
@@ -201,10 +201,10 @@ impl Mask for PortableMask {
 
 /// Eight u32 in an array.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct PortableWords([u32; 8]);
+pub(in crate::trace) struct PortableU32x8([u32; 8]);
 
-impl Words for PortableWords {
-    type Floats = Portable;
+impl U32x8 for PortableU32x8 {
+    type F32x8 = PortableF32x8;
 
     #[inline(always)]
     fn splat(x: u32) -> Self {
@@ -242,17 +242,17 @@ impl Words for PortableWords {
     }
 
     #[inline(always)]
-    fn common(self, other: Self) -> PortableMask {
-        PortableMask(from_fn(|k| if self.0[k] & other.0[k] != 0 { u32::MAX } else { 0 }))
+    fn test(self, other: Self) -> PortableMask8 {
+        PortableMask8(from_fn(|k| if self.0[k] & other.0[k] != 0 { u32::MAX } else { 0 }))
     }
 
     #[inline(always)]
-    fn log2(self) -> Self {
+    fn bit_index(self) -> Self {
         Self(self.0.map(u32::trailing_zeros))
     }
 
     #[inline(always)]
-    fn of_bytes(bytes: u64) -> Self {
+    fn from_bytes(bytes: u64) -> Self {
         Self(bytes.to_le_bytes().map(u32::from))
     }
 
@@ -267,34 +267,34 @@ impl Words for PortableWords {
     }
 
     #[inline(always)]
-    fn of(words: &[u32], at: Self) -> Self {
+    fn gather(words: &[u32], at: Self) -> Self {
         Self(at.0.map(|at| words[at as usize]))
     }
 
     #[inline(always)]
-    fn as_floats(self) -> Portable {
-        Portable(self.0.map(f32::from_bits))
+    fn bitcast(self) -> PortableF32x8 {
+        PortableF32x8(self.0.map(f32::from_bits))
     }
 
     #[inline(always)]
-    fn of_floats(x: Portable) -> Self {
+    fn bitcast_from(x: PortableF32x8) -> Self {
         Self(x.0.map(f32::to_bits))
     }
 }
 
 /// Eight f64 in an array.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct PortableDoubles([f64; 8]);
+pub(in crate::trace) struct PortableF64x8([f64; 8]);
 
-impl PortableDoubles {
+impl PortableF64x8 {
     #[inline(always)]
     fn with(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
         Self(from_fn(|k| f(self.0[k], other.0[k])))
     }
 }
 
-impl Doubles for PortableDoubles {
-    type Floats = Portable;
+impl F64x8 for PortableF64x8 {
+    type F32x8 = PortableF32x8;
 
     #[inline(always)]
     fn load(x: &[f64; 8]) -> Self {
@@ -312,17 +312,17 @@ impl Doubles for PortableDoubles {
     }
 
     #[inline(always)]
-    fn from_floats(x: Portable) -> Self {
+    fn from_f32(x: PortableF32x8) -> Self {
         Self(x.0.map(f64::from))
     }
 
     #[inline(always)]
-    fn to_floats(self) -> Portable {
-        Portable(self.0.map(|x| x as f32))
+    fn to_f32(self) -> PortableF32x8 {
+        PortableF32x8(self.0.map(|x| x as f32))
     }
 }
 
-impl Real for PortableDoubles {
+impl Real for PortableF64x8 {
     #[inline(always)]
     fn splat(x: f64) -> Self {
         Self([x; 8])

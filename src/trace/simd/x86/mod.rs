@@ -2,17 +2,17 @@
 //!
 //! The only module with `unsafe`. Each block calls an intrinsic that needs the features of its kind and nothing else (loads
 //! and stores take references to whole arrays, unaligned; gathers check their indices). That the processor has them is the
-//! condition under which a value of the kind may be made at all: [`with_avx2`] and [`with_avx512`] are the only ways into
+//! condition under which a value of the kind may be made at all: [`run_with_avx2`] and [`run_with_avx512`] are the only ways into
 //! code that makes one, and they ask [`has_avx2`] and [`has_avx512`].
 #![allow(unsafe_code)]
 
 mod avx2;
 mod avx512;
 
-pub(in crate::trace) use avx2::Avx2;
-pub(in crate::trace) use avx512::Avx512;
+pub(in crate::trace) use avx2::Avx2F32x8;
+pub(in crate::trace) use avx512::Avx512F32x8;
 
-use super::Work;
+use super::SimdTask;
 
 /// Whether this processor has AVX2 and FMA, and what all that have these count bits with.
 #[inline]
@@ -25,7 +25,7 @@ pub(in crate::trace) fn has_avx2() -> bool {
         && is_x86_feature_detected!("popcnt")
 }
 
-/// Whether this processor has what [`Avx512`] takes: any with AVX-512 since 2017.
+/// Whether this processor has what [`Avx512F32x8`] takes: any with AVX-512 since 2017.
 #[inline]
 pub(in crate::trace) fn has_avx512() -> bool {
     has_avx2()
@@ -35,38 +35,38 @@ pub(in crate::trace) fn has_avx512() -> bool {
         && is_x86_feature_detected!("avx512bw")
 }
 
-/// Runs `work` on [`Avx2`], compiled for AVX2 and FMA.
+/// Runs `work` on [`Avx2F32x8`], compiled for AVX2 and FMA.
 ///
 /// # Panics
 /// If the processor lacks them.
 #[inline]
-pub(in crate::trace) fn with_avx2<W: Work>(work: W) -> W::Output {
+pub(in crate::trace) fn run_with_avx2<W: SimdTask>(work: W) -> W::Output {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn enabled<W: Work>(work: W) -> W::Output {
-        work.run::<Avx2>()
+    fn enabled<W: SimdTask>(work: W) -> W::Output {
+        work.run::<Avx2F32x8>()
     }
     assert!(has_avx2());
     // SAFETY: the processor has just said that it has all of them.
     unsafe { enabled(work) }
 }
 
-/// Runs `work` on [`Avx512`], compiled for AVX-512.
+/// Runs `work` on [`Avx512F32x8`], compiled for AVX-512.
 ///
 /// # Panics
 /// If the processor lacks it.
 #[inline]
-pub(in crate::trace) fn with_avx512<W: Work>(work: W) -> W::Output {
+pub(in crate::trace) fn run_with_avx512<W: SimdTask>(work: W) -> W::Output {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512dq,avx512bw")]
-    fn enabled<W: Work>(work: W) -> W::Output {
-        work.run::<Avx512>()
+    fn enabled<W: SimdTask>(work: W) -> W::Output {
+        work.run::<Avx512F32x8>()
     }
     assert!(has_avx512());
     // SAFETY: the processor has just said that it has all of them.
     unsafe { enabled(work) }
 }
 
-/// The methods of `Lanes` that are the same instructions for both kinds, a tuple struct of one `__m256` each.
-macro_rules! eight_floats {
+/// The methods of `F32x8` that are the same instructions for both kinds, a tuple struct of one `__m256` each.
+macro_rules! f32x8_methods {
     () => {
         #[inline(always)]
         fn splat(x: f32) -> Self {
@@ -147,13 +147,13 @@ macro_rules! eight_floats {
         }
 
         #[inline(always)]
-        fn permute(self, from: Self::Words) -> Self {
+        fn permute(self, from: Self::U32x8) -> Self {
             // SAFETY: AVX2, see the module.
             Self(unsafe { _mm256_permutevar8x32_ps(self.0, from.0) })
         }
 
         #[inline(always)]
-        fn least(self) -> f32 {
+        fn reduce_min(self) -> f32 {
             // SAFETY: AVX, see the module.
             unsafe {
                 let four = _mm_min_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
@@ -163,7 +163,7 @@ macro_rules! eight_floats {
         }
 
         #[inline(always)]
-        fn largest(self) -> f32 {
+        fn reduce_max(self) -> f32 {
             // SAFETY: AVX, see the module.
             unsafe {
                 let four = _mm_max_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
@@ -173,7 +173,7 @@ macro_rules! eight_floats {
         }
 
         #[inline(always)]
-        fn least_of_four([a, b, c, d]: [Self; 4]) -> [f32; 4] {
+        fn reduce_min_4([a, b, c, d]: [Self; 4]) -> [f32; 4] {
             let mut to = [0.0; 8];
             // SAFETY: AVX, see the module; the array takes the 32 bytes written.
             unsafe {
@@ -197,7 +197,7 @@ macro_rules! eight_floats {
         }
 
         #[inline(always)]
-        fn least_of_each(rows: [Self; 8]) -> Self {
+        fn reduce_min_8(rows: [Self; 8]) -> Self {
             // SAFETY: AVX, see the module.
             Self(unsafe {
                 {
@@ -243,8 +243,8 @@ macro_rules! eight_floats {
     };
 }
 
-/// The methods of `Words` that are the same instructions for both kinds, a tuple struct of one `__m256i` each.
-macro_rules! eight_words {
+/// The methods of `U32x8` that are the same instructions for both kinds, a tuple struct of one `__m256i` each.
+macro_rules! u32x8_methods {
     () => {
         #[inline(always)]
         fn splat(x: u32) -> Self {
@@ -289,7 +289,7 @@ macro_rules! eight_words {
         }
 
         #[inline(always)]
-        fn log2(self) -> Self {
+        fn bit_index(self) -> Self {
             // SAFETY: AVX2, see the module. (The exponent of f32, which is off by 127.)
             Self(unsafe {
                 let exponent = _mm256_srli_epi32::<23>(_mm256_castps_si256(_mm256_cvtepi32_ps(self.0)));
@@ -298,7 +298,7 @@ macro_rules! eight_words {
         }
 
         #[inline(always)]
-        fn of_bytes(bytes: u64) -> Self {
+        fn from_bytes(bytes: u64) -> Self {
             // SAFETY: AVX2, see the module.
             Self(unsafe { _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(bytes as i64)) })
         }
@@ -316,7 +316,7 @@ macro_rules! eight_words {
         }
 
         #[inline(always)]
-        fn of(words: &[u32], at: Self) -> Self {
+        fn gather(words: &[u32], at: Self) -> Self {
             // SAFETY: AVX2, see the module; every index is one of the slice, which is shorter than 2³¹.
             Self(unsafe {
                 let last = _mm256_set1_epi32((words.len().clamp(1, 1 << 31) - 1) as i32);
@@ -328,4 +328,4 @@ macro_rules! eight_words {
     };
 }
 
-use {eight_floats, eight_words};
+use {f32x8_methods, u32x8_methods};

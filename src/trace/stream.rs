@@ -9,49 +9,49 @@
 
 use glam::DVec3;
 
-use super::{BOTTOM, Prepared, Stacked, id, passing};
-use crate::trace::effort::Effort;
+use super::single::{BOTTOM, Prepared, StackSlices, id, passing};
+use crate::trace::bvh::{Bvh8, Child, LeafBlock, TriangleRef, WIDTH};
 use crate::trace::exact::{Corners, Facet, LocalRay, Xyz};
-use crate::trace::finish::in_f64;
-use crate::trace::lanes::{Doubles, Lanes, Words};
-use crate::trace::packet::Nearest;
-use crate::trace::tracer::{Batch, Best};
-use crate::trace::wide::{Block, Child, Slot, WIDTH, Wide};
+use crate::trace::hit_attributes::in_f64;
+use crate::trace::packet::NearestHits;
+use crate::trace::simd::{F32x8, F64x8, U32x8};
+use crate::trace::stats::TraversalStats;
+use crate::trace::tracer::{Batch, NearestHit};
 
 /// Rays that are walked side by side at most.
-const TOGETHER: usize = 64;
+const STREAM_RAYS: usize = 64;
 
 /// They come and go in groups of eight.
-const GROUPS: usize = TOGETHER / 8;
+const GROUPS: usize = STREAM_RAYS / 8;
 
 /// The length of a ray's stack where there are many. (A ray that needs more is taken by itself: eight wide, a hierarchy over a
 /// thousand million triangles is some ten deep, and a level leaves seven children.)
 const DEPTH: usize = 120;
 
 /// Room for triangles that rays pass through: eight of each ray's leaf, up to seven of an earlier round, and one vector.
-const PASSED: usize = (TOGETHER + 2) * WIDTH;
+const PASSED: usize = (STREAM_RAYS + 2) * WIDTH;
 
 /// Room for rays, walked side by side. (Nothing until there are any: it is some 70 KiB.)
 #[derive(Default)]
-pub(in crate::trace) struct Together {
-    walks: Option<Box<Walks>>,
+pub(in crate::trace) struct RayStream {
+    state: Option<Box<StreamState>>,
 }
 
-struct Walks {
+struct StreamState {
     /// Which eight rays of the batch are in each group's places, and whose places are taken (a byte of ones each); the next
     /// eight to come.
     eights: [usize; GROUPS],
     taken: u64,
     next_eight: usize,
-    prepared: Prepared<TOGETHER>,
+    prepared: Prepared<STREAM_RAYS>,
     /// What each visits next, and its stack with the top.
-    next: [Child; TOGETHER],
-    top: [u32; TOGETHER],
-    nears: [[f32; DEPTH]; TOGETHER],
-    children: [[u32; DEPTH]; TOGETHER],
+    next: [Child; STREAM_RAYS],
+    top: [u32; STREAM_RAYS],
+    nears: [[f32; DEPTH]; STREAM_RAYS],
+    children: [[u32; DEPTH]; STREAM_RAYS],
     /// The depth of each one's nearest hit, or how far it goes, and where that is, if there is one (a bit each).
-    t: [f64; TOGETHER],
-    slot: [u32; TOGETHER],
+    t: [f64; STREAM_RAYS],
+    slot: [u32; STREAM_RAYS],
     hit: u64,
     /// Triangles that rays pass through, whose depths are still to be worked out: where they are, and whose. Their number.
     passed: [u32; PASSED],
@@ -63,22 +63,22 @@ struct Walks {
     waits: u64,
     /// A bit each: who has to be taken by itself.
     left_out: u64,
-    effort: Effort,
+    stats: TraversalStats,
 }
 
-impl Default for Walks {
+impl Default for StreamState {
     fn default() -> Self {
         Self {
             eights: [0; GROUPS],
             taken: 0,
             next_eight: 0,
             prepared: Prepared::NONE,
-            next: [Child::NONE; TOGETHER],
-            top: [0; TOGETHER],
-            nears: [[0.0; DEPTH]; TOGETHER],
-            children: [[0; DEPTH]; TOGETHER],
-            t: [0.0; TOGETHER],
-            slot: [0; TOGETHER],
+            next: [Child::NONE; STREAM_RAYS],
+            top: [0; STREAM_RAYS],
+            nears: [[0.0; DEPTH]; STREAM_RAYS],
+            children: [[0; DEPTH]; STREAM_RAYS],
+            t: [0.0; STREAM_RAYS],
+            slot: [0; STREAM_RAYS],
             hit: 0,
             passed: [0; PASSED],
             passed_by: [0; PASSED],
@@ -87,68 +87,68 @@ impl Default for Walks {
             at_leaf: 0,
             waits: 0,
             left_out: 0,
-            effort: Effort::default(),
+            stats: TraversalStats::default(),
         }
     }
 }
 
-impl Together {
+impl RayStream {
     /// What walking took so far.
-    pub fn effort(&self) -> Effort {
-        self.walks.as_ref().map_or(Effort::default(), |walks| walks.effort)
+    pub fn stats(&self) -> TraversalStats {
+        self.state.as_ref().map_or(TraversalStats::default(), |state| state.stats)
     }
 
     /// Finds the nearest hits (with `any`, a hit) of eight more rays of a batch in mesh 0, in its space: which eight (their
     /// hits are the first of `nearest`), and those of them that have to be taken one by one, a bit each. Eights come in any
     /// order; the batch's last may be fewer. `None` if there are no more, and only then another batch may follow.
     #[inline(always)]
-    pub fn next_eight<S: Lanes>(
+    pub fn next_eight<S: F32x8>(
         &mut self,
-        wide: &Wide,
+        bvh: &Bvh8,
         rays: &Batch,
         any: bool,
-        nearest: &mut Nearest,
+        nearest: &mut NearestHits,
     ) -> Option<(usize, u32)> {
-        let walks = self.walks.get_or_insert_default();
+        let state = self.state.get_or_insert_default();
         loop {
-            let done = walks.taken & !whole_bytes(walks.at_node | walks.at_leaf | walks.waits);
+            let done = state.taken & !whole_bytes(state.at_node | state.at_leaf | state.waits);
             if done != 0 {
                 let group = done.trailing_zeros() as usize / 8;
-                walks.taken &= !(0xff << (8 * group));
-                return Some(walks.leave(group, nearest));
+                state.taken &= !(0xff << (8 * group));
+                return Some(state.leave(group, nearest));
             }
-            while walks.taken != u64::MAX && walks.next_eight * 8 < rays.directions.len() {
-                let group = (!walks.taken).trailing_zeros() as usize / 8;
-                walks.enter::<S>(group, wide, rays);
+            while state.taken != u64::MAX && state.next_eight * 8 < rays.directions.len() {
+                let group = (!state.taken).trailing_zeros() as usize / 8;
+                state.enter::<S>(group, bvh, rays);
             }
-            if walks.taken == 0 {
+            if state.taken == 0 {
                 // Nobody is left: another batch may begin.
-                walks.next_eight = 0;
+                state.next_eight = 0;
                 return None;
             }
             // Those that come to a leaf now get there next time, when it has been asked for.
-            let at_leaf = std::mem::take(&mut walks.at_leaf);
-            walks.visit_nodes::<S>(wide);
-            walks.visit_leaves::<S>(wide, rays, any, at_leaf);
+            let at_leaf = std::mem::take(&mut state.at_leaf);
+            state.visit_nodes::<S>(bvh);
+            state.visit_leaves::<S>(bvh, rays, any, at_leaf);
         }
     }
 }
 
-impl Walks {
+impl StreamState {
     /// Prepares the next eight rays and puts them at the root.
     #[inline(always)]
-    fn enter<S: Lanes>(&mut self, group: usize, wide: &Wide, rays: &Batch) {
+    fn enter<S: F32x8>(&mut self, group: usize, bvh: &Bvh8, rays: &Batch) {
         let eight_rays = self.next_eight;
         self.next_eight += 1;
         self.eights[group] = eight_rays;
         let places = 0xff << (8 * group);
         self.taken |= places;
         let (o, d) = rays.eight::<S>(eight_rays);
-        let tame = self.prepared.prepare::<S>(group, o, d, wide.largest, (rays.t_min, rays.t_max));
+        let in_range = self.prepared.prepare::<S>(group, o, d, bvh.largest, (rays.t_min, rays.t_max));
         let all = 0xff_u32 >> (8 - (rays.directions.len() - 8 * eight_rays).min(8));
-        self.left_out = self.left_out & !places | u64::from(all & !tame) << (8 * group);
-        if !wide.nodes.is_empty() {
-            self.at_node |= u64::from(all & tame) << (8 * group);
+        self.left_out = self.left_out & !places | u64::from(all & !in_range) << (8 * group);
+        if !bvh.nodes.is_empty() {
+            self.at_node |= u64::from(all & in_range) << (8 * group);
         }
         self.hit &= !places;
         for place in 8 * group..8 * group + 8 {
@@ -159,14 +159,14 @@ impl Walks {
 
     /// Gives up a group's places: which eight rays they were, and those that have to be taken by themselves.
     #[inline(always)]
-    fn leave(&self, group: usize, nearest: &mut Nearest) -> (usize, u32) {
+    fn leave(&self, group: usize, nearest: &mut NearestHits) -> (usize, u32) {
         let left_out = (self.left_out >> (8 * group)) as u32 & 0xff;
         nearest.clear();
         for k in 0..8 {
             let place = 8 * group + k;
             if (self.hit & !self.left_out) >> place & 1 != 0 {
-                let (t, slot) = (self.t[place], Slot(self.slot[place]));
-                nearest.set(k, Some(Best { t, placement: 0, slot }));
+                let (t, slot) = (self.t[place], TriangleRef(self.slot[place]));
+                nearest.set(k, Some(NearestHit { t, placement: 0, slot }));
             }
         }
         (self.eights[group], left_out)
@@ -179,38 +179,38 @@ impl Walks {
     }
 
     #[inline(always)]
-    fn stacked(&mut self, ray: usize) -> Stacked<'_> {
-        Stacked { nears: &mut self.nears[ray], children: &mut self.children[ray] }
+    fn stacked(&mut self, ray: usize) -> StackSlices<'_> {
+        StackSlices { nears: &mut self.nears[ray], children: &mut self.children[ray] }
     }
 
     /// Notes where a ray goes next, and asks for it; nowhere if its stack is empty.
     #[inline(always)]
-    fn go<S: Lanes>(&mut self, wide: &Wide, ray: usize, child: Child, top: usize) -> [u64; 2] {
+    fn go<S: F32x8>(&mut self, bvh: &Bvh8, ray: usize, child: Child, top: usize) -> [u64; 2] {
         (self.next[ray], self.top[ray]) = (child, top as u32);
         let goes_on = u64::from(top >= BOTTOM) << ray;
         let to_leaf = u64::from(child.bits() >> 31) << ray;
-        wide.prefetch::<S>(child);
+        bvh.prefetch::<S>(child);
         [goes_on & !to_leaf, goes_on & to_leaf]
     }
 
     /// Takes all rays that are at a node a step further.
     #[inline(always)]
-    fn visit_nodes<S: Lanes>(&mut self, wide: &Wide) {
+    fn visit_nodes<S: F32x8>(&mut self, bvh: &Bvh8) {
         let mut rest = self.at_node;
         let [mut to_node, mut to_leaf] = [0, self.at_leaf];
-        self.effort.nodes += u64::from(rest.count_ones());
+        self.stats.nodes += u64::from(rest.count_ones());
         while rest != 0 {
-            let ray = rest.trailing_zeros() as usize & (TOGETHER - 1);
+            let ray = rest.trailing_zeros() as usize & (STREAM_RAYS - 1);
             rest &= rest - 1;
             let top = self.top[ray] as usize;
             if top > DEPTH - WIDTH {
                 self.left_out |= 1 << ray;
                 continue;
             }
-            let node = &wide.nodes[self.next[ray].bits() as usize];
-            let mut stacked = Stacked { nears: &mut self.nears[ray], children: &mut self.children[ray] };
+            let node = &bvh.nodes[self.next[ray].bits() as usize];
+            let mut stacked = StackSlices { nears: &mut self.nears[ray], children: &mut self.children[ray] };
             let (child, top) = self.prepared.step::<S>(ray, node, &mut stacked, top);
-            let [node, leaf] = self.go::<S>(wide, ray, child, top);
+            let [node, leaf] = self.go::<S>(bvh, ray, child, top);
             (to_node, to_leaf) = (to_node | node, to_leaf | leaf);
         }
         (self.at_node, self.at_leaf) = (to_node, to_leaf);
@@ -218,25 +218,25 @@ impl Walks {
 
     /// Takes all rays of a set, which are at a leaf, a step further; or lets them wait.
     #[inline(always)]
-    fn visit_leaves<S: Lanes>(&mut self, wide: &Wide, rays: &Batch, any: bool, at_leaf: u64) {
+    fn visit_leaves<S: F32x8>(&mut self, bvh: &Bvh8, rays: &Batch, any: bool, at_leaf: u64) {
         let (mut rest, mut count, mut goes_on) = (at_leaf, self.waiting, 0);
         let mut tests = 0;
         while rest != 0 {
-            let ray = rest.trailing_zeros() as usize & (TOGETHER - 1);
+            let ray = rest.trailing_zeros() as usize & (STREAM_RAYS - 1);
             rest &= rest - 1;
-            let granule = self.next[ray].bits() & !(1 << 31);
-            let block = Block::at(&wide.blocks, granule);
+            let block_offset = self.next[ray].bits() & !(1 << 31);
+            let block = LeafBlock::at(&bvh.blocks, block_offset);
             let (mut maybe, sure) = self.prepared.test_leaf::<S>(ray, &block);
             tests += block.triangles as u64;
             if maybe & !sure != 0 {
                 maybe =
-                    maybe & sure | passing(block, maybe & !sure, rays.ray(self.ray(ray)), &mut self.effort);
+                    maybe & sure | passing(block, maybe & !sure, rays.ray(self.ray(ray)), &mut self.stats);
             }
             goes_on |= u64::from(maybe == 0) << ray;
             // Whether it is none or one is hard to tell beforehand: no branch. More are rare.
             loop {
                 let lane = (maybe | 1 << 7).trailing_zeros() as usize;
-                self.passed[count % PASSED] = Slot::new(granule, lane).0;
+                self.passed[count % PASSED] = TriangleRef::new(block_offset, lane).0;
                 self.passed_by[count % PASSED] = ray as u8;
                 count += usize::from(maybe != 0);
                 maybe &= maybe.wrapping_sub(1);
@@ -245,17 +245,17 @@ impl Walks {
                 }
             }
         }
-        self.effort.leaves += u64::from(at_leaf.count_ones());
-        self.effort.tests += tests;
+        self.stats.leaves += u64::from(at_leaf.count_ones());
+        self.stats.tests += tests;
         self.waits |= at_leaf & !goes_on;
         // Fewer than eight only if nobody else has anything to do.
         let mut start = 0;
         while count - start >= WIDTH || (count > start && self.at_node | self.at_leaf | goes_on == 0) {
             let some = (count - start).min(WIDTH);
-            let of = self.better::<S>(wide, rays, any, start, some);
+            let of = self.better::<S>(bvh, rays, any, start, some);
             start += some;
             // Whoever has another in the next eight goes on after that: its place is not to be given to someone else before.
-            let next = u64::from(start < count) << (self.passed_by[start] as usize % TOGETHER);
+            let next = u64::from(start < count) << (self.passed_by[start] as usize % STREAM_RAYS);
             goes_on |= of & !next;
             self.waits &= !goes_on;
         }
@@ -265,12 +265,12 @@ impl Walks {
         let mut rest = goes_on;
         let (mut to_node, mut to_leaf) = (self.at_node, self.at_leaf);
         while rest != 0 {
-            let ray = rest.trailing_zeros() as usize & (TOGETHER - 1);
+            let ray = rest.trailing_zeros() as usize & (STREAM_RAYS - 1);
             rest &= rest - 1;
             let z_max = S::splat(self.prepared.z_max[ray]);
             let top = self.top[ray] as usize;
             let (child, top) = self.stacked(ray).pop::<S>(z_max, top);
-            let [node, leaf] = self.go::<S>(wide, ray, child, top);
+            let [node, leaf] = self.go::<S>(bvh, ray, child, top);
             (to_node, to_leaf) = (to_node | node, to_leaf | leaf);
         }
         (self.at_node, self.at_leaf) = (to_node, to_leaf);
@@ -278,13 +278,13 @@ impl Walks {
 
     /// Betters rays' hits by up to eight triangles that they pass through. Gives the rays, a bit each.
     #[inline(always)]
-    fn better<S: Lanes>(&mut self, wide: &Wide, rays: &Batch, any: bool, start: usize, count: usize) -> u64 {
+    fn better<S: F32x8>(&mut self, bvh: &Bvh8, rays: &Batch, any: bool, start: usize, count: usize) -> u64 {
         let mut slots: [u32; WIDTH] = self.passed[start..start + WIDTH].try_into().unwrap();
         let passed_by: [u8; WIDTH] = self.passed_by[start..start + WIDTH].try_into().unwrap();
         let (mut origins, mut directions) = ([DVec3::ZERO; WIDTH], [DVec3::ZERO; WIDTH]);
         let mut of = 0;
         for k in 0..count {
-            let place = usize::from(passed_by[k]) % TOGETHER;
+            let place = usize::from(passed_by[k]) % STREAM_RAYS;
             of |= 1 << place;
             let LocalRay { origin, direction } = rays.ray(self.ray(place));
             (origins[k], directions[k]) = (origin, direction);
@@ -292,8 +292,8 @@ impl Walks {
         // What is worked out for lanes past the last is not used.
         let first = slots[0];
         slots[count..].fill(first);
-        let (corners, ids) = Block::corners::<S>(&wide.blocks, S::Words::load(&slots));
-        let [[x, y, z], [dx, dy, dz]] = [S::Doubles::load_xyz(&origins), S::Doubles::load_xyz(&directions)];
+        let (corners, ids) = LeafBlock::corners::<S>(&bvh.blocks, S::U32x8::load(&slots));
+        let [[x, y, z], [dx, dy, dz]] = [S::F64x8::load_xyz(&origins), S::F64x8::load_xyz(&directions)];
         let o = Xyz(x, y, z);
         let [a, b, c] = [in_f64(corners[0]), in_f64(corners[1]), in_f64(corners[2])];
         let facet = Facet::new([a.sub(o), b.sub(o), c.sub(o)]);
@@ -302,14 +302,14 @@ impl Walks {
         depth.store(&mut t);
         ids.store(&mut triangles);
         for k in 0..count {
-            let (ray, slot) = (usize::from(passed_by[k]) % TOGETHER, slots[k]);
+            let (ray, slot) = (usize::from(passed_by[k]) % STREAM_RAYS, slots[k]);
             if within >> k & 1 == 0 {
-                t[k] = depth_in_box(wide, Slot(slot), rays.ray(self.ray(ray)));
+                t[k] = depth_in_box(bvh, TriangleRef(slot), rays.ray(self.ray(ray)));
             }
             let (t, known) = (t[k], self.t[ray]);
             let is_first = self.hit >> ray & 1 == 0;
-            let beats =
-                t < known || (t == known && (is_first || triangles[k] < id(wide, Slot(self.slot[ray]))));
+            let beats = t < known
+                || (t == known && (is_first || triangles[k] < id(bvh, TriangleRef(self.slot[ray]))));
             if beats && t >= rays.t_min {
                 (self.t[ray], self.slot[ray]) = (t, slot);
                 self.hit |= 1 << ray;
@@ -327,8 +327,8 @@ impl Walks {
 /// The depth of a triangle that is seen so edge-on that it isn't that of its plane. Kept out of the loop, as it is rare.
 #[cold]
 #[inline(never)]
-fn depth_in_box(wide: &Wide, slot: Slot, ray: LocalRay) -> f64 {
-    let positions = Block::at(&wide.blocks, slot.granule()).positions(slot.lane());
+fn depth_in_box(bvh: &Bvh8, slot: TriangleRef, ray: LocalRay) -> f64 {
+    let positions = LeafBlock::at(&bvh.blocks, slot.block_offset()).positions(slot.lane());
     Corners::from_positions(positions, ray.origin).depth(ray.direction)
 }
 
@@ -345,8 +345,8 @@ mod tests {
     use super::*;
     use crate::scene::Mesh;
     use crate::trace::Origins;
-    use crate::trace::lanes::Portable;
-    use crate::trace::wide;
+    use crate::trace::bvh;
+    use crate::trace::simd::PortableF32x8;
 
     /// One triangle in front of the other, the nearer the smaller: each level leaves all but the nearest of a node's children.
     #[test]
@@ -362,17 +362,17 @@ mod tests {
                 ]);
                 mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
             }
-            wide::build(&mesh)
+            bvh::build(&mesh)
         };
         let directions: Vec<_> = (0..20).map(|k| DVec3::new(f64::from(k) * 1e-3, 0.0, 1.0)).collect();
         let origins = Origins::Common(DVec3::new(0.0, 0.0, -1.0));
         let rays = Batch { origins, directions: &directions, t_min: 0.0, t_max: f64::INFINITY };
         for (count, is_deep) in [(10, false), (1300, true)] {
-            let wide = nested(count);
-            let (mut together, mut nearest) = (Together::default(), Nearest::new(rays.t_max));
+            let bvh = nested(count);
+            let (mut stream, mut nearest) = (RayStream::default(), NearestHits::new(rays.t_max));
             let mut seen = Vec::new();
             while let Some((eight, left_out)) =
-                together.next_eight::<Portable>(&wide, &rays, false, &mut nearest)
+                stream.next_eight::<PortableF32x8>(&bvh, &rays, false, &mut nearest)
             {
                 let present = if eight == 2 { 0x0f } else { 0xff };
                 assert_eq!(left_out, if is_deep { present } else { 0 }, "{count} triangles, eight {eight}");

@@ -5,17 +5,17 @@ use std::array::from_fn;
 
 use glam::{DAffine3, DVec3};
 
+use super::bvh::{LeafBlock, TriangleRef};
 use super::exact::{self, Corners, Facet, LocalRay, Xyz};
-use super::lanes::{Doubles, Lanes, Mask, Words};
-use super::packet::Nearest;
+use super::packet::NearestHits;
+use super::simd::{F32x8, F64x8, Mask8, U32x8};
 use super::tracer::{Batch, Tracer};
-use super::wide::{Block, Slot};
 use super::{Hit, Origins};
 
 impl Tracer<'_> {
     /// The whole hits of a batch of at most a packet's rays.
     #[inline(always)]
-    pub(super) fn finish_all<S: Lanes>(&self, rays: &Batch, nearest: &Nearest, hits: &mut [Option<Hit>]) {
+    pub(super) fn write_hits<S: F32x8>(&self, rays: &Batch, nearest: &NearestHits, hits: &mut [Option<Hit>]) {
         let mut last = None;
         let mut room = [DVec3::ZERO; 8];
         for (group, hits) in hits.chunks_mut(8).enumerate() {
@@ -27,35 +27,37 @@ impl Tracer<'_> {
                 continue;
             }
             let directions = eight(rays.directions, group, &mut room);
-            if found == 0xff && self.finish_alike::<S>(rays, directions, nearest, group, hits, &mut last) {
+            if found == 0xff
+                && self.write_hits_of_one_triangle::<S>(rays, directions, nearest, group, hits, &mut last)
+            {
                 continue;
             }
-            self.finish_eight::<S>(rays, nearest, (group, found), hits);
+            self.write_hits_of_group::<S>(rays, nearest, (group, found), hits);
         }
     }
 
     /// The whole hits of a group of rays if all hit the same triangle of placement 0; false if they don't. `last` is the
     /// triangle of the previous ones.
     #[inline(always)]
-    fn finish_alike<S: Lanes>(
+    fn write_hits_of_one_triangle<S: F32x8>(
         &self,
         rays: &Batch,
         directions: &[DVec3; 8],
-        nearest: &Nearest,
+        nearest: &NearestHits,
         group: usize,
         hits: &mut [Option<Hit>],
         last: &mut Option<Seen>,
     ) -> bool {
         let Origins::Common(origin) = rays.origins else { return false };
         let (slots, placements) = nearest.places(group);
-        let slot = Slot(slots[0]);
+        let slot = TriangleRef(slots[0]);
         if *slots != [slot.0; 8] || *placements != [0; 8] {
             return false;
         }
         let Seen { facet, normal, triangle, .. } = match last {
             Some(seen) if seen.slot == slot => seen,
             _ => {
-                let block = Block::at(&self.wide(0).blocks, slot.granule());
+                let block = LeafBlock::at(&self.bvh(0).blocks, slot.block_offset());
                 let facet = Facet::new(Corners::from_positions(block.positions(slot.lane()), origin).xyz());
                 let Xyz(x, y, z) = facet.normal.normalized();
                 last.insert(Seen {
@@ -67,8 +69,8 @@ impl Tracer<'_> {
             }
         };
         let (normal, triangle) = (*normal, *triangle);
-        let facet = Facet::<S::Doubles>::splat(facet);
-        let [x, y, z] = S::Doubles::load_xyz(directions);
+        let facet = Facet::<S::F64x8>::splat(facet);
+        let [x, y, z] = S::F64x8::load_xyz(directions);
         let d = Xyz(x, y, z);
         let (t, within) = facet.plane_depth(d);
         if within != 0xff {
@@ -84,10 +86,10 @@ impl Tracer<'_> {
 
     /// The whole hits of the rays of a group that have one, a bit each in `found`, placement by placement.
     #[inline(always)]
-    fn finish_eight<S: Lanes>(
+    fn write_hits_of_group<S: F32x8>(
         &self,
         rays: &Batch,
-        nearest: &Nearest,
+        nearest: &NearestHits,
         (group, found): (usize, u32),
         hits: &mut [Option<Hit>],
     ) {
@@ -101,9 +103,9 @@ impl Tracer<'_> {
             rest &= !lanes;
             // In the lanes of others, the same is worked out as in the first, and dropped.
             let slot = S::select(
-                S::Mask::of_bits(lanes),
-                S::Words::load(slots).as_floats(),
-                S::Words::splat(slots[first]).as_floats(),
+                S::Mask8::from_bits(lanes),
+                S::U32x8::load(slots).bitcast(),
+                S::U32x8::splat(slots[first]).bitcast(),
             );
             let place = &self.scene.placements[placement as usize];
             let (mut d, mut o) = (scene_d, scene_o);
@@ -111,14 +113,14 @@ impl Tracer<'_> {
                 d = exact::carried_direction(&place.mesh_from_scene, d);
                 o = exact::carried_point(&place.mesh_from_scene, o);
             }
-            let wide = self.wide(placement);
+            let bvh = self.bvh(placement);
             let (corners, ids) = if *slots == [slots[first]; 8] {
-                let slot = Slot(slots[first]);
-                let block = Block::at(&wide.blocks, slot.granule());
+                let slot = TriangleRef(slots[first]);
+                let block = LeafBlock::at(&bvh.blocks, slot.block_offset());
                 let [a, b, c] = block.positions(slot.lane());
-                ([splat(a), splat(b), splat(c)], S::Words::splat(block.id(slot.lane())))
+                ([splat(a), splat(b), splat(c)], S::U32x8::splat(block.id(slot.lane())))
             } else {
-                Block::corners::<S>(&wide.blocks, S::Words::of_floats(slot))
+                LeafBlock::corners::<S>(&bvh.blocks, S::U32x8::bitcast_from(slot))
             };
             let [a, b, c] = [in_f64(corners[0]), in_f64(corners[1]), in_f64(corners[2])];
             let facet = Facet::new([a.sub(o), b.sub(o), c.sub(o)]);
@@ -131,8 +133,8 @@ impl Tracer<'_> {
             ids.store(&mut triangles);
             if lanes & !within != 0 {
                 for k in (0..8).filter(|k| (lanes & !within) >> k & 1 != 0) {
-                    let slot = Slot(slots[k]);
-                    let positions = Block::at(&wide.blocks, slot.granule()).positions(slot.lane());
+                    let slot = TriangleRef(slots[k]);
+                    let positions = LeafBlock::at(&bvh.blocks, slot.block_offset()).positions(slot.lane());
                     let ray = rays.ray(group * 8 + k);
                     let LocalRay { origin, direction } = ray.carried(place);
                     t[k] = Corners::from_positions(positions, origin).depth(direction);
@@ -150,7 +152,7 @@ impl Tracer<'_> {
 
 /// A triangle of placement 0, as the last rays that hit it needed it.
 struct Seen {
-    slot: Slot,
+    slot: TriangleRef,
     facet: Facet<f64>,
     normal: DVec3,
     triangle: u32,
@@ -169,18 +171,18 @@ pub(super) fn eight<'r>(points: &'r [DVec3], group: usize, room: &'r mut [DVec3;
 
 /// One corner for all.
 #[inline(always)]
-fn splat<S: Lanes>([x, y, z]: [f32; 3]) -> [S; 3] {
+fn splat<S: F32x8>([x, y, z]: [f32; 3]) -> [S; 3] {
     [S::splat(x), S::splat(y), S::splat(z)]
 }
 
 /// A corner of eight triangles.
 #[inline(always)]
-pub(super) fn in_f64<S: Lanes>([x, y, z]: [S; 3]) -> Xyz<S::Doubles> {
-    Xyz(S::Doubles::from_floats(x), S::Doubles::from_floats(y), S::Doubles::from_floats(z))
+pub(super) fn in_f64<S: F32x8>([x, y, z]: [S; 3]) -> Xyz<S::F64x8> {
+    Xyz(S::F64x8::from_f32(x), S::F64x8::from_f32(y), S::F64x8::from_f32(z))
 }
 
 #[inline(always)]
-fn store<D: Doubles>(x: D) -> [f64; 8] {
+fn store<D: F64x8>(x: D) -> [f64; 8] {
     let mut to = [0.0; 8];
     x.store(&mut to);
     to

@@ -4,10 +4,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::Vec3;
 
-use super::{Kernel, Method, Ray};
-use crate::scene::Scene;
+use super::{Kernel, Ray};
+use crate::trace::bvh::{Bvh8, Child, LeafBlock, TriangleRef};
 use crate::trace::exact::{Candidate, Corners, LocalRay};
-use crate::trace::wide::{Block, Child, Slot, Wide};
 use crate::trace::{Cast, Hit, Rays, Tracer};
 
 /// Casts rays one by one and decides by `K`. The hierarchy is walked conservatively in f64: what is missed is missed by the
@@ -26,7 +25,7 @@ pub struct KernelTracer<'s, K: Kernel> {
 /// A mesh's triangles in the order of their blocks.
 #[derive(Debug)]
 struct Prepared<K: Kernel> {
-    /// By a block's granule: the place of its first triangle.
+    /// By a block's offset: the place of its first triangle.
     first: Vec<u32>,
     triangles: Vec<K::Triangle>,
 }
@@ -39,13 +38,13 @@ struct Seen<K: Kernel> {
 }
 
 impl<K: Kernel> Prepared<K> {
-    fn new(wide: &Wide, origin: Vec3) -> Self {
-        let granules = wide.blocks.len() / crate::trace::wide::GRANULE;
-        let mut all = Self { first: vec![0; granules], triangles: Vec::new() };
-        let leaves = wide.nodes.iter().flat_map(|n| n.child).filter(|c| *c != Child::NONE);
-        for granule in leaves.filter_map(|c| c.get().ok()) {
-            let block = Block::at(&wide.blocks, granule);
-            all.first[granule as usize] = all.triangles.len() as u32;
+    fn new(bvh: &Bvh8, origin: Vec3) -> Self {
+        let block_offsets = bvh.blocks.len() / crate::trace::bvh::BLOCK_OFFSET_WORDS;
+        let mut all = Self { first: vec![0; block_offsets], triangles: Vec::new() };
+        let leaves = bvh.nodes.iter().flat_map(|n| n.child).filter(|c| *c != Child::NONE);
+        for block_offset in leaves.filter_map(|c| c.get().ok()) {
+            let block = LeafBlock::at(&bvh.blocks, block_offset);
+            all.first[block_offset as usize] = all.triangles.len() as u32;
             all.triangles.extend((0..block.triangles).map(|lane| K::triangle(corners(&block, lane), origin)));
         }
         all
@@ -56,15 +55,15 @@ impl<K: Kernel> Prepared<K> {
     }
 }
 
-fn corners(block: &Block, lane: usize) -> [Vec3; 3] {
+fn corners(block: &LeafBlock, lane: usize) -> [Vec3; 3] {
     block.positions(lane).map(Vec3::from)
 }
 
 /// The best hit so far.
 #[derive(Clone, Copy)]
-struct Best {
+struct MethodHit {
     candidate: Candidate,
-    slot: Slot,
+    slot: TriangleRef,
     u: f32,
     v: f32,
 }
@@ -73,7 +72,7 @@ impl<'s, K: Kernel> KernelTracer<'s, K> {
     /// Prepares every triangle of the scene of `exact`.
     pub fn new(exact: Arc<Tracer<'s>>) -> Self {
         let meshes = if K::ABOUT.common_origin { &[] } else { exact.meshes.as_slice() };
-        let prepared = meshes.iter().map(|wide| Prepared::new(wide, Vec3::ZERO)).collect();
+        let prepared = meshes.iter().map(|bvh| Prepared::new(bvh, Vec3::ZERO)).collect();
         Self { exact, prepared, seen: Mutex::new(Seen { origin: None, prepared: None }) }
     }
 
@@ -95,19 +94,19 @@ impl<'s, K: Kernel> KernelTracer<'s, K> {
         ray: LocalRay,
         limits: (f64, f64),
         mesh_0: Option<&Prepared<K>>,
-        best: &mut Option<Best>,
+        best: &mut Option<MethodHit>,
         stack: &mut Vec<(Child, f64)>,
     ) {
         let mesh = self.exact.scene.placements[placement as usize].mesh;
-        let wide = &self.exact.meshes[mesh as usize];
+        let bvh = &self.exact.meshes[mesh as usize];
         let prepared = self.prepared.get(mesh as usize).or(mesh_0.filter(|_| placement == 0));
         let ray = Ray { origin: ray.origin.as_vec3(), direction: ray.direction.as_vec3() };
         let walked = LocalRay { origin: ray.origin.as_dvec3(), direction: ray.direction.as_dvec3() };
         let test = K::ray(ray);
         let far = best.map_or(limits.1, |b| b.candidate.t);
-        wide.visit_near(&walked, (limits.0, far), SLACK, stack, |granule| {
-            let block = Block::at(&wide.blocks, granule);
-            let first = prepared.map_or(0, |p| p.first[granule as usize]) as usize;
+        bvh.traverse_padded(&walked, (limits.0, far), SLACK, stack, |block_offset| {
+            let block = LeafBlock::at(&bvh.blocks, block_offset);
+            let first = prepared.map_or(0, |p| p.first[block_offset as usize]) as usize;
             for lane in 0..block.triangles {
                 let crossing = match prepared {
                     Some(p) => K::intersect(&p.triangles[first + lane], &test),
@@ -117,8 +116,8 @@ impl<'s, K: Kernel> KernelTracer<'s, K> {
                 let t = f64::from(crossing.t);
                 let candidate = Candidate { t, placement, triangle: block.id(lane) };
                 if (limits.0..=limits.1).contains(&t) && best.is_none_or(|b| candidate.beats(&b.candidate)) {
-                    let slot = Slot::new(granule, lane);
-                    *best = Some(Best { candidate, slot, u: crossing.u, v: crossing.v });
+                    let slot = TriangleRef::new(block_offset, lane);
+                    *best = Some(MethodHit { candidate, slot, u: crossing.u, v: crossing.v });
                 }
             }
             best.map_or(limits.1, |b| b.candidate.t)
@@ -126,11 +125,11 @@ impl<'s, K: Kernel> KernelTracer<'s, K> {
     }
 
     /// The whole hit of a ray in the scene's space.
-    fn finish(&self, ray: LocalRay, best: &Best) -> Hit {
+    fn finish(&self, ray: LocalRay, best: &MethodHit) -> Hit {
         let placement = &self.exact.scene.placements[best.candidate.placement as usize];
         let local = ray.carried(placement);
         let blocks = &self.exact.meshes[placement.mesh as usize].blocks;
-        let positions = Block::at(blocks, best.slot.granule()).positions(best.slot.lane());
+        let positions = LeafBlock::at(blocks, best.slot.block_offset()).positions(best.slot.lane());
         let corners = Corners::from_positions(positions, local.origin);
         let hit = best.candidate.finish(&corners, local.direction, placement);
         Hit { u: best.u.into(), v: best.v.into(), ..hit }
@@ -157,7 +156,7 @@ impl<K: Kernel> Cast for KernelTracer<'_, K> {
                 if self.exact.top.nodes.is_empty() {
                     self.nearest_in(0, ray, limits, seen, &mut best, &mut stack);
                 } else {
-                    self.exact.top.visit_near(&ray, limits, SLACK, &mut top_stack, |index| {
+                    self.exact.top.traverse_padded(&ray, limits, SLACK, &mut top_stack, |index| {
                         let local = ray.carried(&scene.placements[index as usize]);
                         self.nearest_in(index, local, limits, seen, &mut best, &mut stack);
                         best.map_or(limits.1, |b| b.candidate.t)
@@ -181,40 +180,4 @@ impl<K: Kernel> MethodTracer for KernelTracer<'_, K> {
 pub trait MethodTracer: Cast {
     /// Bytes held beside the scene.
     fn bytes(&self) -> usize;
-}
-
-/// What casts a job's rays, chosen once a scene.
-pub enum Caster<'s> {
-    /// By the definition of a hit.
-    Exact(Tracer<'s>),
-    /// By a published method.
-    Method(Box<dyn MethodTracer + 's>),
-}
-
-impl<'s> Caster<'s> {
-    /// Builds the hierarchies over a scene, and prepares it for a method if there is one.
-    pub fn build(scene: &'s Scene, method: Option<&Method>) -> Self {
-        let exact = Tracer::build(scene);
-        match method {
-            None => Self::Exact(exact),
-            Some(method) => Self::Method(method.tracer(&Arc::new(exact))),
-        }
-    }
-
-    /// Bytes held beside the scene.
-    pub fn bytes(&self) -> usize {
-        match self {
-            Self::Exact(tracer) => tracer.bytes(),
-            Self::Method(tracer) => tracer.bytes(),
-        }
-    }
-}
-
-impl Cast for Caster<'_> {
-    fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        match self {
-            Self::Exact(tracer) => tracer.cast(rays, hits),
-            Self::Method(tracer) => tracer.cast(rays, hits),
-        }
-    }
 }

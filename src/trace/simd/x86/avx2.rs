@@ -4,42 +4,42 @@ use std::arch::x86_64::*;
 
 use glam::DVec3;
 
-use super::{eight_floats, eight_words};
+use super::{f32x8_methods, u32x8_methods};
 use crate::trace::exact::Real;
-use crate::trace::lanes::{Doubles, Lanes, Mask, Pair, Two, Words};
+use crate::trace::simd::{F32x8, F32x16, F64x8, Mask8, TwoF32x8, U32x8};
 
-/// Eight f32 in a register. Only to be made inside of [`with_avx2`](super::with_avx2).
+/// Eight f32 in a register. Only to be made inside of [`run_with_avx2`](super::run_with_avx2).
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct Avx2(__m256);
+pub(in crate::trace) struct Avx2F32x8(__m256);
 
-impl Lanes for Avx2 {
-    type Mask = Avx2Mask;
-    type Words = Avx2Words;
-    type Doubles = Avx2Doubles;
-    type Pair = Two<Self>;
+impl F32x8 for Avx2F32x8 {
+    type Mask8 = Avx2Mask8;
+    type U32x8 = Avx2U32x8;
+    type F64x8 = Avx2F64x8;
+    type F32x16 = TwoF32x8<Self>;
 
-    eight_floats!();
+    f32x8_methods!();
 
     #[inline(always)]
-    fn ge(self, other: Self) -> Avx2Mask {
+    fn ge(self, other: Self) -> Avx2Mask8 {
         // SAFETY: AVX, see the module.
-        Avx2Mask(unsafe { _mm256_cmp_ps::<_CMP_GE_OQ>(self.0, other.0) })
+        Avx2Mask8(unsafe { _mm256_cmp_ps::<_CMP_GE_OQ>(self.0, other.0) })
     }
 
     #[inline(always)]
-    fn gt(self, other: Self) -> Avx2Mask {
+    fn gt(self, other: Self) -> Avx2Mask8 {
         // SAFETY: AVX, see the module.
-        Avx2Mask(unsafe { _mm256_cmp_ps::<_CMP_GT_OQ>(self.0, other.0) })
+        Avx2Mask8(unsafe { _mm256_cmp_ps::<_CMP_GT_OQ>(self.0, other.0) })
     }
 
     #[inline(always)]
-    fn select(mask: Avx2Mask, yes: Self, no: Self) -> Self {
+    fn select(mask: Avx2Mask8, yes: Self, no: Self) -> Self {
         // SAFETY: AVX, see the module.
         Self(unsafe { _mm256_blendv_ps(no.0, yes.0, mask.0) })
     }
 
     #[inline(always)]
-    fn pick(first: Two<Self>, more: Option<Self>, from: [Avx2Words; 3]) -> [Self; 3] {
+    fn lookup(first: TwoF32x8<Self>, more: Option<Self>, from: [Avx2U32x8; 3]) -> [Self; 3] {
         let (low, middle) = first.halves();
         // SAFETY: AVX2, see the module.
         unsafe {
@@ -64,12 +64,12 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn compress(self, mask: Avx2Mask) -> Self {
-        self.compress_bits(mask.bits())
+    fn compress(self, mask: Avx2Mask8) -> Self {
+        self.compress_by_bits(mask.bits())
     }
 
     #[inline(always)]
-    fn compress_bits(self, bits: u32) -> Self {
+    fn compress_by_bits(self, bits: u32) -> Self {
         let order = ORDERS[bits as usize & 255].compressed;
         // SAFETY: AVX2, see the module.
         Self(unsafe {
@@ -78,7 +78,7 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn expand(self, mask: Avx2Mask, others: Self) -> Self {
+    fn expand(self, mask: Avx2Mask8, others: Self) -> Self {
         let order = ORDERS[mask.bits() as usize & 255].expanded;
         // SAFETY: AVX2, see the module.
         Self(unsafe {
@@ -116,11 +116,11 @@ static ORDERS: [Order; 256] = {
 
 /// Lanes of all ones or all zeros.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct Avx2Mask(__m256);
+pub(in crate::trace) struct Avx2Mask8(__m256);
 
-impl Mask for Avx2Mask {
+impl Mask8 for Avx2Mask8 {
     #[inline(always)]
-    fn of_bits(bits: u32) -> Self {
+    fn from_bits(bits: u32) -> Self {
         // SAFETY: AVX2, see the module.
         Self(unsafe {
             let of_lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
@@ -150,30 +150,30 @@ impl Mask for Avx2Mask {
 
 /// Eight u32 in a register.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct Avx2Words(__m256i);
+pub(in crate::trace) struct Avx2U32x8(__m256i);
 
-impl Words for Avx2Words {
-    type Floats = Avx2;
+impl U32x8 for Avx2U32x8 {
+    type F32x8 = Avx2F32x8;
 
-    eight_words!();
+    u32x8_methods!();
 
     #[inline(always)]
-    fn common(self, other: Self) -> Avx2Mask {
+    fn test(self, other: Self) -> Avx2Mask8 {
         // SAFETY: AVX2, see the module.
-        Avx2Mask(unsafe {
+        Avx2Mask8(unsafe {
             let none = _mm256_cmpeq_epi32(_mm256_and_si256(self.0, other.0), _mm256_setzero_si256());
             _mm256_castsi256_ps(_mm256_xor_si256(none, _mm256_set1_epi32(-1)))
         })
     }
 
     #[inline(always)]
-    fn as_floats(self) -> Avx2 {
+    fn bitcast(self) -> Avx2F32x8 {
         // SAFETY: AVX, see the module.
-        Avx2(unsafe { _mm256_castsi256_ps(self.0) })
+        Avx2F32x8(unsafe { _mm256_castsi256_ps(self.0) })
     }
 
     #[inline(always)]
-    fn of_floats(x: Avx2) -> Self {
+    fn bitcast_from(x: Avx2F32x8) -> Self {
         // SAFETY: AVX, see the module.
         Self(unsafe { _mm256_castps_si256(x.0) })
     }
@@ -181,10 +181,10 @@ impl Words for Avx2Words {
 
 /// Eight f64 in two registers.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct Avx2Doubles(__m256d, __m256d);
+pub(in crate::trace) struct Avx2F64x8(__m256d, __m256d);
 
-impl Doubles for Avx2Doubles {
-    type Floats = Avx2;
+impl F64x8 for Avx2F64x8 {
+    type F32x8 = Avx2F32x8;
 
     #[inline(always)]
     fn load(x: &[f64; 8]) -> Self {
@@ -227,7 +227,7 @@ impl Doubles for Avx2Doubles {
     }
 
     #[inline(always)]
-    fn from_floats(x: Avx2) -> Self {
+    fn from_f32(x: Avx2F32x8) -> Self {
         // SAFETY: AVX, see the module.
         unsafe {
             Self(
@@ -238,13 +238,13 @@ impl Doubles for Avx2Doubles {
     }
 
     #[inline(always)]
-    fn to_floats(self) -> Avx2 {
+    fn to_f32(self) -> Avx2F32x8 {
         // SAFETY: AVX, see the module.
-        Avx2(unsafe { _mm256_set_m128(_mm256_cvtpd_ps(self.1), _mm256_cvtpd_ps(self.0)) })
+        Avx2F32x8(unsafe { _mm256_set_m128(_mm256_cvtpd_ps(self.1), _mm256_cvtpd_ps(self.0)) })
     }
 }
 
-impl Real for Avx2Doubles {
+impl Real for Avx2F64x8 {
     #[inline(always)]
     fn splat(x: f64) -> Self {
         // SAFETY: AVX, see the module.

@@ -1,10 +1,10 @@
-//! How a tile walks the hierarchy: from node to node, each with the bundles of rays that may meet it.
+//! How a packet walks the hierarchy: from node to node, each with the bundles of rays that may meet it.
 
-use super::{BUNDLES, RAYS, Tile};
-use crate::trace::lanes::{Lanes, Mask, Pair};
-use crate::trace::wide::{Child, Node, WIDTH};
+use super::{BUNDLES, PACKET_RAYS, RayPacket};
+use crate::trace::bvh::{Child, Node, WIDTH};
+use crate::trace::simd::{F32x8, F32x16, Mask8};
 
-/// A box relative to the origin, w turned over as the tile's is.
+/// A box relative to the origin, w turned over as the packet's is.
 #[derive(Clone, Copy)]
 pub(super) struct RelativeBox {
     /// The lower side turned over, and the upper side.
@@ -15,7 +15,7 @@ pub(super) struct RelativeBox {
 
 /// A leaf that rays may meet.
 pub(in crate::trace) struct Leaf {
-    /// A block's granule, or a placement.
+    /// A block's offset, or a placement.
     pub number: u32,
     pub(super) bounds: RelativeBox,
     pub(super) bundles: u32,
@@ -60,10 +60,10 @@ impl Stack {
     }
 }
 
-impl<const APART: bool> Tile<'_, APART> {
+impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
     /// Finds the nearest hits in the mesh.
     #[inline(always)]
-    pub fn walk_mesh<S: Lanes>(&mut self, stack: &mut Stack) {
+    pub fn walk_mesh<S: F32x8>(&mut self, stack: &mut Stack) {
         self.enter_root::<S>(stack);
         loop {
             self.visit_nodes::<S>(stack);
@@ -82,10 +82,10 @@ impl<const APART: bool> Tile<'_, APART> {
 
     /// Puts what the rays may meet at the top of the hierarchy on the stack.
     #[inline(always)]
-    pub fn enter_root<S: Lanes>(&self, stack: &mut Stack) {
+    pub fn enter_root<S: F32x8>(&self, stack: &mut Stack) {
         (stack.node_count, stack.leaf_count) = (0, 0);
-        if !self.wide.nodes.is_empty() {
-            let bundles = (1 << self.directions.len().div_ceil(RAYS / BUNDLES)) - 1;
+        if !self.bvh.nodes.is_empty() {
+            let bundles = (1 << self.directions.len().div_ceil(PACKET_RAYS / BUNDLES)) - 1;
             stack.nodes[0] = Visit { near: 0.0, place: 0, child: Child::node(0), bundles };
             stack.node_count = 1;
         }
@@ -93,7 +93,7 @@ impl<const APART: bool> Tile<'_, APART> {
 
     /// The next leaf that rays may meet, of those found so far the nearest.
     #[inline(always)]
-    pub fn next_leaf<S: Lanes>(&self, stack: &mut Stack) -> Option<Leaf> {
+    pub fn next_leaf<S: F32x8>(&self, stack: &mut Stack) -> Option<Leaf> {
         loop {
             self.visit_nodes::<S>(stack);
             let waiting = &stack.leaves[..stack.leaf_count];
@@ -110,13 +110,13 @@ impl<const APART: bool> Tile<'_, APART> {
     #[inline(always)]
     fn leaf(&self, visit: &Visit) -> Leaf {
         let (node, lane) = (visit.place as usize / WIDTH, visit.place as usize % WIDTH);
-        let bounds = self.child_box(&self.wide.nodes[node], lane);
+        let bounds = self.child_box(&self.bvh.nodes[node], lane);
         Leaf { number: visit.child.number(), bounds, bundles: visit.bundles }
     }
 
     /// Visits nodes until leaves wait or there are no more nodes.
     #[inline(always)]
-    fn visit_nodes<S: Lanes>(&self, stack: &mut Stack) {
+    fn visit_nodes<S: F32x8>(&self, stack: &mut Stack) {
         while stack.leaf_count == 0 && stack.node_count > 0 {
             stack.node_count -= 1;
             let Visit { near, child, bundles, .. } = stack.nodes[stack.node_count];
@@ -139,19 +139,19 @@ impl<const APART: bool> Tile<'_, APART> {
 
     /// Puts the children that the rays of `bundles` may meet on the stack, the nearest on top.
     #[inline(always)]
-    fn visit_children<S: Lanes>(&self, index: u32, bundles: u32, stack: &mut Stack) {
-        let node = &self.wide.nodes[index as usize];
+    fn visit_children<S: F32x8>(&self, index: u32, bundles: u32, stack: &mut Stack) {
+        let node = &self.bvh.nodes[index as usize];
         stack.visited += 1;
         let [ru, rv] = self.rectangle_of::<S>(bundles);
         let (w_lower, w_upper) = self.sides::<S>(node, 2).halves();
         let (before, end) = if self.turned { (w_upper, w_lower) } else { (w_lower, w_upper) };
         // Not before the origin.
         let near = before.neg().max(S::splat(0.0));
-        let (begins, ends) = (S::Pair::of(near, near), S::Pair::of(end, end));
+        let (begins, ends) = (S::F32x16::from_halves(near, near), S::F32x16::from_halves(end, end));
         let (u, v) = (self.sides::<S>(node, 0), self.sides::<S>(node, 1));
         let least = [ru.mul(begins).min(ru.mul(ends)), rv.mul(begins).min(rv.mul(ends))];
         let in_reach = S::splat(self.farthest).ge(near).and(end.ge(S::splat(0.0)));
-        let mut met = S::Pair::all_ge([u, v], least).and(in_reach).bits();
+        let mut met = S::F32x16::all_ge([u, v], least).and(in_reach).bits();
         if met == 0 {
             return;
         }
@@ -160,7 +160,7 @@ impl<const APART: bool> Tile<'_, APART> {
         v.store(&mut vs);
         near.store(&mut nears);
         end.store(&mut ends);
-        let rectangle = [S::Pair::load(&self.rectangle[0]), S::Pair::load(&self.rectangle[1])];
+        let rectangle = [S::F32x16::load(&self.rectangle[0]), S::F32x16::load(&self.rectangle[1])];
         let far = S::load(&self.far);
         if stack.node_count + WIDTH > stack.nodes.len() {
             stack.lengthen();
@@ -172,18 +172,18 @@ impl<const APART: bool> Tile<'_, APART> {
             let lane = met.trailing_zeros() as usize & (WIDTH - 1);
             met &= met - 1;
             // The bundles that may meet this child.
-            let (near, end) = (S::Pair::splat(nears[lane]), S::Pair::splat(ends[lane]));
-            let u = S::Pair::of(S::splat(us[lane]), S::splat(us[WIDTH + lane]));
-            let v = S::Pair::of(S::splat(vs[lane]), S::splat(vs[WIDTH + lane]));
+            let (near, end) = (S::F32x16::splat(nears[lane]), S::F32x16::splat(ends[lane]));
+            let u = S::F32x16::from_halves(S::splat(us[lane]), S::splat(us[WIDTH + lane]));
+            let v = S::F32x16::from_halves(S::splat(vs[lane]), S::splat(vs[WIDTH + lane]));
             let [ru, rv] = rectangle;
             let least = [ru.mul(near).min(ru.mul(end)), rv.mul(near).min(rv.mul(end))];
-            let met = S::Pair::all_ge([u, v], least).and(far.ge(S::splat(nears[lane])));
+            let met = S::F32x16::all_ge([u, v], least).and(far.ge(S::splat(nears[lane])));
             let bundles = met.bits() & bundles;
             if bundles == 0 {
                 continue;
             }
             let child = node.child[lane];
-            self.wide.prefetch::<S>(child);
+            self.bvh.prefetch::<S>(child);
             let visit =
                 Visit { near: nears[lane], place: index * WIDTH as u32 + lane as u32, child, bundles };
             // Written where a leaf goes, which counts if it is one.
@@ -205,30 +205,30 @@ impl<const APART: bool> Tile<'_, APART> {
     /// The planes of all children's boxes along u, v or w (not turned over), relative to the origin: the lower ones turned
     /// over, then the upper ones.
     #[inline(always)]
-    fn sides<S: Lanes>(&self, node: &Node, k: usize) -> S::Pair {
+    fn sides<S: F32x8>(&self, node: &Node, k: usize) -> S::F32x16 {
         let [lower, upper] = self.from[k];
-        let from = S::Pair::of(S::splat(lower), S::splat(upper));
-        let over = S::Pair::of(S::splat(-1.0), S::splat(1.0));
-        S::Pair::load(&node.planes[self.axes[k]]).mul_add(over, from)
+        let from = S::F32x16::from_halves(S::splat(lower), S::splat(upper));
+        let over = S::F32x16::from_halves(S::splat(-1.0), S::splat(1.0));
+        S::F32x16::load(&node.planes[self.axes[k]]).mul_add(over, from)
     }
 
     /// The rectangle around those of `bundles`, for eight boxes at a time.
     #[inline(always)]
-    fn rectangle_of<S: Lanes>(&self, bundles: u32) -> [S::Pair; 2] {
-        let mask = S::Mask::of_bits(bundles);
+    fn rectangle_of<S: F32x8>(&self, bundles: u32) -> [S::F32x16; 2] {
+        let mask = S::Mask8::from_bits(bundles);
         let none = S::splat(f32::INFINITY);
         let [u, v] = &self.rectangle;
-        let (u_turned, u_upright) = S::Pair::load(u).halves();
-        let (v_turned, v_upright) = S::Pair::load(v).halves();
-        let sides = S::least_of_four([
+        let (u_turned, u_upright) = S::F32x16::load(u).halves();
+        let (v_turned, v_upright) = S::F32x16::load(v).halves();
+        let sides = S::reduce_min_4([
             S::select(mask, u_turned, none),
             S::select(mask, u_upright, none),
             S::select(mask, v_turned, none),
             S::select(mask, v_upright, none),
         ]);
         [
-            S::Pair::of(S::splat(sides[0]), S::splat(sides[1])),
-            S::Pair::of(S::splat(sides[2]), S::splat(sides[3])),
+            S::F32x16::from_halves(S::splat(sides[0]), S::splat(sides[1])),
+            S::F32x16::from_halves(S::splat(sides[2]), S::splat(sides[3])),
         ]
     }
 }

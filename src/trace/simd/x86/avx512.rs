@@ -4,42 +4,42 @@ use std::arch::x86_64::*;
 
 use glam::DVec3;
 
-use super::{eight_floats, eight_words};
+use super::{f32x8_methods, u32x8_methods};
 use crate::trace::exact::Real;
-use crate::trace::lanes::{Doubles, Lanes, Mask, Pair, Words};
+use crate::trace::simd::{F32x8, F32x16, F64x8, Mask8, U32x8};
 
-/// Eight f32 in a register. Only to be made inside of [`with_avx512`](super::with_avx512).
+/// Eight f32 in a register. Only to be made inside of [`run_with_avx512`](super::run_with_avx512).
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct Avx512(__m256);
+pub(in crate::trace) struct Avx512F32x8(__m256);
 
-impl Lanes for Avx512 {
-    type Mask = Avx512Mask;
-    type Words = Avx512Words;
-    type Doubles = Avx512Doubles;
-    type Pair = Avx512Pair;
+impl F32x8 for Avx512F32x8 {
+    type Mask8 = Avx512Mask8;
+    type U32x8 = Avx512U32x8;
+    type F64x8 = Avx512F64x8;
+    type F32x16 = Avx512F32x16;
 
-    eight_floats!();
+    f32x8_methods!();
 
     #[inline(always)]
-    fn ge(self, other: Self) -> Avx512Mask {
+    fn ge(self, other: Self) -> Avx512Mask8 {
         // SAFETY: AVX-512, see the module.
-        Avx512Mask(unsafe { _mm256_cmp_ps_mask::<_CMP_GE_OQ>(self.0, other.0) })
+        Avx512Mask8(unsafe { _mm256_cmp_ps_mask::<_CMP_GE_OQ>(self.0, other.0) })
     }
 
     #[inline(always)]
-    fn gt(self, other: Self) -> Avx512Mask {
+    fn gt(self, other: Self) -> Avx512Mask8 {
         // SAFETY: AVX-512, see the module.
-        Avx512Mask(unsafe { _mm256_cmp_ps_mask::<_CMP_GT_OQ>(self.0, other.0) })
+        Avx512Mask8(unsafe { _mm256_cmp_ps_mask::<_CMP_GT_OQ>(self.0, other.0) })
     }
 
     #[inline(always)]
-    fn select(mask: Avx512Mask, yes: Self, no: Self) -> Self {
+    fn select(mask: Avx512Mask8, yes: Self, no: Self) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm256_mask_blend_ps(mask.0, no.0, yes.0) })
     }
 
     #[inline(always)]
-    fn pick(first: Avx512Pair, more: Option<Self>, from: [Avx512Words; 3]) -> [Self; 3] {
+    fn lookup(first: Avx512F32x16, more: Option<Self>, from: [Avx512U32x8; 3]) -> [Self; 3] {
         let [a, b, c] = from;
         let first = first.0;
         // SAFETY: AVX-512, see the module.
@@ -69,18 +69,18 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn compress(self, mask: Avx512Mask) -> Self {
+    fn compress(self, mask: Avx512Mask8) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm256_maskz_compress_ps(mask.0, self.0) })
     }
 
     #[inline(always)]
-    fn compress_bits(self, bits: u32) -> Self {
-        self.compress(Avx512Mask::of_bits(bits))
+    fn compress_by_bits(self, bits: u32) -> Self {
+        self.compress(Avx512Mask8::from_bits(bits))
     }
 
     #[inline(always)]
-    fn expand(self, mask: Avx512Mask, others: Self) -> Self {
+    fn expand(self, mask: Avx512Mask8, others: Self) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm256_mask_expand_ps(others.0, mask.0, self.0) })
     }
@@ -88,11 +88,11 @@ impl Lanes for Avx512 {
 
 /// A bit a lane.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct Avx512Mask(__mmask8);
+pub(in crate::trace) struct Avx512Mask8(__mmask8);
 
-impl Mask for Avx512Mask {
+impl Mask8 for Avx512Mask8 {
     #[inline(always)]
-    fn of_bits(bits: u32) -> Self {
+    fn from_bits(bits: u32) -> Self {
         Self(bits as __mmask8)
     }
 
@@ -114,10 +114,10 @@ impl Mask for Avx512Mask {
 
 /// Sixteen f32 in a register.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct Avx512Pair(__m512);
+pub(in crate::trace) struct Avx512F32x16(__m512);
 
-impl Pair for Avx512Pair {
-    type Half = Avx512;
+impl F32x16 for Avx512F32x16 {
+    type Half = Avx512F32x8;
 
     #[inline(always)]
     fn load(x: &[f32; 16]) -> Self {
@@ -132,7 +132,7 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
-    fn of(low: Avx512, high: Avx512) -> Self {
+    fn from_halves(low: Avx512F32x8, high: Avx512F32x8) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low.0), high.0) })
     }
@@ -150,7 +150,7 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
-    fn two_of(eight: Avx512, first: usize) -> Self {
+    fn broadcast_two(eight: Avx512F32x8, first: usize) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe {
             let halves = _mm512_setr_epi32(0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1);
@@ -196,18 +196,20 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
-    fn all_ge([p, q]: [Self; 2], [r, s]: [Self; 2]) -> Avx512Mask {
+    fn all_ge([p, q]: [Self; 2], [r, s]: [Self; 2]) -> Avx512Mask8 {
         // SAFETY: AVX-512, see the module.
         let sixteen = unsafe {
             _mm512_mask_cmp_ps_mask::<_CMP_GE_OQ>(_mm512_cmp_ps_mask::<_CMP_GE_OQ>(p.0, r.0), q.0, s.0)
         };
-        Avx512Mask((sixteen & sixteen >> 8) as __mmask8)
+        Avx512Mask8((sixteen & sixteen >> 8) as __mmask8)
     }
 
     #[inline(always)]
-    fn halves(self) -> (Avx512, Avx512) {
+    fn halves(self) -> (Avx512F32x8, Avx512F32x8) {
         // SAFETY: AVX-512, see the module.
-        unsafe { (Avx512(_mm512_castps512_ps256(self.0)), Avx512(_mm512_extractf32x8_ps::<1>(self.0))) }
+        unsafe {
+            (Avx512F32x8(_mm512_castps512_ps256(self.0)), Avx512F32x8(_mm512_extractf32x8_ps::<1>(self.0)))
+        }
     }
 
     #[inline(always)]
@@ -217,7 +219,7 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
-    fn store_some(self, bits: u32, to: &mut [f32; 16]) {
+    fn compress_store(self, bits: u32, to: &mut [f32; 16]) {
         // SAFETY: AVX-512, see the module; the reference covers the 64 bytes written.
         unsafe {
             _mm512_storeu_ps(to.as_mut_ptr(), _mm512_maskz_compress_ps(bits as __mmask16, self.0));
@@ -225,13 +227,13 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
-    fn load_some(self, bits: u32, from: &[f32; 16]) -> Self {
+    fn expand_load(self, bits: u32, from: &[f32; 16]) -> Self {
         // SAFETY: AVX-512, see the module; the reference covers the 64 bytes read.
         Self(unsafe { _mm512_mask_expand_ps(self.0, bits as __mmask16, _mm512_loadu_ps(from.as_ptr())) })
     }
 
     #[inline(always)]
-    fn load_some_words(self, bits: u32, from: &[u32; 16]) -> Self {
+    fn expand_load_u32(self, bits: u32, from: &[u32; 16]) -> Self {
         // SAFETY: AVX-512, see the module; the reference covers the 64 bytes read.
         Self(unsafe {
             _mm512_mask_expand_ps(self.0, bits as __mmask16, _mm512_loadu_ps(from.as_ptr().cast()))
@@ -239,13 +241,13 @@ impl Pair for Avx512Pair {
     }
 
     #[inline(always)]
-    fn load_words(x: &[u32; 16]) -> Self {
+    fn load_u32(x: &[u32; 16]) -> Self {
         // SAFETY: AVX-512, see the module; the reference covers the 64 bytes read.
         Self(unsafe { _mm512_loadu_ps(x.as_ptr().cast()) })
     }
 
     #[inline(always)]
-    fn store_words(self, to: &mut [u32; 16]) {
+    fn store_u32(self, to: &mut [u32; 16]) {
         // SAFETY: AVX-512, see the module; the reference covers the 64 bytes written.
         unsafe { _mm512_storeu_ps(to.as_mut_ptr().cast(), self.0) }
     }
@@ -253,27 +255,27 @@ impl Pair for Avx512Pair {
 
 /// Eight u32 in a register.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct Avx512Words(__m256i);
+pub(in crate::trace) struct Avx512U32x8(__m256i);
 
-impl Words for Avx512Words {
-    type Floats = Avx512;
+impl U32x8 for Avx512U32x8 {
+    type F32x8 = Avx512F32x8;
 
-    eight_words!();
+    u32x8_methods!();
 
     #[inline(always)]
-    fn common(self, other: Self) -> Avx512Mask {
+    fn test(self, other: Self) -> Avx512Mask8 {
         // SAFETY: AVX-512, see the module.
-        Avx512Mask(unsafe { _mm256_test_epi32_mask(self.0, other.0) })
+        Avx512Mask8(unsafe { _mm256_test_epi32_mask(self.0, other.0) })
     }
 
     #[inline(always)]
-    fn as_floats(self) -> Avx512 {
+    fn bitcast(self) -> Avx512F32x8 {
         // SAFETY: AVX, see the module.
-        Avx512(unsafe { _mm256_castsi256_ps(self.0) })
+        Avx512F32x8(unsafe { _mm256_castsi256_ps(self.0) })
     }
 
     #[inline(always)]
-    fn of_floats(x: Avx512) -> Self {
+    fn bitcast_from(x: Avx512F32x8) -> Self {
         // SAFETY: AVX, see the module.
         Self(unsafe { _mm256_castps_si256(x.0) })
     }
@@ -281,10 +283,10 @@ impl Words for Avx512Words {
 
 /// Eight f64 in a register.
 #[derive(Clone, Copy)]
-pub(in crate::trace) struct Avx512Doubles(__m512d);
+pub(in crate::trace) struct Avx512F64x8(__m512d);
 
-impl Doubles for Avx512Doubles {
-    type Floats = Avx512;
+impl F64x8 for Avx512F64x8 {
+    type F32x8 = Avx512F32x8;
 
     #[inline(always)]
     fn load(x: &[f64; 8]) -> Self {
@@ -318,19 +320,19 @@ impl Doubles for Avx512Doubles {
     }
 
     #[inline(always)]
-    fn from_floats(x: Avx512) -> Self {
+    fn from_f32(x: Avx512F32x8) -> Self {
         // SAFETY: AVX-512, see the module.
         Self(unsafe { _mm512_cvtps_pd(x.0) })
     }
 
     #[inline(always)]
-    fn to_floats(self) -> Avx512 {
+    fn to_f32(self) -> Avx512F32x8 {
         // SAFETY: AVX-512, see the module.
-        Avx512(unsafe { _mm512_cvtpd_ps(self.0) })
+        Avx512F32x8(unsafe { _mm512_cvtpd_ps(self.0) })
     }
 }
 
-impl Real for Avx512Doubles {
+impl Real for Avx512F64x8 {
     #[inline(always)]
     fn splat(x: f64) -> Self {
         // SAFETY: AVX-512, see the module.

@@ -30,18 +30,14 @@
 //! one side are a hit, two on different sides are a miss, and what lies between is decided by [`exact`](super::exact). Depths
 //! are those of [`exact`](super::exact), by the same code, so nothing is decided by any that is rounded otherwise.
 
-mod together;
-
 use std::hint::select_unpredictable;
 
-use super::effort::Effort;
+use super::bvh::{Bvh8, Child, LeafBlock, Node, TriangleRef, WIDTH};
 use super::exact::{Candidate, Corners, LocalRay, Real, Xyz};
-use super::lanes::{Doubles, Lanes, Mask, Pair, Words};
 use super::packet::{TINY, U};
-use super::tracer::Best;
-use super::wide::{Block, Child, Node, Slot, WIDTH, Wide};
-
-pub(super) use together::Together;
+use super::simd::{F32x8, F32x16, F64x8, Mask8, U32x8};
+use super::stats::TraversalStats;
+use super::tracer::NearestHit;
 
 /// Error of an edge function in units of u·s·X, and in units of u²·s².
 const EDGE: f32 = 48.0;
@@ -51,7 +47,7 @@ const EDGE_SQUARED: f32 = 256.0;
 const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
 /// Rays in the space of a mesh (or of the scene), prepared.
-struct Prepared<const N: usize> {
+pub(super) struct Prepared<const N: usize> {
     /// Of each of x, y, z: |d_w|/d_k, and what is added to planes times that, to those where the ray enters and those where it
     /// leaves.
     inverse: [[f32; N]; 3],
@@ -61,9 +57,9 @@ struct Prepared<const N: usize> {
     near: [[u32; N]; 3],
     /// Depths along w that hits may have.
     z_min: [f32; N],
-    z_max: [f32; N],
+    pub(super) z_max: [f32; N],
     /// Which axis is w.
-    w: [u32; N],
+    pub(super) w: [u32; N],
     /// d_u/d_w and d_v/d_w.
     g: [[f32; N]; 2],
     /// The origin, in the order u, v, w.
@@ -75,7 +71,7 @@ struct Prepared<const N: usize> {
 }
 
 impl<const N: usize> Prepared<N> {
-    const NONE: Self = Self {
+    pub(super) const NONE: Self = Self {
         inverse: [[0.0; N]; 3],
         from_near: [[0.0; N]; 3],
         from_far: [[0.0; N]; 3],
@@ -92,41 +88,38 @@ impl<const N: usize> Prepared<N> {
     /// Prepares the eight rays of a group for hits from `t_min` to `t_max`. Gives a bit each for those that f32 is of use
     /// for: finite, and of sizes whose cubes don't leave f32's range.
     #[inline(always)]
-    fn prepare<S: Lanes>(
+    pub(super) fn prepare<S: F32x8>(
         &mut self,
         group: usize,
-        o: Xyz<S::Doubles>,
-        d: Xyz<S::Doubles>,
+        o: Xyz<S::F64x8>,
+        d: Xyz<S::F64x8>,
         largest: f32,
         (t_min, t_max): (f64, f64),
     ) -> u32 {
-        let constant = S::Doubles::splat;
+        let constant = S::F64x8::splat;
         let along = Xyz(d.0.abs(), d.1.abs(), d.2.abs());
         let away = Xyz(o.0.abs(), o.1.abs(), o.2.abs());
         let farthest = away.0.max(away.1).max(away.2);
         let stretch = along.0.max(along.1).max(along.2);
         // (In this form NaN doesn't pass.)
         let near_by = constant(1e12 - f64::from(largest));
-        let tame = away.0.le(near_by) & away.1.le(near_by) & away.2.le(near_by);
-        let tame = tame & constant(1e-30).le(stretch) & stretch.le(constant(1e30));
-        let tame = tame & along.0.add(along.1).add(along.2).le(constant(1e31));
+        let in_range = away.0.le(near_by) & away.1.le(near_by) & away.2.le(near_by);
+        let in_range = in_range & constant(1e-30).le(stretch) & stretch.le(constant(1e30));
+        let in_range = in_range & along.0.add(along.1).add(along.2).le(constant(1e31));
 
-        let is_x = S::Mask::of_bits(along.1.le(along.0) & along.2.le(along.0));
-        let is_y = S::Mask::of_bits(along.2.le(along.1));
+        let is_x = S::Mask8::from_bits(along.1.le(along.0) & along.2.le(along.0));
+        let is_y = S::Mask8::from_bits(along.2.le(along.1));
         let numbers = |k: u32| S::splat(f32::from_bits(k));
         let w = S::select(is_x, numbers(0), S::select(is_y, numbers(1), numbers(2)));
-        S::Words::of_floats(w).store(part(&mut self.w, group));
+        S::U32x8::bitcast_from(w).store(part(&mut self.w, group));
 
         let per_stretch = constant(1.0).div(stretch);
-        let parts = [
-            d.0.mul(per_stretch).to_floats(),
-            d.1.mul(per_stretch).to_floats(),
-            d.2.mul(per_stretch).to_floats(),
-        ];
-        let at = [o.0.to_floats(), o.1.to_floats(), o.2.to_floats()];
-        let slack = farthest.to_floats().mul_add(S::splat(8.0 * U), S::splat(TINY));
+        let parts =
+            [d.0.mul(per_stretch).to_f32(), d.1.mul(per_stretch).to_f32(), d.2.mul(per_stretch).to_f32()];
+        let at = [o.0.to_f32(), o.1.to_f32(), o.2.to_f32()];
+        let slack = farthest.to_f32().mul_add(S::splat(8.0 * U), S::splat(TINY));
         for axis in 0..3 {
-            let signs = parts[axis].signs();
+            let signs = parts[axis].sign_bits();
             let least = S::splat(1.0 / (1_u64 << 60) as f32);
             let moves = parts[axis].abs().max(least).xor(signs);
             let inverse = S::splat(1.0).div(moves);
@@ -136,10 +129,10 @@ impl<const N: usize> Prepared<N> {
             inverse.store(part(&mut self.inverse[axis], group));
             at[axis].add(slack).mul(minus).store(part(&mut self.from_near[axis], group));
             at[axis].sub(slack).mul(minus).store(part(&mut self.from_far[axis], group));
-            let eights = S::Words::of_floats(signs).shift_right(S::Words::splat(28));
+            let eights = S::U32x8::bitcast_from(signs).shift_right(S::U32x8::splat(28));
             eights.store(part(&mut self.near[axis], group));
         }
-        let signs = S::select(is_x, parts[0], S::select(is_y, parts[1], parts[2])).signs();
+        let signs = S::select(is_x, parts[0], S::select(is_y, parts[1], parts[2])).sign_bits();
         let gu = S::select(is_x, parts[1], S::select(is_y, parts[2], parts[0]));
         let gv = S::select(is_x, parts[2], S::select(is_y, parts[0], parts[1]));
         gu.xor(signs).store(part(&mut self.g[0], group));
@@ -151,21 +144,21 @@ impl<const N: usize> Prepared<N> {
         v.store(part(&mut self.origin[1], group));
         w.store(part(&mut self.origin[2], group));
 
-        let size = farthest.add(constant(f64::from(largest))).to_floats();
+        let size = farthest.add(constant(f64::from(largest))).to_f32();
         let unit = size.mul(S::splat(U * (1.0 + 4.0 * U)));
         unit.mul(S::splat(EDGE)).store(part(&mut self.bound[0], group));
         unit.mul(unit).mul_add(S::splat(EDGE_SQUARED), S::splat(TINY)).store(part(&mut self.bound[1], group));
-        let z_min = constant(t_min).mul(stretch).to_floats().mul(S::splat(1.0 - 4.0 * U));
+        let z_min = constant(t_min).mul(stretch).to_f32().mul(S::splat(1.0 - 4.0 * U));
         z_min.store(part(&mut self.z_min, group));
-        let z_max = constant(t_max).mul(stretch).to_floats().mul_add(S::splat(1.0 + 8.0 * U), S::splat(TINY));
+        let z_max = constant(t_max).mul(stretch).to_f32().mul_add(S::splat(1.0 + 8.0 * U), S::splat(TINY));
         z_max.min(S::splat(f32::MAX)).store(part(&mut self.z_max, group));
         stretch.store(part(&mut self.stretch, group));
-        tame
+        in_range
     }
 
     /// Hits of a ray beyond this depth are of no more use.
     #[inline(always)]
-    fn limit(&mut self, ray: usize, t: f64) {
+    pub(super) fn limit(&mut self, ray: usize, t: f64) {
         let z_max = (t * self.stretch[ray]) as f32 * (1.0 + 8.0 * U) + TINY;
         self.z_max[ray] = z_max.min(f32::MAX);
     }
@@ -173,7 +166,13 @@ impl<const N: usize> Prepared<N> {
     /// Visits a node: gives the nearest child that the ray may meet, or if there is none, what is next on the stack; and the
     /// stack's top, below which the other children are now.
     #[inline(always)]
-    fn step<S: Lanes>(&self, ray: usize, node: &Node, stack: &mut Stacked, top: usize) -> (Child, usize) {
+    pub(super) fn step<S: F32x8>(
+        &self,
+        ray: usize,
+        node: &Node,
+        stack: &mut StackSlices,
+        top: usize,
+    ) -> (Child, usize) {
         let (x, y, z) =
             (self.slab::<S>(ray, node, 0), self.slab::<S>(ray, node, 1), self.slab::<S>(ray, node, 2));
         let z_max = S::splat(self.z_max[ray]);
@@ -184,7 +183,7 @@ impl<const N: usize> Prepared<N> {
         // Nothing predicts which child is nearest, nor whether there is any, so there are no branches on it. The nearest has
         // the least of numbers that end in the lanes' own.
         let numbered = near.and(S::splat(f32::from_bits(!7))).xor(S::load(&LANES));
-        let least = S::select(is_met, numbered, S::splat(f32::INFINITY)).least();
+        let least = S::select(is_met, numbered, S::splat(f32::INFINITY)).reduce_min();
         let lane = (least.to_bits() & 7) as usize;
         let others = met & !(1 << lane);
         let (popped, popped_top) = stack.pop_if::<S>(met == 0, z_max, top);
@@ -197,7 +196,7 @@ impl<const N: usize> Prepared<N> {
 
     /// Where a ray enters and leaves the boxes' slabs along one axis.
     #[inline(always)]
-    fn slab<S: Lanes>(&self, ray: usize, node: &Node, axis: usize) -> [S; 2] {
+    fn slab<S: F32x8>(&self, ray: usize, node: &Node, axis: usize) -> [S; 2] {
         let inverse = S::splat(self.inverse[axis][ray]);
         // Found by address rather than branched on: directions come in any order.
         let start = self.near[axis][ray] as usize & WIDTH;
@@ -213,8 +212,8 @@ impl<const N: usize> Prepared<N> {
 
     /// x′ and y′ of vertices, and the larger |x′| or |y′|.
     #[inline(always)]
-    fn sheared<S: Lanes>(&self, ray: usize, [u, v, w]: [S::Pair; 3]) -> [S::Pair; 3] {
-        let splat = S::Pair::splat;
+    fn sheared<S: F32x8>(&self, ray: usize, [u, v, w]: [S::F32x16; 3]) -> [S::F32x16; 3] {
+        let splat = S::F32x16::splat;
         let z = w.sub(splat(self.origin[2][ray]));
         let x = splat(-self.g[0][ray]).mul_add(z, u.sub(splat(self.origin[0][ray])));
         let y = splat(-self.g[1][ray]).mul_add(z, v.sub(splat(self.origin[1][ray])));
@@ -223,23 +222,26 @@ impl<const N: usize> Prepared<N> {
 
     /// The triangles of a block that a ray may hit, a bit each, and those of them that it surely does.
     #[inline(always)]
-    fn test_leaf<S: Lanes>(&self, ray: usize, block: &Block) -> (u32, u32) {
+    pub(super) fn test_leaf<S: F32x8>(&self, ray: usize, block: &LeafBlock) -> (u32, u32) {
         let corners = block.corner_vertices::<S>();
         let [u, v, w] = AXES[self.w[ray] as usize % 3];
         let (u, v, w) = (block.coordinates::<S>(u), block.coordinates::<S>(v), block.coordinates::<S>(w));
         let first = self.sheared::<S>(ray, [u.0, v.0, w.0]);
         let (x, y, reach) = if let (Some(u), Some(v), Some(w)) = (u.1, v.1, w.1) {
-            let more = self.sheared::<S>(ray, [S::Pair::of(u, u), S::Pair::of(v, v), S::Pair::of(w, w)]);
+            let more = self.sheared::<S>(
+                ray,
+                [S::F32x16::from_halves(u, u), S::F32x16::from_halves(v, v), S::F32x16::from_halves(w, w)],
+            );
             (
-                S::pick(first[0], Some(more[0].halves().0), corners),
-                S::pick(first[1], Some(more[1].halves().0), corners),
-                S::pick(first[2], Some(more[2].halves().0), corners),
+                S::lookup(first[0], Some(more[0].halves().0), corners),
+                S::lookup(first[1], Some(more[1].halves().0), corners),
+                S::lookup(first[2], Some(more[2].halves().0), corners),
             )
         } else {
             (
-                S::pick(first[0], None, corners),
-                S::pick(first[1], None, corners),
-                S::pick(first[2], None, corners),
+                S::lookup(first[0], None, corners),
+                S::lookup(first[1], None, corners),
+                S::lookup(first[2], None, corners),
             )
         };
         let ea = x[1].mul_sub(y[2], y[1].mul(x[2]));
@@ -275,38 +277,38 @@ fn part<T, const N: usize>(of_rays: &mut [T; N], group: usize) -> &mut [T; 8] {
 
 /// Room for what is to be visited, the next at the top: children, and where their boxes begin along w. Below [`BOTTOM`], the
 /// first of all, is what ends the walk, and is never too far.
-struct Stacked<'s> {
-    nears: &'s mut [f32],
-    children: &'s mut [u32],
+pub(super) struct StackSlices<'s> {
+    pub(super) nears: &'s mut [f32],
+    pub(super) children: &'s mut [u32],
 }
 
 /// Where an empty stack's top is: there are always eight to look at below.
-const BOTTOM: usize = 8;
+pub(super) const BOTTOM: usize = 8;
 
-impl Stacked<'_> {
+impl StackSlices<'_> {
     /// Makes it an empty stack.
     #[inline(always)]
-    fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         (self.nears[BOTTOM - 1], self.children[BOTTOM - 1]) = (f32::NEG_INFINITY, Child::node(0).bits());
     }
 
     /// Puts those of a node's children on the stack whose bit is set. (Writes eight.)
     #[inline(always)]
-    fn push<S: Lanes>(&mut self, nears: S, children: S::Words, which: u32, top: usize) {
-        let children = S::Words::of_floats(children.as_floats().compress_bits(which));
-        nears.compress_bits(which).store((&mut self.nears[top..top + 8]).try_into().unwrap());
+    fn push<S: F32x8>(&mut self, nears: S, children: S::U32x8, which: u32, top: usize) {
+        let children = S::U32x8::bitcast_from(children.bitcast().compress_by_bits(which));
+        nears.compress_by_bits(which).store((&mut self.nears[top..top + 8]).try_into().unwrap());
         children.store((&mut self.children[top..top + 8]).try_into().unwrap());
     }
 
     /// Takes the next that is not too far, and gives the top where it was.
     #[inline(always)]
-    fn pop<S: Lanes>(&self, z_max: S, top: usize) -> (Child, usize) {
+    pub(super) fn pop<S: F32x8>(&self, z_max: S, top: usize) -> (Child, usize) {
         self.pop_if::<S>(true, z_max, top)
     }
 
     /// The same; anything if it isn't needed.
     #[inline(always)]
-    fn pop_if<S: Lanes>(&self, is_needed: bool, z_max: S, top: usize) -> (Child, usize) {
+    fn pop_if<S: F32x8>(&self, is_needed: bool, z_max: S, top: usize) -> (Child, usize) {
         let mut start = top - 8;
         let mut within = z_max.ge(S::load(self.nears[start..top].try_into().unwrap())).bits();
         while is_needed && within == 0 {
@@ -314,12 +316,12 @@ impl Stacked<'_> {
             within = z_max.ge(S::load(self.nears[start..start + 8].try_into().unwrap())).bits();
         }
         let at = start + 7 - ((within | 1) << 24).leading_zeros() as usize;
-        (Child::of_bits(self.children[at]), at)
+        (Child::from_bits(self.children[at]), at)
     }
 }
 
 /// A ray by itself.
-pub(super) struct Single {
+pub(super) struct SingleRay {
     ray: LocalRay,
     /// Eight times the same.
     prepared: Prepared<8>,
@@ -331,25 +333,25 @@ pub(super) struct Stack {
     nears: Vec<f32>,
     children: Vec<u32>,
     top: usize,
-    pub effort: Effort,
+    pub stats: TraversalStats,
 }
 
 impl Stack {
     /// Puts the root on an empty stack.
     #[inline(always)]
-    pub fn start(&mut self, wide: &Wide) {
+    pub fn start(&mut self, bvh: &Bvh8) {
         self.make_room(BOTTOM);
         self.stacked().clear();
         self.top = BOTTOM;
-        if !wide.nodes.is_empty() {
+        if !bvh.nodes.is_empty() {
             (self.nears[BOTTOM], self.children[BOTTOM]) = (f32::NEG_INFINITY, Child::node(0).bits());
             self.top += 1;
         }
     }
 
     #[inline(always)]
-    fn stacked(&mut self) -> Stacked<'_> {
-        Stacked { nears: &mut self.nears, children: &mut self.children }
+    fn stacked(&mut self) -> StackSlices<'_> {
+        StackSlices { nears: &mut self.nears, children: &mut self.children }
     }
 
     /// Makes room for a node's children.
@@ -369,15 +371,15 @@ impl Stack {
     }
 }
 
-impl Single {
+impl SingleRay {
     /// Prepares a ray for hits from `t_min` to `t_max`. `None` if f32 is no use for it: not finite, or of sizes whose cubes
     /// leave f32's range.
     #[inline(always)]
-    pub fn new<S: Lanes>(ray: LocalRay, largest: f32, limits: (f64, f64)) -> Option<Self> {
+    pub fn new<S: F32x8>(ray: LocalRay, largest: f32, limits: (f64, f64)) -> Option<Self> {
         let mut prepared = Prepared::NONE;
         let (o, d) = (Xyz::constant(ray.origin), Xyz::constant(ray.direction));
-        let tame = prepared.prepare::<S>(0, o, d, largest, limits);
-        (tame != 0).then_some(Self { ray, prepared })
+        let in_range = prepared.prepare::<S>(0, o, d, largest, limits);
+        (in_range != 0).then_some(Self { ray, prepared })
     }
 
     /// Hits beyond this depth are of no more use.
@@ -388,7 +390,7 @@ impl Single {
 
     /// Calls for every leaf whose box the ray may meet come from here: the next one, nearer boxes first.
     #[inline(always)]
-    pub fn next_leaf<S: Lanes>(&self, wide: &Wide, stack: &mut Stack) -> Option<u32> {
+    pub fn next_leaf<S: F32x8>(&self, bvh: &Bvh8, stack: &mut Stack) -> Option<u32> {
         let z_max = S::splat(self.prepared.z_max[0]);
         let mut top = stack.top;
         let mut child;
@@ -400,13 +402,13 @@ impl Single {
                     return Some(leaf);
                 }
                 Err(node) => {
-                    stack.effort.nodes += 1;
+                    stack.stats.nodes += 1;
                     stack.make_room(top);
                     let before = top;
                     (child, top) =
-                        self.prepared.step::<S>(0, &wide.nodes[node as usize], &mut stack.stacked(), top);
+                        self.prepared.step::<S>(0, &bvh.nodes[node as usize], &mut stack.stacked(), top);
                     for pushed in before..top {
-                        wide.prefetch::<S>(Child::of_bits(stack.children[pushed]));
+                        bvh.prefetch::<S>(Child::from_bits(stack.children[pushed]));
                     }
                 }
             }
@@ -417,22 +419,22 @@ impl Single {
 
     /// Betters `best` by the triangles of a block; true if it did.
     #[inline(always)]
-    pub fn test_leaf<S: Lanes>(
+    pub fn test_leaf<S: F32x8>(
         &mut self,
-        wide: &Wide,
-        granule: u32,
+        bvh: &Bvh8,
+        block_offset: u32,
         placement: u32,
         limits: (f64, f64),
-        best: &mut Option<Best>,
-        effort: &mut Effort,
+        best: &mut Option<NearestHit>,
+        stats: &mut TraversalStats,
     ) -> bool {
         let (t_min, t_max) = limits;
-        let block = Block::at(&wide.blocks, granule);
+        let block = LeafBlock::at(&bvh.blocks, block_offset);
         let (mut maybe, sure) = self.prepared.test_leaf::<S>(0, &block);
-        effort.leaves += 1;
-        effort.tests += block.triangles as u64;
+        stats.leaves += 1;
+        stats.tests += block.triangles as u64;
         if maybe & !sure != 0 {
-            maybe = maybe & sure | passing(block, maybe & !sure, self.ray, effort);
+            maybe = maybe & sure | passing(block, maybe & !sure, self.ray, stats);
         }
         let mut found_any = false;
         while maybe != 0 {
@@ -441,13 +443,13 @@ impl Single {
             let corners = Corners::from_positions(block.positions(lane), self.ray.origin);
             let t = corners.depth(self.ray.direction);
             let found = Candidate { t, placement, triangle: block.id(lane) };
-            let beats = |known: &Best| {
+            let beats = |known: &NearestHit| {
                 // The triangle matters only if it is of this placement.
-                let triangle = if known.placement == placement { id(wide, known.slot) } else { 0 };
+                let triangle = if known.placement == placement { id(bvh, known.slot) } else { 0 };
                 found.beats(&Candidate { t: known.t, placement: known.placement, triangle })
             };
             if (t_min..=t_max).contains(&t) && best.as_ref().is_none_or(beats) {
-                *best = Some(Best { t, placement, slot: Slot::new(granule, lane) });
+                *best = Some(NearestHit { t, placement, slot: TriangleRef::new(block_offset, lane) });
                 self.limit(t);
                 found_any = true;
             }
@@ -458,21 +460,21 @@ impl Single {
 
 /// A triangle's id in its mesh.
 #[inline(always)]
-fn id(wide: &Wide, slot: Slot) -> u32 {
-    Block::at(&wide.blocks, slot.granule()).id(slot.lane())
+pub(super) fn id(bvh: &Bvh8, slot: TriangleRef) -> u32 {
+    LeafBlock::at(&bvh.blocks, slot.block_offset()).id(slot.lane())
 }
 
 /// Those of some triangles of a block that a ray passes through, a bit each. Kept out of the loop: few come so close to an
 /// edge.
 #[cold]
 #[inline(never)]
-fn passing(block: Block, mut maybe: u32, ray: LocalRay, effort: &mut Effort) -> u32 {
+pub(super) fn passing(block: LeafBlock, mut maybe: u32, ray: LocalRay, stats: &mut TraversalStats) -> u32 {
     let mut passed = maybe;
     while maybe != 0 {
         let lane = maybe.trailing_zeros() as usize;
         maybe &= maybe - 1;
         let corners = Corners::from_positions(block.positions(lane), ray.origin);
-        if !corners.passes_counted(ray.direction, effort) {
+        if !corners.passes_counted(ray.direction, stats) {
             passed &= !(1 << lane);
         }
     }

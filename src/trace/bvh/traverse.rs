@@ -2,28 +2,28 @@
 
 use glam::DVec3;
 
-use super::{Child, Node, WIDTH, Wide};
+use super::{Bvh8, Child, Node, WIDTH};
 use crate::trace::exact::LocalRay;
 
-impl Wide {
+impl Bvh8 {
     /// Calls `visit` for every leaf (its number) whose box the ray may meet at a depth in `t_min ..= t_max`, near boxes
     /// first. `visit` gives the new `t_max`. `stack` is room to work in.
     ///
     /// Conservative: a leaf with a point on the ray within those depths, up to an error of 10⁻¹² of the distance from the
     /// origin, is always visited.
-    pub fn visit(
+    pub fn traverse(
         &self,
         ray: &LocalRay,
         limits: (f64, f64),
         stack: &mut Vec<(Child, f64)>,
         visit: impl FnMut(u32) -> f64,
     ) {
-        self.visit_near(ray, limits, 0.0, stack, visit);
+        self.traverse_padded(ray, limits, 0.0, stack, visit);
     }
 
     /// The same for leaves that the ray may pass by at `slack` times the largest |coordinate| of its origin and of the
     /// mesh: for methods that round more.
-    pub fn visit_near(
+    pub fn traverse_padded(
         &self,
         ray: &LocalRay,
         (t_min, mut t_max): (f64, f64),
