@@ -9,7 +9,7 @@
 //! expect       what a rig should see, and whether it does
 //! cloud        clouds of any layout, by Chamfer's distance
 //! map          pictures of ground that is covered and of differences
-//! outcome      what came of a check, as plain data; report writes it for people, CI servers and scripts
+//! outcome      what came of a check, as plain data; report and junit write it for people, CI servers and scripts
 //! page         frames and outcomes as one HTML page
 //! selftest     a sensor's own pattern against closed forms, without any baseline
 //! ```
@@ -20,6 +20,7 @@ pub mod cloud;
 pub mod compare;
 pub mod expect;
 mod judge;
+pub mod junit;
 mod map;
 mod outcome;
 pub mod page;

@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 
-use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde_json::{Value, json};
 
 use super::compare::ChannelDifference;
@@ -135,51 +134,6 @@ pub fn github(outcomes: &[Outcome]) -> String {
     text
 }
 
-/// JUnit XML: a suite a job, a case a sensor and expectation.
-///
-/// # Errors
-/// If the XML can't be made.
-pub fn junit(outcomes: &[Outcome]) -> Result<String, String> {
-    let mut report = Report::new("beamcast check");
-    for outcome in outcomes {
-        let mut suite = TestSuite::new(outcome.job.as_str());
-        let case = |name: &str, kind: NonSuccessKind, failures: &[String]| {
-            let status = match failures {
-                [] => TestCaseStatus::success(),
-                [first, ..] => {
-                    let mut status = TestCaseStatus::non_success(kind);
-                    status.set_message(first.as_str());
-                    status.set_description(failures.join("\n"));
-                    status
-                }
-            };
-            let mut case = TestCase::new(name, status);
-            case.set_classname(outcome.job.as_str());
-            case
-        };
-        let kind = match outcome.verdict {
-            Verdict::Broken => NonSuccessKind::Error,
-            _ => NonSuccessKind::Failure,
-        };
-        if !outcome.problems.is_empty() || (outcome.sensors.is_empty() && outcome.expectations.is_empty()) {
-            suite.add_test_case(case("job", kind, &outcome.problems));
-        }
-        for SensorOutcome { name, differences, .. } in &outcome.sensors {
-            suite.add_test_case(case(
-                &format!("sensor {name} is as in its baseline"),
-                NonSuccessKind::Failure,
-                differences,
-            ));
-        }
-        for expectation in &outcome.expectations {
-            let failures = if expectation.met { vec![] } else { vec![expectation.sentence()] };
-            suite.add_test_case(case(&expectation.name, NonSuccessKind::Failure, &failures));
-        }
-        report.add_test_suite(suite);
-    }
-    report.to_string().map_err(|e| e.to_string())
-}
-
 /// For scripts.
 pub fn json(outcomes: &[Outcome]) -> Value {
     let jobs = outcomes.iter().map(|outcome| {
@@ -267,13 +221,6 @@ mod tests {
             "::error file=a%2Cb.toml,title=beamcast check::sensor roof: 3 of 8 ranges differ, 50 %25 <&> more\n\
              ::error file=a%2Cb.toml,title=beamcast check::a, b: c: expected at least 5 points on \"x|y\", found 1 point\n"
         );
-    }
-
-    #[test]
-    fn junit_counts_what_failed() {
-        let xml = junit(&outcomes()).unwrap();
-        assert!(xml.contains("tests=\"3\" skipped=\"0\" failures=\"2\" errors=\"0\""), "{xml}");
-        assert!(xml.contains("50 % &lt;&amp;&gt; more"), "{xml}");
     }
 
     #[test]

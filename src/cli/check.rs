@@ -13,7 +13,7 @@ use crate::check::expect::{Expected, Ground, Seen, Zone};
 use crate::check::page::View;
 use crate::check::{
     Baseline, Changes, Kept, MAX_PIXEL_BYTES, Outcome, SensorRecord, Settings, Taken, Verdict, coverage_map,
-    judge, page, report,
+    judge, junit, page, report,
 };
 use crate::config::{self, Config, Job};
 use crate::error::Error;
@@ -448,8 +448,7 @@ fn write_reports(args: &Args, terminal: &Terminal, outcomes: &[Outcome]) -> Resu
         terminal.print(&report::text(outcomes))?;
     }
     if let Some(path) = &args.junit {
-        let xml = report::junit(outcomes).map_err(|e| Error::output(path, e))?;
-        write_file(path, xml.as_bytes())?;
+        write_file(path, junit::xml(outcomes).as_bytes())?;
     }
     let markdown = report::markdown(outcomes);
     if let Some(path) = &args.markdown {

@@ -1,6 +1,6 @@
 //! The JSON of a glTF file: its types, and what can be checked without its binary data.
 
-use gltf::json;
+use gltf_json as json;
 use serde::Deserialize;
 
 use super::fault::{Fault, quoted};
@@ -36,7 +36,7 @@ pub(super) struct Document {
     pub extensions_required: Vec<String>,
 }
 
-/// A scene. The gltf crate's own type refuses one without nodes, which glTF allows.
+/// A scene. The type of gltf-json refuses one without nodes, which glTF allows.
 #[derive(Deserialize)]
 pub(super) struct Scene {
     pub name: Option<String>,
@@ -44,7 +44,7 @@ pub(super) struct Scene {
     pub nodes: Vec<u32>,
 }
 
-/// A node. The gltf crate's own type rounds transforms to f32: half a metre at Web Mercator coordinates.
+/// A node. The type of gltf-json rounds transforms to f32: half a metre at Web Mercator coordinates.
 #[derive(Deserialize)]
 pub(super) struct Node {
     pub name: Option<String>,
@@ -63,7 +63,7 @@ pub(super) struct Node {
     pub extras: json::Extras,
 }
 
-/// A material: its name and colour. The gltf crate's own type also refuses what is wrong with textures and blending.
+/// A material: its name and colour. The type of gltf-json also refuses what is wrong with textures and blending.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Material {
