@@ -4,12 +4,12 @@
 //!  job.toml, sensor.toml            scene.glb
 //!           │ config                    │ scene::gltf
 //!           ▼                           ▼
-//!   sensor::Sensor, Pose           scene::Scene
+//!   sensor::Capture                scene::Scene
 //!           │                           │ trace::Tracer
 //!           │  Pulse: direction, time   │ Hit: depth, triangle
 //!           └─────────────┬─────────────┘
 //!                         ▼ scan
-//!             Frame: a Return a pixel, or None
+//!             Frame: for each pixel its returns
 //!                         │ output
 //!                         ▼
 //!         EXR range image, PLY cloud, PNG preview
@@ -35,10 +35,9 @@
 //!
 //! ```
 //! use beamcast::angle::Angle;
-//! use beamcast::frame::Pose;
 //! use beamcast::scan::{Progress, scan};
 //! use beamcast::scene::{Material, Placed, SceneBuilder, SourceMesh, SourcePart};
-//! use beamcast::sensor::{Beam, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
+//! use beamcast::sensor::{Beam, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 //! use beamcast::trace::Tracer;
 //! use glam::DAffine3;
 //!
@@ -55,8 +54,9 @@
 //! let pattern = Pattern::Rotating(Rotating::new(vec![beam], 360, full_turn, 10.0)?);
 //! let sensor = Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row };
 //!
-//! let frame = scan(&scene, &Tracer::build(&scene), &sensor, &Pose::IDENTITY, &Progress::default()).unwrap();
-//! assert_eq!(frame.get(0, 180).unwrap().range, 10.0); // the middle column looks forward
+//! let capture = Capture::at_origin(&sensor);
+//! let frame = scan(&scene, &Tracer::build(&scene), &capture, &Progress::default()).unwrap();
+//! assert_eq!(frame.get(0, 180).unwrap().range_m, 10.0); // the middle column looks forward
 //! assert_eq!(frame.get(0, 0), None); // the first one backward
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -68,6 +68,7 @@ pub mod config;
 pub mod error;
 pub mod frame;
 pub mod import;
+pub mod motion;
 pub mod output;
 pub mod scan;
 pub mod scene;

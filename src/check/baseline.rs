@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::compare::{Tolerance, main_depth, mask};
 use super::pixels;
-use crate::output::{Capture, Channel, Image, Samples};
+use crate::output::{Channel, Image, MAIN_DEPTH_ALIAS, Samples, SensorFrame, no_return};
 use crate::scene::Scene;
 use crate::sensor::Pattern;
 
@@ -144,11 +144,11 @@ impl SensorRecord {
 }
 
 impl Taken {
-    /// Takes down a capture of `scene`.
-    pub fn of(capture: &Capture, scene: &Scene) -> Self {
-        let mut image = Image::of(capture);
+    /// Takes down a frame of `scene`.
+    pub fn of(frame: &SensorFrame, scene: &Scene) -> Self {
+        let mut image = Image::of(frame);
         // It repeats another channel.
-        image.channels.retain(|channel| channel.name != "Y");
+        image.channels.retain(|channel| channel.name != MAIN_DEPTH_ALIAS);
         let mut hashes = Hashes::default();
         let mut channels = BTreeMap::new();
         for Channel { name, samples } in &image.channels {
@@ -178,14 +178,14 @@ impl Taken {
             None => BTreeMap::new(),
         };
         let record = SensorRecord {
-            name: capture.name.to_owned(),
+            name: frame.name.to_owned(),
             rows: image.rows,
             columns: image.columns,
-            returns: capture.frame.returns.iter().flatten().count(),
+            returns: frame.frame.return_count(),
             channels,
             kept: BTreeMap::new(),
             instances,
-            beams: beams(&capture.sensor.pattern),
+            beams: beams(&frame.capture.sensor.pattern),
         };
         Self { record, image, hashes }
     }
@@ -283,11 +283,9 @@ impl Kept {
         for (name, &step) in &record.kept {
             let packed = next_section(&mut rest)?;
             let mut samples = pixels::unpack(packed, &mask, columns, step, step == 0.0)?;
-            if let Samples::F32(values) = &mut samples
-                && matches!(name.as_str(), "range" | "Z")
-            {
+            if let Samples::F32(values) = &mut samples {
                 let missed = values.iter_mut().zip(&mask).filter(|(_, seen)| !**seen);
-                missed.for_each(|(value, _)| *value = f32::INFINITY);
+                missed.for_each(|(value, _)| *value = no_return(name) as f32);
             }
             channels.push(Channel { name: name.clone(), samples });
         }

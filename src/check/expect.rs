@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::outcome::ExpectationOutcome;
 use super::words::{counted, digits, list, metres};
 use crate::angle::Angle;
-use crate::output::Capture;
+use crate::output::SensorFrame;
 use crate::scan::Return;
 use crate::scene::Scene;
 use crate::sensor::{Pattern, Pulse};
@@ -144,7 +144,7 @@ pub struct Seen<'a> {
     /// What was scanned.
     pub scene: &'a Scene,
     /// What each sensor saw.
-    pub captures: &'a [Capture<'a>],
+    pub frames: &'a [SensorFrame<'a>],
     /// Rays that were cast a second, if that was measured.
     pub rays_per_s: Option<f64>,
 }
@@ -205,35 +205,35 @@ impl Bounds {
 
 /// A return and where it came from.
 struct Point<'a> {
-    capture: &'a Capture<'a>,
+    seen: &'a SensorFrame<'a>,
     row: usize,
     column: usize,
-    hit: &'a Return,
+    hit: Return,
 }
 
 impl Point<'_> {
     fn pulse(&self) -> Pulse {
-        let pulse = self.capture.sensor.pattern.pulse(self.row, self.column);
+        let pulse = self.seen.capture.pulse(self.row, self.column);
         pulse.expect("what came back was sent")
     }
 
     fn in_body(&self) -> DVec3 {
-        self.capture.body_from_sensor.point(self.pulse().point(self.hit.range))
+        self.seen.capture.body_from_sensor.point(self.pulse().point(self.hit.range_m))
     }
 
     fn place(&self) -> String {
-        format!("sensor {}, row {}, column {}", self.capture.name, self.row, self.column)
+        format!("sensor {}, row {}, column {}", self.seen.name, self.row, self.column)
     }
 }
 
 impl Expectation {
     /// Holds it against what was seen.
     pub fn examine(&self, seen: &Seen) -> ExpectationOutcome {
-        let mut captures: Vec<Capture> = seen.captures.to_vec();
+        let mut frames: Vec<SensorFrame> = seen.frames.to_vec();
         if let Some(sensor) = &self.sensor {
-            captures.retain(|capture| capture.name == sensor);
+            frames.retain(|frame| frame.name == sensor);
         }
-        let seen = Seen { captures: &captures, ..*seen };
+        let seen = Seen { frames: &frames, ..*seen };
         let (expected, verdict) = self.what.examine(&seen);
         let (met, found, place) = match verdict {
             Verdict::Measured { met, found, place } => (met, found, place),
@@ -329,13 +329,16 @@ impl Expected {
     }
 }
 
-/// The returns of all captures that are on a target.
+/// The returns of all frames that are on a target.
 fn on<'a>(seen: &'a Seen<'a>, target: &'a Target) -> impl Iterator<Item = Point<'a>> {
-    seen.captures.iter().flat_map(move |capture| {
-        let columns = capture.frame.columns;
-        capture.frame.returns.iter().enumerate().filter_map(move |(index, hit)| {
-            let hit = hit.as_ref().filter(|hit| target.is_hit(hit, seen.scene))?;
-            Some(Point { capture, row: index / columns, column: index % columns, hit })
+    seen.frames.iter().flat_map(move |frame| {
+        let columns = frame.frame.columns();
+        let on_target = frame.frame.iter().filter(|(_, hit)| target.is_hit(hit, seen.scene));
+        on_target.map(move |(pixel, hit)| Point {
+            seen: frame,
+            row: pixel / columns,
+            column: pixel % columns,
+            hit,
         })
     })
 }
@@ -347,14 +350,14 @@ fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bounds) -> Ver
     let mut by_sensor: BTreeMap<&str, (usize, f64, f64)> = BTreeMap::new();
     let (mut inside, mut outside) = (0, 0);
     for point in on(seen, target) {
-        if !range_m.hold(point.hit.range) {
+        if !range_m.hold(point.hit.range_m) {
             outside += 1;
             continue;
         }
         inside += 1;
         let (n, near, far) =
-            by_sensor.entry(point.capture.name).or_insert((0, f64::INFINITY, f64::NEG_INFINITY));
-        (*n, *near, *far) = (*n + 1, near.min(point.hit.range), far.max(point.hit.range));
+            by_sensor.entry(point.seen.name).or_insert((0, f64::INFINITY, f64::NEG_INFINITY));
+        (*n, *near, *far) = (*n + 1, near.min(point.hit.range_m), far.max(point.hit.range_m));
     }
     let elsewhere = if outside > 0 { format!(", {outside} at other ranges") } else { String::new() };
     let place = by_sensor
@@ -371,13 +374,13 @@ fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m
     let mut worst: Option<(f64, String)> = None;
     let (mut count, mut wrong) = (0, 0);
     for point in on(seen, target) {
-        let world_from_sensor = point.capture.world_from_sensor();
         let pulse = point.pulse();
+        let world_from_sensor = point.seen.capture.world_from_sensor(pulse.time_s);
         let origin = world_from_sensor.point(pulse.origin);
         let direction = world_from_sensor.direction(pulse.direction);
         let ideal = (offset_m - normal.dot(origin)) / normal.dot(direction);
         // A ray along the plane never meets it.
-        let error = if ideal.is_finite() { point.hit.range - ideal } else { f64::INFINITY };
+        let error = if ideal.is_finite() { point.hit.range_m - ideal } else { f64::INFINITY };
         count += 1;
         wrong += usize::from(error.abs() > max_error_m);
         if worst.as_ref().is_none_or(|(e, _)| error.abs() > e.abs()) {
@@ -408,20 +411,20 @@ fn resolution(seen: &Seen, target: &Target, horizontal: Option<Angle>, vertical:
     }
     let mut worst: [Option<(f64, String)>; 2] = [None, None];
     for point in on(seen, target) {
-        let Capture { frame, sensor, .. } = point.capture;
-        let wraps = matches!(&sensor.pattern, Pattern::Rotating(p) if p.is_full_turn());
+        let SensorFrame { frame, capture, .. } = point.seen;
+        let wraps = matches!(&capture.sensor.pattern, Pattern::Rotating(p) if p.is_full_turn());
         let next_column = match point.column + 1 {
-            next if next < frame.columns => Some(next),
+            next if next < frame.columns() => Some(next),
             _ => wraps.then_some(0),
         };
         let neighbours = [
             next_column.map(|column| (point.row, column)),
-            (point.row + 1 < frame.rows).then_some((point.row + 1, point.column)),
+            (point.row + 1 < frame.rows()).then_some((point.row + 1, point.column)),
         ];
         for (worst, neighbour) in worst.iter_mut().zip(neighbours) {
             let Some((row, column)) = neighbour else { continue };
-            let is_hit = frame.get(row, column).is_some_and(|hit| target.is_hit(hit, seen.scene));
-            if let Some(pulse) = sensor.pattern.pulse(row, column).filter(|_| is_hit) {
+            let is_hit = frame.get(row, column).is_some_and(|hit| target.is_hit(&hit, seen.scene));
+            if let Some(pulse) = capture.pulse(row, column).filter(|_| is_hit) {
                 let angle = angle_between(point.pulse().direction, pulse.direction);
                 if worst.as_ref().is_none_or(|(a, _)| angle > *a) {
                     *worst = Some((angle, point.place()));
@@ -478,7 +481,7 @@ impl Zone {
         let anything = Target::default();
         for point in on(seen, &anything) {
             let p = point.in_body();
-            if !self.ground.has(p, point.hit, seen.scene) {
+            if !self.ground.has(p, &point.hit, seen.scene) {
                 continue;
             }
             let x = ((p.x - self.x_m[0]) / self.cell_m).floor();
@@ -521,7 +524,7 @@ fn blind_zone(seen: &Seen, ground: &Ground, at_most_m: f64, (from, to): (i32, i3
     let anything = Target::default();
     for point in on(seen, &anything) {
         let p = point.in_body();
-        if ground.has(p, point.hit, seen.scene) {
+        if ground.has(p, &point.hit, seen.scene) {
             let degree = Angle::rad(libm::atan2(p.y, p.x)).degrees().floor() as i32;
             let nearest = &mut nearest[degree.rem_euclid(360) as usize];
             *nearest = nearest.min((p.x * p.x + p.y * p.y).sqrt());
@@ -541,26 +544,40 @@ fn blind_zone(seen: &Seen, ground: &Ground, at_most_m: f64, (from, to): (i32, i3
     Verdict::new(distance <= at_most_m, found, format!("azimuth {degree}° to {}°{others}", degree + 1))
 }
 
-/// A share of each sensor's rays: all must be within the bounds, and the one furthest off is told.
-fn share_of_each(seen: &Seen, bounds: &Bounds, noun: &str, counts: &dyn Fn(&Return) -> bool) -> Verdict {
+/// The share of a sensor's rays that counts for something, 0 to 1.
+struct Share<'a> {
+    share: f64,
+    of: &'a SensorFrame<'a>,
+}
+
+impl Share<'_> {
+    fn place(&self) -> String {
+        format!("sensor {}", self.of.name)
+    }
+}
+
+/// The shares of each sensor's rays must all be within the bounds: the one that is furthest off. `None` without a sensor.
+fn furthest_off<'a>(seen: &'a Seen, bounds: &Bounds, counts: &dyn Fn(&Return) -> bool) -> Option<Share<'a>> {
     let off = |share: f64| {
         let under = bounds.at_least.map_or(f64::NEG_INFINITY, |least| least - share);
         under.max(bounds.at_most.map_or(f64::NEG_INFINITY, |most| share - most))
     };
-    let shares = seen.captures.iter().map(|capture| {
-        let hits = capture.frame.returns.iter().flatten().filter(|hit| counts(hit)).count();
-        (hits as f64 / capture.frame.returns.len() as f64, capture.name)
+    let shares = seen.frames.iter().map(|of| {
+        let first_returns = (0..of.frame.pixels()).filter_map(|pixel| of.frame.slot(pixel, 0));
+        let hits = first_returns.filter(|&slot| counts(&of.frame.returns().get(slot))).count();
+        Share { share: hits as f64 / of.frame.pixels() as f64, of }
     });
-    match shares.max_by(|a, b| off(a.0).total_cmp(&off(b.0))) {
-        None => Verdict::Nothing("no sensor".to_owned()),
-        Some((share, name)) => {
-            Verdict::new(bounds.hold(share), format!("{} {noun}", percent(share)), format!("sensor {name}"))
-        }
-    }
+    shares.max_by(|a, b| off(a.share).total_cmp(&off(b.share)))
 }
 
 fn returns(seen: &Seen, bounds: &Bounds) -> Verdict {
-    share_of_each(seen, bounds, "return", &|_| true)
+    match furthest_off(seen, bounds, &|_| true) {
+        None => Verdict::Nothing("no sensor".to_owned()),
+        Some(worst) => {
+            let found = format!("{} return", percent(worst.share));
+            Verdict::new(bounds.hold(worst.share), found, worst.place())
+        }
+    }
 }
 
 fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Verdict {
@@ -568,12 +585,13 @@ fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Verdict {
         return Verdict::Nothing(problem);
     }
     let bounds = Bounds { at_least: None, at_most: Some(at_most) };
-    let verdict = share_of_each(seen, &bounds, "hit it", &|hit| body.is_hit(hit, seen.scene));
-    let Verdict::Measured { met, found, place } = verdict else { return verdict };
-    // Where the sensor that sees most of it is obstructed.
-    let name = place.strip_prefix("sensor ").unwrap_or_default().to_owned();
+    let Some(worst) = furthest_off(seen, &bounds, &|hit| body.is_hit(hit, seen.scene)) else {
+        return Verdict::Nothing("no sensor".to_owned());
+    };
+    // The directions in which the sensor that sees most of the body is obstructed.
     let mut spans = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-    for point in on(seen, body).filter(|point| point.capture.name == name) {
+    let only = Seen { frames: std::slice::from_ref(worst.of), ..*seen };
+    for point in on(&only, body) {
         let d = point.pulse().direction;
         let angles = [libm::atan2(d.y, d.x), libm::asin(d.z.clamp(-1.0, 1.0))];
         for (span, angle) in spans.iter_mut().zip(angles) {
@@ -582,23 +600,25 @@ fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Verdict {
         }
     }
     let [azimuth, elevation] = spans;
-    if azimuth[0] > azimuth[1] {
-        return Verdict::Measured { met, found, place };
-    }
-    let place = format!(
-        "{place}: azimuth {:.1}° to {:.1}°, elevation {:.1}° to {:.1}°",
-        azimuth[0], azimuth[1], elevation[0], elevation[1]
-    );
-    Verdict::Measured { met, found, place }
+    let directions = if azimuth[0] > azimuth[1] {
+        String::new()
+    } else {
+        format!(
+            ": azimuth {:.1}° to {:.1}°, elevation {:.1}° to {:.1}°",
+            azimuth[0], azimuth[1], elevation[0], elevation[1]
+        )
+    };
+    let found = format!("{} hit it", percent(worst.share));
+    Verdict::new(bounds.hold(worst.share), found, format!("{}{directions}", worst.place()))
 }
 
 fn points_per_second(seen: &Seen, bounds: &Bounds) -> Verdict {
     let mut sum = 0.0;
-    for capture in seen.captures {
-        let Some(rate) = capture.sensor.pattern.rate_hz() else {
-            return Verdict::Nothing(format!("sensor {} has no rate_hz", capture.name));
+    for frame in seen.frames {
+        let Some(rate) = frame.capture.sensor.pattern.rate_hz() else {
+            return Verdict::Nothing(format!("sensor {} has no rate_hz", frame.name));
         };
-        sum += capture.frame.returns.iter().flatten().count() as f64 * rate;
+        sum += frame.frame.return_count() as f64 * rate;
     }
     Verdict::new(bounds.hold(sum), format!("{sum:.0} points a second"), "")
 }

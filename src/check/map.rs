@@ -38,8 +38,8 @@ pub fn coverage_map(seen: &Seen, zone: &Zone) -> Picture {
             pixels.extend(if count == 0 { UNSEEN } else { [colour.r, colour.g, colour.b] });
         }
     }
-    for capture in seen.captures {
-        let at = capture.body_from_sensor.translation;
+    for frame in seen.frames {
+        let at = frame.capture.body_from_sensor.translation;
         let up = (at.x - zone.x_m[0]) / zone.cell_m * scale as f64;
         let left = (at.y - zone.y_m[0]) / zone.cell_m * scale as f64;
         for (dx, dy) in (-2..=2).flat_map(|dx| (-2..=2).map(move |dy| (dx, dy))) {

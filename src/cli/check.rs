@@ -17,7 +17,7 @@ use crate::check::{
 };
 use crate::config::{self, Config, Job};
 use crate::error::Error;
-use crate::output::{Capture, Destination, encode_png, write_file};
+use crate::output::{Destination, SensorFrame, encode_png, write_file};
 use crate::scan::Frame;
 use crate::scene::Scene;
 use crate::trace::AnyTracer;
@@ -286,20 +286,20 @@ fn check_job(
         interrupt.check()?;
     }
     let seconds = start.elapsed().as_secs_f64();
-    let rays: usize = frames.iter().map(|frame| frame.returns.len()).sum();
-    let captures: Vec<Capture> = job
+    let rays: usize = frames.iter().map(Frame::pixels).sum();
+    let seen_by: Vec<SensorFrame> = job
         .sensors
         .iter()
         .zip(&frames)
-        .map(|(mounted, frame)| pipeline::capture(job, mounted, frame))
+        .map(|(mounted, frame)| pipeline::sensor_frame(job, mounted, frame))
         .collect();
-    let seen = Seen { scene, captures: &captures, rays_per_s: Some(rays as f64 / seconds) };
+    let seen = Seen { scene, frames: &seen_by, rays_per_s: Some(rays as f64 / seconds) };
     outcome.expectations = job.expectations.iter().map(|expectation| expectation.examine(&seen)).collect();
 
     let name = job.path.file_stem().unwrap_or_default().to_string_lossy();
     let to_accept = args.accept.as_ref().is_some_and(|only| only.as_ref().is_none_or(|only| *only == name));
     let folder = baseline_folder(&job.path);
-    let mut taken: Vec<Taken> = captures.iter().map(|capture| Taken::of(capture, scene)).collect();
+    let mut taken: Vec<Taken> = seen_by.iter().map(|frame| Taken::of(frame, scene)).collect();
     if to_accept {
         let changed = accept(job, scene, &mut taken, &folder, terminal, interrupt)?;
         outcome.verdict = if changed { Verdict::Accepted } else { Verdict::Passed };

@@ -15,7 +15,7 @@ use crate::check::{Tolerance, heat_map, report, words};
 use crate::config;
 use crate::error::Error;
 use crate::output::recorded::{Cloud, Recorded};
-use crate::output::{CHANNELS, Image, encode_png, write_file};
+use crate::output::{CHANNEL_NAMES, Image, encode_png, write_file};
 use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast diff`.
@@ -83,11 +83,11 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let [a, b] = [&args.a, &args.b].map(|path| side(path, terminal, &interrupt));
     let (a, b) = (a?, b?);
     for (name, _) in &args.tolerances {
-        let known = CHANNELS.contains(&name.as_str()) || a.has(name) || b.has(name);
+        let known = CHANNEL_NAMES.contains(&name.as_str()) || a.has(name) || b.has(name);
         if !known {
             return Err(Error::Usage(format!(
                 "there is no channel or field {name:?}: they are {}",
-                CHANNELS.join(", ")
+                CHANNEL_NAMES.join(", ")
             )));
         }
     }
@@ -194,7 +194,7 @@ fn run_job(path: &Path, terminal: &Terminal, interrupt: &Interrupt) -> Result<Si
             let frame = pipeline::cast(&job, mounted, &scene, &caster, interrupt.progress());
             interrupt.check()?;
             let Some(frame) = frame else { continue };
-            let image = Image::of(&pipeline::capture(&job, mounted, &frame));
+            let image = Image::of(&pipeline::sensor_frame(&job, mounted, &frame));
             items.insert(format!("{}/000000", mounted.name), Item::Image(without_repeats(image)));
         }
         Ok::<_, Error>(items)

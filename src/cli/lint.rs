@@ -15,9 +15,9 @@ use crate::config::{self, Config, Job};
 use crate::error::{Diagnostic, Error, SceneError, Severity};
 use crate::frame::UpAxis;
 use crate::output::Format;
-use crate::scan::Return;
+use crate::scan::Frame;
 use crate::scene::{Mesh, Scene, gltf};
-use crate::sensor::{Camera, Pattern, Rotating, Sensor, azimuth_elevation};
+use crate::sensor::{Camera, Capture, Pattern, Rotating, Sensor, azimuth_elevation};
 
 /// What to read.
 #[derive(clap::Args, Clone, Debug)]
@@ -113,7 +113,7 @@ fn examine_file(path: &Path, facts: &mut Vec<FileFacts>, diagnostics: &mut Vec<D
     match config::load(path) {
         Ok(Config::Sensor(file)) => {
             diagnostics.extend(file.warnings);
-            let sensors = vec![SensorFacts::new(None, &file.sensor, &ALL_FORMATS)];
+            let sensors = vec![SensorFacts::new(None, &file.sensor, &Format::all().collect::<Vec<_>>())];
             facts.push(FileFacts { path: name.into_owned(), kind: "sensor", sensors, scene: None });
         }
         Ok(Config::Job(job)) => {
@@ -178,8 +178,6 @@ fn about_scene(error: SceneError) -> Diagnostic {
     };
     about_file(&error.path, message, error.help)
 }
-
-const ALL_FORMATS: [Format; 3] = [Format::Exr, Format::Ply, Format::Png];
 
 /// A problem as JSON tells it.
 #[derive(Serialize)]
@@ -251,15 +249,16 @@ impl SensorFacts {
         let angles = match pattern {
             Pattern::Rotating(p) => Angles::of_rotating(p),
             Pattern::Camera(p) => Angles::of_camera(p),
-            _ => Angles::of_pulses(pattern),
+            _ => Angles::of_pulses(&Capture::at_origin(sensor)),
         };
-        let blind = if rays <= MOST_RAYS_TO_ASK { pattern.blind_pixels() } else { 0 };
+        let capture = Capture::at_origin(sensor);
+        let blind = if rays <= MOST_RAYS_TO_ASK { capture.blind_pixels() } else { 0 };
         let limit = sensor.range.max_m;
         let output_bytes = formats
             .iter()
             .map(|format| {
-                let (name, bytes) = bytes_per_ray(*format, pattern.is_camera());
-                (name.to_owned(), (bytes * rays as u64).into())
+                let bytes = (format.0.file_bytes_a_ray)(sensor) * rays as u64;
+                (format.name().to_owned(), bytes.into())
             })
             .collect();
         Self {
@@ -278,7 +277,7 @@ impl SensorFacts {
             max_range_m: limit.is_finite().then_some(limit),
             frame_s: pattern.last_pulse_s(),
             blind_pixels: blind,
-            frame_bytes: rays as u64 * size_of::<Option<Return>>() as u64,
+            frame_bytes: rays as u64 * Frame::BYTES_A_PIXEL as u64,
             output_bytes,
         }
     }
@@ -334,11 +333,11 @@ impl Angles {
     }
 
     /// What the pulses of the first frame reach; of very many, evenly spaced ones.
-    fn of_pulses(pattern: &Pattern) -> Self {
-        let (rays, columns) = (pattern.rays(), pattern.columns());
+    fn of_pulses(capture: &Capture) -> Self {
+        let (rays, columns) = (capture.rows() * capture.columns(), capture.columns());
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for index in (0..rays).step_by(rays.div_ceil(MOST_RAYS_TO_ASK)) {
-            let Some(pulse) = pattern.pulse(index / columns, index % columns) else { continue };
+            let Some(pulse) = capture.pulse(index / columns, index % columns) else { continue };
             let (azimuth, elevation) = azimuth_elevation(pulse.direction);
             for (axis, angle) in [azimuth, elevation].into_iter().enumerate() {
                 low[axis] = low[axis].min(angle.degrees());
@@ -351,17 +350,6 @@ impl Angles {
             azimuth_step: None,
             elevation_step: None,
         }
-    }
-}
-
-/// A format's name and what a ray takes in it at most: before compression, if it hits.
-fn bytes_per_ray(format: Format, is_camera: bool) -> (&'static str, u64) {
-    match format {
-        // Four bytes for each of range, Y, intensity, three of the normal, time, three ids, and a camera's Z.
-        Format::Exr => ("exr", if is_camera { 44 } else { 40 }),
-        // Four bytes for each of x, y, z, intensity, ring, column, t, instance, label and range.
-        Format::Ply => ("ply", 40),
-        Format::Png => ("png", 3),
     }
 }
 

@@ -6,9 +6,10 @@ use std::path::{Component, Path, PathBuf};
 use crate::config::{self, Job, MountedSensor, missing_file_help};
 use crate::error::{Error, SceneError};
 use crate::frame::Pose;
-use crate::output::{Capture, CloudFrame, Format, Manifest};
-use crate::scan::{self, Frame, Progress, Return};
+use crate::output::{CloudFrame, Format, Manifest, SensorFrame};
+use crate::scan::{self, Frame, Progress};
 use crate::scene::{Scene, gltf};
+use crate::sensor::Capture;
 use crate::trace::Cast;
 
 use super::terminal::Terminal;
@@ -117,20 +118,18 @@ pub fn cast(
     tracer: &impl Cast,
     progress: &Progress,
 ) -> Option<Frame> {
-    let world_from_sensor = job.world_from_body * sensor.body_from_sensor;
-    scan::scan(scene, tracer, &sensor.sensor, &world_from_sensor, progress)
+    scan::scan(scene, tracer, &capture(job, sensor), progress)
+}
+
+/// A sensor's first frame, before it is cast.
+pub fn capture<'a>(job: &'a Job, mounted: &'a MountedSensor) -> Capture<'a> {
+    Capture::new(&mounted.sensor, mounted.body_from_sensor, &job.trajectory, 0, job.seed)
 }
 
 /// A sensor's frame with all that is known about where it came from.
-pub fn capture<'a>(job: &Job, mounted: &'a MountedSensor, frame: &'a Frame) -> Capture<'a> {
-    Capture {
-        frame,
-        sensor: &mounted.sensor,
-        name: &mounted.name,
-        body_from_sensor: mounted.body_from_sensor,
-        world_from_body: job.world_from_body,
-        cloud_frame: job.output.cloud_frame,
-    }
+pub fn sensor_frame<'a>(job: &'a Job, mounted: &'a MountedSensor, frame: &'a Frame) -> SensorFrame<'a> {
+    let capture = capture(job, mounted);
+    SensorFrame { capture, frame, name: &mounted.name, cloud_frame: job.output.cloud_frame }
 }
 
 /// What a job will take, found before any of it is done.
@@ -152,12 +151,10 @@ impl Plan {
         for MountedSensor { name, sensor, .. } in &job.sensors {
             for format in &job.output.formats {
                 let fits = format.check(sensor);
-                fits.map_err(|e| {
-                    Error::Usage(format!("sensor {name:?} has no {}: {e}", format.extension()))
-                })?;
+                fits.map_err(|e| Error::Usage(format!("sensor {name:?} has no {}: {e}", format.name())))?;
             }
-            let encoding = job.output.formats.iter().map(|format| format.bytes_per_ray(sensor)).max();
-            let a_ray = size_of::<Option<Return>>() as u64 + encoding.unwrap_or(0);
+            let encoding = job.output.formats.iter().map(|format| format.encoding_bytes_a_ray(sensor)).max();
+            let a_ray = Frame::BYTES_A_PIXEL as u64 + encoding.unwrap_or(0);
             let (rows, columns) = (sensor.pattern.rows() as u64, sensor.pattern.columns() as u64);
             let sums = rows.checked_mul(columns).and_then(|rays| {
                 let bytes = rays.checked_mul(a_ray)?.max(plan.bytes);
@@ -193,7 +190,7 @@ pub fn output_names(job: &Job) -> Vec<String> {
 
 /// The name of the file of a sensor's frame, relative to the output folder.
 pub fn output_name(sensor: &str, format: Format) -> String {
-    format!("{sensor}/000000.{}", format.extension())
+    format!("{sensor}/000000.{}", format.name())
 }
 
 /// The same path by a shorter name where there is one: a job's `../out` comes as `configs/../out`, and is shown and
@@ -237,12 +234,12 @@ pub fn precision_warning(job: &Job) -> Option<String> {
     let pose = |sensor: &MountedSensor| match job.output.cloud_frame {
         CloudFrame::Sensor => Pose::IDENTITY,
         CloudFrame::Body => sensor.body_from_sensor,
-        CloudFrame::World => job.world_from_body * sensor.body_from_sensor,
+        CloudFrame::World => capture(job, sensor).world_from_sensor(0.0),
     };
     let coordinates = job.sensors.iter().map(|s| pose(s).translation.abs().max_element());
     let farthest = coordinates.fold(0.0, f64::max) as f32;
     let step = farthest.next_up() - farthest;
-    (job.output.formats.contains(&Format::Ply) && step > 1e-3).then(|| {
+    (job.output.formats.contains(&Format::PLY) && step > 1e-3).then(|| {
         format!(
             "points {farthest} m from the origin come in steps of {} mm, the spacing of 32-bit floats there; \
              output.frame = \"sensor\" keeps them exact",

@@ -10,7 +10,7 @@ use crate::config::{self, SensorFile, presets};
 use crate::error::Error;
 use crate::output::Destination;
 use crate::output::plot::{Dot, colour_of, scatter};
-use crate::sensor::{Pattern, azimuth_elevation};
+use crate::sensor::{Capture, Sensor, azimuth_elevation};
 
 /// The arguments of `beamcast presets`.
 #[derive(Debug, clap::Args)]
@@ -75,8 +75,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         }
         Some(What::Show { name, png: Some(path), frames, mode, overwrite }) => {
             let file = config::load_preset(name)?;
-            let pattern = pattern_in(&file, name, mode.as_deref())?;
-            let plot = plot(pattern, *frames).map_err(|e| Error::output(path, e))?;
+            let sensor = sensor_in(&file, name, mode.as_deref())?;
+            let plot = plot(sensor, *frames).map_err(|e| Error::output(path, e))?;
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(".".as_ref());
             let written = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             Destination::check(folder, vec![written.clone()], *overwrite)?.write(&written, &plot.0)?;
@@ -86,9 +86,9 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
 }
 
-fn pattern_in<'a>(file: &'a SensorFile, name: &str, mode: Option<&str>) -> Result<&'a Pattern, Error> {
-    let Some(mode) = mode else { return Ok(&file.sensor.pattern) };
-    let found = file.modes.iter().find(|(known, _)| known == mode).map(|(_, sensor)| &sensor.pattern);
+fn sensor_in<'a>(file: &'a SensorFile, name: &str, mode: Option<&str>) -> Result<&'a Sensor, Error> {
+    let Some(mode) = mode else { return Ok(&file.sensor) };
+    let found = file.modes.iter().find(|(known, _)| known == mode).map(|(_, sensor)| sensor);
     found.ok_or_else(|| {
         let modes: Vec<&str> = file.modes.iter().map(|(mode, _)| mode.as_str()).collect();
         let modes = if modes.is_empty() { "none".to_owned() } else { modes.join(", ") };
@@ -159,7 +159,8 @@ fn as_table(files: &[(&str, SensorFile)]) -> String {
 }
 
 /// A picture of where the pulses of `frames` frames go, and what is to be said about it.
-fn plot(pattern: &Pattern, frames: u32) -> Result<(Vec<u8>, String), String> {
+fn plot(sensor: &Sensor, frames: u32) -> Result<(Vec<u8>, String), String> {
+    let pattern = &sensor.pattern;
     let (rays, columns) = (pattern.rays(), pattern.columns());
     let total = rays * frames as usize;
     if total > MOST_DOTS {
@@ -169,11 +170,11 @@ fn plot(pattern: &Pattern, frames: u32) -> Result<(Vec<u8>, String), String> {
     let end = (period * f64::from(frames - 1) + pattern.last_pulse_s()).max(f64::MIN_POSITIVE);
     let mut dots = Vec::with_capacity(total);
     for frame in 0..frames {
-        let start = period * f64::from(frame);
+        let capture = Capture::at_origin(sensor).with_frame(frame.into());
         for index in 0..rays {
-            let Some(pulse) = pattern.pulse_in(index / columns, index % columns, start) else { continue };
+            let Some(pulse) = capture.pulse(index / columns, index % columns) else { continue };
             let (azimuth, elevation) = azimuth_elevation(pulse.direction);
-            dots.push(Dot { azimuth, elevation, colour: colour_of((start + pulse.time_s) / end) });
+            dots.push(Dot { azimuth, elevation, colour: colour_of((capture.start_s + pulse.time_s) / end) });
         }
     }
     let file = scatter(&dots).map_err(|e| e.to_string())?;

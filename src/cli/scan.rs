@@ -121,12 +121,12 @@ fn cast_and_write(
         casting += time;
         interrupt.check()?;
         let Some(frame) = frame else { continue };
-        seen.push(Statistics::of(&frame, mounted.sensor.pattern.blind_pixels()));
-        let capture = pipeline::capture(job, mounted, &frame);
+        seen.push(Statistics::of(&frame));
+        let sensor_frame = pipeline::sensor_frame(job, mounted, &frame);
         let start = Instant::now();
         for &format in &job.output.formats {
             let name = output_name(&mounted.name, format);
-            let content = format.encode(&capture);
+            let content = format.encode(&sensor_frame);
             let content = content.map_err(|e| Error::output(job.output.dir.join(&name), e))?;
             interrupt.check()?;
             outputs.push(interrupt.uncut(|| destination.write(&name, &content))?);
@@ -168,14 +168,15 @@ struct Statistics {
 }
 
 impl Statistics {
-    fn of(frame: &Frame, blind: usize) -> Self {
-        let ranges = frame.returns.iter().flatten().map(|hit| hit.range);
+    fn of(frame: &Frame) -> Self {
+        let ranges = frame.iter().map(|(_, hit)| hit.range_m);
+        let blind = frame.blind_pixels();
         let (mut hits, mut low, mut sum, mut high) = (0, f64::INFINITY, 0.0, 0.0_f64);
         for range in ranges {
             (hits, low, sum, high) = (hits + 1, low.min(range), sum + range, high.max(range));
         }
         let range_m = (hits > 0).then(|| [low, sum / hits as f64, high]);
-        Self { rays: frame.returns.len() - blind, blind, hits, range_m }
+        Self { rays: frame.pixels() - blind, blind, hits, range_m }
     }
 }
 

@@ -102,7 +102,7 @@ fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Erro
                 subjects.extend(job.sensors.into_iter().map(|mounted| Subject {
                     name: format!("{} of {}", mounted.name, path.display()),
                     sensor: mounted.sensor,
-                    world_from_sensor: job.world_from_body * mounted.body_from_sensor,
+                    world_from_sensor: job.trajectory.pose_at(0.0) * mounted.body_from_sensor,
                     method: job.kernel,
                 }));
             }

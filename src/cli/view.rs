@@ -11,12 +11,12 @@ use super::terminal::Terminal;
 use crate::check::page::{self, View};
 use crate::config::{self, Config, MountedSensor};
 use crate::error::Error;
-use crate::frame::{BODY_FROM_OPTICAL, Pose};
+use crate::frame::BODY_FROM_OPTICAL;
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
-use crate::output::{Capture, Channel, CloudFrame, Destination, Image, Samples, write_file};
+use crate::output::{Channel, CloudFrame, Destination, Image, Samples, SensorFrame, write_file};
 use crate::scan::{Frame, Return};
 use crate::scene::Scene;
-use crate::sensor::Camera;
+use crate::sensor::{Camera, Capture};
 use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast view`.
@@ -104,22 +104,15 @@ fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec
 
 /// A frame just cast. Its points are in the sensor's body frame.
 pub fn of_frame(mounted: &MountedSensor, frame: &Frame, scene: &Scene) -> View {
-    let capture = Capture {
-        frame,
-        sensor: &mounted.sensor,
-        name: &mounted.name,
-        body_from_sensor: Pose::IDENTITY,
-        world_from_body: Pose::IDENTITY,
-        cloud_frame: CloudFrame::Body,
-    };
-    let returns = frame.returns.iter().enumerate().filter_map(|(i, hit)| Some((i, hit.as_ref()?)));
-    let point = |(i, hit): (usize, &Return)| {
-        capture.point(i / frame.columns, i % frame.columns, hit.range).map(|p| p.as_vec3().to_array())
+    let capture = Capture::at_origin(&mounted.sensor);
+    let seen = SensorFrame { capture, frame, name: &mounted.name, cloud_frame: CloudFrame::Body };
+    let point = |(i, hit): (usize, Return)| {
+        seen.point(i / frame.columns(), i % frame.columns(), hit.range_m).map(|p| p.as_vec3().to_array())
     };
     View {
         name: mounted.name.clone(),
-        image: Image::of(&capture),
-        points: Ok(returns.filter_map(point).collect()),
+        image: Image::of(&seen),
+        points: Ok(frame.iter().filter_map(point).collect()),
         instances: (0..).zip(scene.instances.iter().map(|instance| instance.name.clone())).collect(),
     }
 }
@@ -235,7 +228,9 @@ fn camera_points(part: &Part) -> Option<Vec<[f32; 3]>> {
     let camera = Camera::new((image.columns, image.rows), focal, principal, None).ok()?;
     let ranges = image.f32("range")?.iter().enumerate().filter(|(_, range)| range.is_finite());
     let point = |(i, &range): (usize, &f32)| {
-        let direction = camera.direction(i / image.columns, i % image.columns)?;
+        let direction = camera
+            .optical_direction_at((i % image.columns) as f64 + 0.5, (i / image.columns) as f64 + 0.5)?;
+        let direction = BODY_FROM_OPTICAL.direction(direction);
         Some((direction * f64::from(range)).as_vec3().to_array())
     };
     Some(ranges.filter_map(point).collect())

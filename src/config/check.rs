@@ -11,7 +11,7 @@ use super::tree::{Node, Value};
 use crate::angle::Angle;
 use crate::check::expect::{Bounds, Expectation, Expected, Ground, Target, Zone};
 use crate::check::{Settings, Tolerance};
-use crate::output::CHANNELS;
+use crate::output::CHANNEL_NAMES;
 
 /// Most cells of a zone.
 const MAX_CELLS: f64 = 1e7;
@@ -19,16 +19,16 @@ const MAX_CELLS: f64 = 1e7;
 /// The job's `[check]`: `None` if it has none.
 pub(super) fn settings(report: &Report, top: &Section<'_>) -> Option<Settings> {
     let s = top.section("check", &section::CHECK)?;
-    let channels = s.choices("channels", &CHANNELS.map(|name| (name, name)));
+    let channels = s.choices("channels", &CHANNEL_NAMES.map(|name| (name, name)));
     let channels = channels.map(|list| list.into_iter().map(str::to_owned).collect());
     let mut tolerances = BTreeMap::new();
     match s.get("tolerance").map(|node| (node, &node.value)) {
         Some((_, Value::Table(table))) => {
             for (name, entry) in table {
-                if !CHANNELS.contains(&name.as_str()) {
-                    let help = match nearest(name, CHANNELS) {
+                if !CHANNEL_NAMES.contains(&name.as_str()) {
+                    let help = match nearest(name, CHANNEL_NAMES) {
                         Some(near) => format!("did you mean {}?", quoted(near)),
-                        None => format!("the channels are {}", list(CHANNELS, "and")),
+                        None => format!("the channels are {}", list(CHANNEL_NAMES, "and")),
                     };
                     let message = format!("there is no channel {}", quoted(name));
                     report.error(entry.key, message, "", Some(help));

@@ -14,6 +14,7 @@ use super::tree::{self, Entry, Node, Table, Value};
 use super::{Job, MountedSensor, OutputSettings, check, sensor};
 use crate::angle::Angle;
 use crate::frame::{Pose, UpAxis};
+use crate::motion::Trajectory;
 use crate::output::{CloudFrame, Format};
 use crate::trace::methods::{METHODS, Method};
 
@@ -67,6 +68,7 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
     let world_from_body = top
         .section("trajectory", &section::TRAJECTORY)
         .map_or(Pose::IDENTITY, |trajectory| pose(report, &trajectory));
+    let trajectory = Trajectory::Fixed(world_from_body);
     let kernel = top.section("trace", &section::TRACE).and_then(|s| kernel(&s));
     let output = top.section("output", &section::OUTPUT).and_then(|s| output(&s, folder));
     let sensors = sensors(report, &top, &ray_files, &lost);
@@ -87,7 +89,7 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
         seed: seed.map_or(0, |seed| seed.value),
         kernel,
         sensors,
-        world_from_body,
+        trajectory,
         output: output?,
         check,
         expectations,
@@ -311,13 +313,13 @@ fn kernel(s: &Section<'_>) -> Option<&'static Method> {
 fn output(s: &Section<'_>, folder: &Path) -> Option<OutputSettings> {
     s.need("dir", "`dir = \"../out\"`, the folder to write to");
     let dir = s.text("dir");
-    let all = [("exr", Format::Exr), ("ply", Format::Ply), ("png", Format::Png)];
+    let all: Vec<_> = Format::all().map(|format| (format.name(), format)).collect();
     let formats = s.choices("formats", &all);
     let frames = [("sensor", CloudFrame::Sensor), ("body", CloudFrame::Body), ("world", CloudFrame::World)];
     let cloud_frame = s.choice("frame", &frames).unwrap_or_default();
     Some(OutputSettings {
         dir: folder.join(dir?.value),
-        formats: formats.unwrap_or_else(|| all.map(|(_, format)| format).to_vec()),
+        formats: formats.unwrap_or_else(|| Format::all().collect()),
         cloud_frame,
     })
 }

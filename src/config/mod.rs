@@ -18,6 +18,7 @@ use crate::check::Settings;
 use crate::check::expect::Expectation;
 use crate::error::{Diagnostic, Error};
 use crate::frame::{Pose, UpAxis};
+use crate::motion::Trajectory;
 use crate::output::{CloudFrame, Format};
 use crate::sensor::Sensor;
 use crate::trace::methods::Method;
@@ -48,8 +49,8 @@ pub struct Job {
     pub kernel: Option<&'static Method>,
     /// The rig; at least one.
     pub sensors: Vec<MountedSensor>,
-    /// Where the body stands in the world.
-    pub world_from_body: Pose,
+    /// Where the body is in the world over time.
+    pub trajectory: Trajectory,
     /// What to write.
     pub output: OutputSettings,
     /// What of its frames is held to the baseline, and how closely: `None` if the job has no `[check]`.

@@ -7,7 +7,7 @@
 use serde_json::{Map, Value, json};
 
 use super::section::{self, Shape};
-use crate::output::CHANNELS;
+use crate::output::CHANNEL_NAMES;
 use crate::trace::methods::METHODS;
 
 /// What a schema describes.
@@ -590,11 +590,11 @@ fn value_of(kind: &Kind) -> Map<String, Value> {
         }),
         Kind::Share => json!({ "type": "number", "minimum": 0, "maximum": 1 }),
         Kind::Channels => json!({
-            "type": "array", "items": { "type": "string", "enum": CHANNELS }, "minItems": 1, "uniqueItems": true,
+            "type": "array", "items": { "type": "string", "enum": CHANNEL_NAMES }, "minItems": 1, "uniqueItems": true,
         }),
         Kind::Tolerances => {
             let one = json!({ "anyOf": [{ "type": "number", "minimum": 0 }, table(&section::TOLERANCE)] });
-            let all: Map<_, _> = CHANNELS.iter().map(|name| ((*name).to_owned(), one.clone())).collect();
+            let all: Map<_, _> = CHANNEL_NAMES.iter().map(|name| ((*name).to_owned(), one.clone())).collect();
             json!({ "type": "object", "properties": all, "additionalProperties": false })
         }
         Kind::Table(shape) => Value::Object(table(shape)),

@@ -7,55 +7,74 @@ use exr::block::chunk::Chunk;
 use exr::block::writer::ChunksWriter;
 use exr::block::{UncompressedBlock, enumerate_ordered_header_block_indices};
 use exr::image::write::layers::{LayersWriter, WritableLayers};
-use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer};
+use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, Layers};
 use exr::meta::attribute::{AttributeValue, Text};
-use exr::meta::header::LayerAttributes;
+use exr::meta::header::{ImageAttributes, LayerAttributes};
 use rayon::prelude::*;
 
-use super::{Capture, EncodeError, Encoder, Image, Samples, pose_as_toml};
+use super::{
+    BYTES_A_VALUE, CHANNELS, EncodeError, FormatSpec, Image, Kind, Samples, SensorFrame, pose_as_toml,
+};
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::sensor::{Pattern, Sensor};
 
-/// What the attribute `beamcast:no_return` says.
+/// The value of the attribute `beamcast:no_return`.
 const NO_RETURN: &str = "+inf in range, Z and Y; 0 in all other channels";
 
-/// The range image with every channel, as 32-bit scanlines, ZIP in blocks of 16 lines.
-pub(super) struct RangeImage;
-
-impl Encoder for RangeImage {
-    fn check(&self, sensor: &Sensor) -> Result<(), EncodeError> {
-        // OpenEXR keeps coordinates below 2³⁰ so that windows can be added without overflow.
-        let limit = i32::MAX as usize / 2;
-        let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
-        if rows >= limit || columns >= limit {
-            return Err(EncodeError(format!(
-                "an EXR image has fewer than {limit} rows and columns, not {rows} × {columns}"
-            )));
-        }
-        Ok(())
-    }
-
-    fn bytes_per_ray(&self, sensor: &Sensor) -> u64 {
-        let channels = if sensor.pattern.is_camera() { 11 } else { 10 };
+/// The range image with every channel, as 32-bit scanlines, ZIP in blocks of 16 lines. A frame with several returns a pixel
+/// has a part for each.
+pub(super) static FORMAT: FormatSpec = FormatSpec {
+    name: "exr",
+    about: "OpenEXR range images of all channels",
+    check,
+    encoding_bytes_a_ray: |sensor| {
         // The channels, the compressed blocks and the file, were they to shrink by nothing.
-        3 * 4 * channels
-    }
+        3 * file_bytes_a_ray(sensor)
+    },
+    file_bytes_a_ray,
+    kind: Kind::File(encode),
+};
 
-    fn encode(&self, capture: &Capture) -> Result<Vec<u8>, EncodeError> {
-        let size = (capture.frame.columns, capture.frame.rows);
-        let channels = channels(Image::of(capture));
-        let layer = Layer::new(size, attributes(capture), Encoding::SMALL_LOSSLESS, channels);
-        let mut file = compress(&exr::image::Image::from_layer(layer))
-            .map_err(|e| EncodeError(format!("it can't be made an EXR: {e}")))?;
-        sort_attributes(&mut file);
-        Ok(file)
-    }
+fn file_bytes_a_ray(sensor: &Sensor) -> u64 {
+    let channels = CHANNELS.iter().filter(|channel| channel.is_of(sensor)).count();
+    let with_main_depth_again = channels as u64 + 1;
+    BYTES_A_VALUE * with_main_depth_again
 }
 
-type RangeLayer = Layer<AnyChannels<FlatSamples>>;
+fn check(sensor: &Sensor) -> Result<(), EncodeError> {
+    // OpenEXR keeps coordinates below 2³⁰ so that windows can be added without overflow.
+    let limit = i32::MAX as usize / 2;
+    let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
+    if rows >= limit || columns >= limit {
+        return Err(EncodeError::new(format!(
+            "an EXR image has fewer than {limit} rows and columns, not {rows} × {columns}"
+        )));
+    }
+    Ok(())
+}
+
+fn encode(frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
+    let size = (frame.frame.columns(), frame.frame.rows());
+    let layer = |number, name: Option<Text>| {
+        let attributes = LayerAttributes { layer_name: name, ..attributes(frame) };
+        Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels(Image::of_return(frame, number)))
+    };
+    // The parts of a file of several need names.
+    let parts = frame.frame.most_returns().max(1);
+    let file = if parts == 1 {
+        compress(&exr::image::Image::from_layer(layer(0, None)))
+    } else {
+        let named = |number| layer(number, Some(Text::from(format!("return{number}").as_str())));
+        let layers: Layers<_> = (0..parts).map(named).collect();
+        compress(&exr::image::Image::from_layers(ImageAttributes::with_size(size), layers))
+    };
+    let mut file = file.map_err(|e| EncodeError::new(format!("it can't be made an EXR: {e}")))?;
+    sort_attributes(&mut file, parts);
+    Ok(file)
+}
 
 /// The blocks are compressed in the pool that casts, not in one of the library's own, so that `--threads` holds.
-fn compress(image: &exr::image::Image<RangeLayer>) -> exr::error::Result<Vec<u8>> {
+fn compress<'i, L: WritableLayers<'i>>(image: &'i exr::image::Image<L>) -> exr::error::Result<Vec<u8>> {
     let headers = image.layer_data.infer_headers(&image.attributes);
     let layers = image.layer_data.create_writer(&headers);
     let mut file = Vec::new();
@@ -87,16 +106,16 @@ fn channels(image: Image) -> AnyChannels<FlatSamples> {
     AnyChannels::sort(channels.collect())
 }
 
-fn attributes(capture: &Capture) -> LayerAttributes {
+fn attributes(frame: &SensorFrame) -> LayerAttributes {
     let mut other = HashMap::new();
     let mut set = |name: &str, value| other.insert(Text::from(name), value);
     let text = |value: &str| AttributeValue::Text(Text::from(value));
 
     set("beamcast:no_return", text(NO_RETURN));
     // An attribute holds one byte a character.
-    set("beamcast:sensor", text(&capture.name.escape_default().to_string()));
-    set("beamcast:world_from_sensor", text(&pose_as_toml(&capture.world_from_sensor())));
-    let pattern = &capture.sensor.pattern;
+    set("beamcast:sensor", text(&frame.name.escape_default().to_string()));
+    set("beamcast:world_from_sensor", text(&pose_as_toml(&frame.world_from_sensor())));
+    let pattern = &frame.capture.sensor.pattern;
     set("beamcast:pattern", text(pattern.name()));
     set("beamcast:normal_frame", text(if pattern.is_camera() { "optical" } else { "sensor" }));
     match pattern {
@@ -105,7 +124,7 @@ fn attributes(capture: &Capture) -> LayerAttributes {
             set("beamcast:range_offset_m", AttributeValue::F64(p.range_offset_m()));
         }
         Pattern::Camera(camera) => {
-            let world_from_optical = capture.world_from_sensor() * BODY_FROM_OPTICAL;
+            let world_from_optical = frame.world_from_sensor() * BODY_FROM_OPTICAL;
             set("beamcast:world_from_optical", text(&pose_as_toml(&world_from_optical)));
             set("beamcast:fx_px", AttributeValue::F64(camera.focal_px().0));
             set("beamcast:fy_px", AttributeValue::F64(camera.focal_px().1));
@@ -121,21 +140,26 @@ fn attributes(capture: &Capture) -> LayerAttributes {
     LayerAttributes { other, ..LayerAttributes::default() }
 }
 
-/// Sorts the header's attributes by name. The library keeps ours in a hash map, and so writes them in another order each
-/// time; any order is right, and the header's length stays the same.
-fn sort_attributes(file: &mut [u8]) {
+/// Sorts the attributes of each part's header by name. The library keeps ours in a hash map, and so writes them in another
+/// order each time; any order is right, and a header's length stays the same.
+fn sort_attributes(file: &mut [u8], parts: usize) {
     const MAGIC_AND_VERSION: usize = 8;
-    let mut attributes: Vec<&[u8]> = Vec::new();
-    let mut rest = &file[MAGIC_AND_VERSION..];
-    while let Some(length) = attribute_length(rest) {
-        let (attribute, after) = rest.split_at(length);
-        attributes.push(attribute);
-        rest = after;
+    const END: usize = 1;
+    let mut start = MAGIC_AND_VERSION;
+    for _ in 0..parts {
+        let mut attributes: Vec<&[u8]> = Vec::new();
+        let mut rest = &file[start..];
+        while let Some(length) = attribute_length(rest) {
+            let (attribute, after) = rest.split_at(length);
+            attributes.push(attribute);
+            rest = after;
+        }
+        // Names end in 0, so that comparing whole attributes compares names.
+        attributes.sort_unstable();
+        let sorted = attributes.concat();
+        file[start..start + sorted.len()].copy_from_slice(&sorted);
+        start += sorted.len() + END;
     }
-    // Names end in 0, so that comparing whole attributes compares names.
-    attributes.sort_unstable();
-    let sorted = attributes.concat();
-    file[MAGIC_AND_VERSION..MAGIC_AND_VERSION + sorted.len()].copy_from_slice(&sorted);
 }
 
 /// Bytes of the attribute that `header` begins with: name, 0, type, 0, length (32 bits), value. `None` at the header's end.
@@ -165,8 +189,15 @@ mod tests {
         };
         let (b, a, ab) = (attribute("b", 1), attribute("a", 2), attribute("ab", 3));
         let mut file = parts([&b, &ab, &a]);
-        sort_attributes(&mut file);
+        sort_attributes(&mut file, 1);
         assert_eq!(file, parts([&a, &ab, &b]));
+        // A second part's header follows the first's.
+        let two = |[a, b]: [&[u8]; 2], [c, d]: [&[u8]; 2]| {
+            [b"magic+vs".as_slice(), a, b, b"\0", c, d, b"\0\0 pixels"].concat()
+        };
+        let mut file = two([&b, &a], [&ab, &a]);
+        sort_attributes(&mut file, 2);
+        assert_eq!(file, two([&a, &b], [&a, &ab]));
     }
 
     #[test]

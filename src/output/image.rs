@@ -1,25 +1,9 @@
 //! A frame as named channels: what a range image holds, whether it was just cast or is read back.
 
-use super::{Capture, NO_RETURN_M};
-use crate::frame::BODY_FROM_OPTICAL;
-use crate::scan::Return;
-use crate::sensor::{Camera, Pattern};
+use super::SensorFrame;
+use super::channel::{CHANNELS, ChannelSpec, MAIN_DEPTH_ALIAS, Place, Values, main_depth_of};
 
-/// The channels of frames, sorted; `Y` aside, which repeats another.
-pub const CHANNELS: [&str; 10] = [
-    "Z",
-    "id.instance",
-    "id.semantic",
-    "id.triangle",
-    "intensity",
-    "normal.X",
-    "normal.Y",
-    "normal.Z",
-    "range",
-    "time",
-];
-
-/// A range image: channels of the same size. The README's table says what each means.
+/// A range image: channels of the same size. [`CHANNELS`] says what each means.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
     /// Rows: a LiDAR's beams, the highest first; a camera's height.
@@ -49,59 +33,40 @@ pub enum Samples {
 }
 
 impl Image {
-    /// The channels of a capture, each value rounded once to 32 bits. `Y` repeats the main depth (a camera's `Z`, a LiDAR's
-    /// `range`), because that is the name that OpenCV reads.
-    pub fn of(capture: &Capture) -> Self {
-        let Capture { frame, sensor, .. } = capture;
-        let per_pixel = |f: &dyn Fn(usize, usize, &Return) -> f64, no_return: f64| {
-            let pixels = frame.returns.iter().enumerate();
-            let values = pixels.map(|(i, hit)| match hit {
-                Some(hit) => f(i / frame.columns, i % frame.columns, hit) as f32,
-                None => no_return as f32,
-            });
-            Samples::F32(values.collect())
-        };
-        let id = |f: &dyn Fn(&Return) -> u32| {
-            Samples::U32(frame.returns.iter().map(|hit| hit.as_ref().map_or(0, f)).collect())
-        };
-        let normal = |axis: usize| {
-            per_pixel(
-                &|_, _, hit| match sensor.pattern {
-                    // Axes are only swapped and negated: nothing is rounded.
-                    Pattern::Camera(_) => {
-                        (BODY_FROM_OPTICAL.rotation.transpose() * hit.normal.as_dvec3())[axis] + 0.0
-                    }
-                    _ => f64::from(hit.normal[axis]),
-                },
-                0.0,
-            )
-        };
-        let range = per_pixel(&|_, _, hit| hit.range, NO_RETURN_M);
-        let time_s = |row, column, _: &Return| sensor.pattern.pulse(row, column).map_or(0.0, |p| p.time_s);
-        let time = per_pixel(&time_s, 0.0);
-        let mut channels = vec![
-            ("id.instance", id(&|hit| hit.instance)),
-            ("id.semantic", id(&|hit| hit.label)),
-            ("id.triangle", id(&|hit| hit.triangle)),
-            ("intensity", per_pixel(&|_, _, hit| f64::from(hit.intensity), 0.0)),
-            ("normal.X", normal(0)),
-            ("normal.Y", normal(1)),
-            ("normal.Z", normal(2)),
-            ("time", time),
-        ];
-        match &sensor.pattern {
-            Pattern::Camera(camera) => {
-                let depth =
-                    per_pixel(&|row, column, hit| planar_depth(camera, row, column, hit), NO_RETURN_M);
-                channels.push(("Y", depth.clone()));
-                channels.push(("Z", depth));
-            }
-            _ => channels.push(("Y", range.clone())),
+    /// The channels of each pixel's first return. `Y` repeats the main depth (a camera's `Z`, a LiDAR's `range`), because
+    /// that is the name that OpenCV reads.
+    pub fn of(frame: &SensorFrame) -> Self {
+        Self::of_return(frame, 0)
+    }
+
+    /// The channels of each pixel's return number `number`, from 0. A pixel with fewer returns is as one without any.
+    pub fn of_return(frame: &SensorFrame, number: usize) -> Self {
+        let mut image = Self::with_channels(frame, number, &CHANNELS);
+        if let Some(depth) = image.channel(main_depth_of(frame.capture.sensor)).cloned() {
+            image.channels.push(Channel { name: MAIN_DEPTH_ALIAS.to_owned(), samples: depth });
+            image.channels.sort_by(|a, b| a.name.cmp(&b.name));
         }
-        channels.push(("range", range));
-        channels.sort_by_key(|(name, _)| *name);
-        let channels = channels.into_iter().map(|(name, samples)| Channel { name: name.to_owned(), samples });
-        Self { rows: frame.rows, columns: frame.columns, channels: channels.collect() }
+        image
+    }
+
+    /// Those of `channels`, which are sorted by name, that the frame's sensor has.
+    pub fn with_channels(frame: &SensorFrame, number: usize, channels: &[ChannelSpec]) -> Self {
+        let pixels = 0..frame.frame.pixels();
+        let place = |pixel| frame.frame.slot(pixel, number).map(|slot| Place { pixel, slot });
+        let samples = |spec: &ChannelSpec| match spec.values {
+            Values::F32(value) => Samples::F32(
+                pixels
+                    .clone()
+                    .map(|i| place(i).map_or(spec.no_return, |at| value(frame, at)) as f32)
+                    .collect(),
+            ),
+            Values::U32(id) => Samples::U32(
+                pixels.clone().map(|i| place(i).map_or(spec.no_return as u32, |at| id(frame, at))).collect(),
+            ),
+        };
+        let of_sensor = channels.iter().filter(|spec| spec.is_of(frame.capture.sensor));
+        let channels = of_sensor.map(|spec| Channel { name: spec.name.to_owned(), samples: samples(spec) });
+        Self { rows: frame.frame.rows(), columns: frame.frame.columns(), channels: channels.collect() }
     }
 
     /// The samples of a channel.
@@ -153,9 +118,4 @@ impl Samples {
             Self::U32(values) => f64::from(values[index]),
         }
     }
-}
-
-/// Depth along the optical axis, from the range along the ray.
-fn planar_depth(camera: &Camera, row: usize, column: usize, hit: &Return) -> f64 {
-    camera.optical_direction(row, column).map_or(NO_RETURN_M, |direction| hit.range * direction.z)
 }

@@ -1,7 +1,11 @@
-//! Frames to files: one writer a format, one trait; and back, in [`recorded`]. A miss is encoded here and nowhere else.
+//! Frames to files and back: the channels, the formats, and the folder that a run writes. [`recorded`] reads files again.
+//!
+//! A miss is encoded by the declaration of each channel and nowhere else.
 
+mod channel;
 mod exr;
 mod files;
+mod format;
 mod image;
 mod manifest;
 pub mod plot;
@@ -13,25 +17,16 @@ use glam::{DQuat, DVec3};
 
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::scan::Frame;
-use crate::sensor::Sensor;
+use crate::sensor::Capture;
 
+pub use channel::{
+    BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, MAIN_DEPTH_ALIAS, NO_RETURN_M, Place, Sensors,
+    Values, channel, main_depth_of, no_return,
+};
 pub use files::{Destination, WrittenFile, write_file};
-pub use image::{CHANNELS, Channel, Image, Samples};
+pub use format::{EncodeError, FORMATS, Format, FormatSpec, Kind, Stream};
+pub use image::{Channel, Image, Samples};
 pub use manifest::Manifest;
-
-/// The range and depth (metres) of a pixel with no return. All its other channels are 0.
-pub const NO_RETURN_M: f64 = f64::INFINITY;
-
-/// A file format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Format {
-    /// OpenEXR range image, all channels.
-    Exr,
-    /// Binary PLY point cloud.
-    Ply,
-    /// Colour preview of the range.
-    Png,
-}
 
 /// The frame that a cloud's points are given in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,19 +40,15 @@ pub enum CloudFrame {
     World,
 }
 
-/// A frame with all that a writer needs to know about where it came from.
+/// A sensor's frame with all that a writer needs to know about where it came from.
 #[derive(Clone, Copy, Debug)]
-pub struct Capture<'a> {
-    /// What was seen.
+pub struct SensorFrame<'a> {
+    /// The sensor, where it was and when, and the pulses that it sent.
+    pub capture: Capture<'a>,
+    /// What it saw.
     pub frame: &'a Frame,
-    /// By what.
-    pub sensor: &'a Sensor,
     /// The sensor's name in the job.
     pub name: &'a str,
-    /// Where the sensor sits on the body.
-    pub body_from_sensor: Pose,
-    /// Where the body was.
-    pub world_from_body: Pose,
     /// The frame of the cloud's points.
     pub cloud_frame: CloudFrame,
 }
@@ -67,85 +58,36 @@ pub struct Capture<'a> {
 /// # Errors
 /// If a side is 0 or more than a PNG has room for.
 pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
-    png::write(width, height, pixels).map_err(|e| EncodeError(format!("it can't be made a PNG: {e}")))
+    png::write(width, height, pixels).map_err(|e| EncodeError::new(format!("it can't be made a PNG: {e}")))
 }
 
-/// Why a frame can't be had in a format.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct EncodeError(String);
-
-/// What a format's file does: frames in, bytes out. The same capture gives the same bytes, whatever the number of threads.
-trait Encoder {
-    /// Whether the frames of `sensor` fit the format at all.
-    fn check(&self, sensor: &Sensor) -> Result<(), EncodeError>;
-
-    /// The memory that encoding takes for each ray, at most.
-    fn bytes_per_ray(&self, sensor: &Sensor) -> u64;
-
-    /// The whole file.
-    fn encode(&self, capture: &Capture) -> Result<Vec<u8>, EncodeError>;
-}
-
-impl Format {
-    /// The file name's extension, without a dot. It is also what a job calls the format.
-    pub fn extension(self) -> &'static str {
-        match self {
-            Self::Exr => "exr",
-            Self::Ply => "ply",
-            Self::Png => "png",
-        }
-    }
-
-    /// Whether the frames of `sensor` fit the format; to be asked before casting them.
-    ///
-    /// # Errors
-    /// Says which number of the sensor the format has no room for.
-    pub fn check(self, sensor: &Sensor) -> Result<(), EncodeError> {
-        self.encoder().check(sensor)
-    }
-
-    /// An upper estimate of the memory that encoding takes, in bytes for each ray of `sensor`.
-    pub fn bytes_per_ray(self, sensor: &Sensor) -> u64 {
-        self.encoder().bytes_per_ray(sensor)
-    }
-
-    /// The file's whole content. The same capture gives the same bytes, on any thread count and platform.
-    ///
-    /// # Errors
-    /// When the frame has a number that the format has no room for, such as a label above 2³¹ − 1 in a PLY.
-    pub fn encode(self, capture: &Capture) -> Result<Vec<u8>, EncodeError> {
-        self.encoder().encode(capture)
-    }
-
-    fn encoder(self) -> &'static dyn Encoder {
-        match self {
-            Self::Exr => &exr::RangeImage,
-            Self::Ply => &ply::Cloud,
-            Self::Png => &png::Preview,
-        }
-    }
-}
-
-impl Capture<'_> {
-    /// Where the sensor's body frame was in the world.
+impl SensorFrame<'_> {
+    /// Where the sensor's body frame was in the world when the frame started.
     pub fn world_from_sensor(&self) -> Pose {
-        self.world_from_body * self.body_from_sensor
+        self.capture.world_from_sensor(0.0)
     }
 
-    /// The point of a return in the cloud's frame, in metres. `None` if the pixel has no pulse.
-    pub fn point(&self, row: usize, column: usize, range: f64) -> Option<DVec3> {
-        let pulse = self.sensor.pattern.pulse(row, column)?;
-        Some(self.cloud_from_sensor().point(pulse.point(range)))
+    /// The point at a range along a pixel's ray, in the cloud's frame, in metres. `None` if the pixel has no pulse.
+    pub fn point(&self, row: usize, column: usize, range_m: f64) -> Option<DVec3> {
+        let pulse = self.capture.pulse(row, column)?;
+        Some(self.cloud_from_sensor(pulse.time_s).point(pulse.point(range_m)))
     }
 
-    /// From the sensor's body frame to the cloud's.
-    fn cloud_from_sensor(&self) -> Pose {
+    /// From the sensor's body frame, as it is `time_s` after the frame's start, to the cloud's.
+    fn cloud_from_sensor(&self, time_s: f64) -> Pose {
         match self.cloud_frame {
-            CloudFrame::Sensor if self.sensor.pattern.is_camera() => BODY_FROM_OPTICAL.inverse(),
+            CloudFrame::Sensor if self.capture.sensor.pattern.is_camera() => BODY_FROM_OPTICAL.inverse(),
             CloudFrame::Sensor => Pose::IDENTITY,
-            CloudFrame::Body => self.body_from_sensor,
-            CloudFrame::World => self.world_from_sensor(),
+            CloudFrame::Body => self.capture.body_from_sensor,
+            CloudFrame::World => self.capture.world_from_sensor(time_s),
+        }
+    }
+
+    /// The same if it is one pose for the whole frame.
+    fn fixed_cloud_from_sensor(&self) -> Option<Pose> {
+        match self.cloud_frame {
+            CloudFrame::World => self.capture.fixed_world_from_sensor(),
+            CloudFrame::Sensor | CloudFrame::Body => Some(self.cloud_from_sensor(0.0)),
         }
     }
 }

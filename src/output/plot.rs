@@ -44,7 +44,7 @@ pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
     let azimuth = span(&|dot| dot.azimuth.degrees());
     let elevation = span(&|dot| dot.elevation.degrees());
     if dots.is_empty() || !(azimuth.0.is_finite() && elevation.0.is_finite()) {
-        return Err(EncodeError("there are no directions to plot".to_owned()));
+        return Err(EncodeError::new("there are no directions to plot"));
     }
     let wide = |(low, high): (f64, f64)| (high - low).max(1e-3);
     let scale = (LARGEST.0 / wide(azimuth)).min(LARGEST.1 / wide(elevation));
@@ -66,7 +66,7 @@ pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
         canvas.dot(x(dot.azimuth.degrees()), y(dot.elevation.degrees()), size, dot.colour);
     }
     write(canvas.width, canvas.height, &canvas.pixels)
-        .map_err(|e| EncodeError(format!("it can't be made a PNG: {e}")))
+        .map_err(|e| EncodeError::new(format!("it can't be made a PNG: {e}")))
 }
 
 /// Round degrees in a range, at least 40 pixels apart.

@@ -1,67 +1,74 @@
 //! Colour previews for people.
 
 use super::plot::{Dot, scatter};
-use super::{Capture, EncodeError, Encoder};
+use super::{EncodeError, FormatSpec, Kind, SensorFrame};
 use crate::sensor::{Pattern, Rotating, Sensor, azimuth_elevation};
 
 /// The colour of a pixel with no return.
 pub(super) const NO_RETURN_COLOUR: [u8; 3] = [0x10, 0x10, 0x14];
 
-/// Ranges in the colours of Turbo, red near and blue far.
-pub(super) struct Preview;
-
-impl Encoder for Preview {
-    fn check(&self, sensor: &Sensor) -> Result<(), EncodeError> {
-        let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
-        let height = rows.checked_mul(stretch(&sensor.pattern));
-        let fits = |n: usize| n <= i32::MAX as usize;
-        if height.is_some_and(fits) && fits(columns) {
-            return Ok(());
-        }
-        Err(EncodeError(format!("a PNG has no room for {rows} × {columns} pixels")))
-    }
-
-    fn bytes_per_ray(&self, sensor: &Sensor) -> u64 {
+/// Ranges in the colours of Turbo, red near and blue far. Of several returns the first is shown.
+pub(super) static FORMAT: FormatSpec = FormatSpec {
+    name: "png",
+    about: "colour previews of the range",
+    check,
+    encoding_bytes_a_ray: |sensor| {
         // The ranges to find the scale, then the pixels, and the file were it not to shrink.
         // A scatter plot keeps a dot a ray instead.
         if sensor.pattern.is_image() { 4 + 2 * 3 * stretch(&sensor.pattern) as u64 } else { 2 * 64 }
-    }
+    },
+    file_bytes_a_ray: |_| 3,
+    kind: Kind::File(encode),
+};
 
-    fn encode(&self, capture: &Capture) -> Result<Vec<u8>, EncodeError> {
-        let frame = capture.frame;
-        if !capture.sensor.pattern.is_image() {
-            return scattered(capture);
-        }
-        let stretch = stretch(&capture.sensor.pattern);
-        let scale = Scale::of(frame.returns.iter().flatten().map(|hit| hit.range));
-        let mut pixels = Vec::with_capacity(3 * frame.returns.len() * stretch);
-        for row in frame.returns.chunks(frame.columns) {
-            let start = pixels.len();
-            pixels.extend(row.iter().flat_map(|hit| match hit {
-                Some(hit) => scale.colour(hit.range),
-                None => NO_RETURN_COLOUR,
-            }));
-            let end = pixels.len();
-            for _ in 1..stretch {
-                pixels.extend_from_within(start..end);
-            }
-        }
-        super::encode_png(frame.columns, frame.rows * stretch, &pixels)
+fn check(sensor: &Sensor) -> Result<(), EncodeError> {
+    let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
+    let height = rows.checked_mul(stretch(&sensor.pattern));
+    let fits = |n: usize| n <= i32::MAX as usize;
+    if height.is_some_and(fits) && fits(columns) {
+        return Ok(());
     }
+    Err(EncodeError::new(format!("a PNG has no room for {rows} × {columns} pixels")))
+}
+
+fn encode(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
+    let SensorFrame { capture, frame, .. } = preview;
+    if !capture.sensor.pattern.is_image() {
+        return scattered(preview);
+    }
+    let stretch = stretch(&capture.sensor.pattern);
+    let scale = Scale::of(first_ranges(preview).flatten());
+    let mut pixels = Vec::with_capacity(3 * frame.pixels() * stretch);
+    let mut colours = first_ranges(preview)
+        .map(|range_m| range_m.map_or(NO_RETURN_COLOUR, |range_m| scale.colour(range_m)));
+    for _ in 0..frame.rows() {
+        let start = pixels.len();
+        pixels.extend(colours.by_ref().take(frame.columns()).flatten());
+        let end = pixels.len();
+        for _ in 1..stretch {
+            pixels.extend_from_within(start..end);
+        }
+    }
+    super::encode_png(frame.columns(), frame.rows() * stretch, &pixels)
+}
+
+/// The range of each pixel's first return, row by row.
+fn first_ranges<'a>(preview: &SensorFrame<'a>) -> impl Iterator<Item = Option<f64>> + use<'a> {
+    let frame = preview.frame;
+    (0..frame.pixels()).map(|pixel| frame.slot(pixel, 0).map(|slot| frame.returns().range_m[slot]))
 }
 
 /// The preview of a frame whose rows and columns are no picture: each direction where it looks, near over far.
-fn scattered(capture: &Capture) -> Result<Vec<u8>, EncodeError> {
-    let Capture { frame, sensor, .. } = capture;
-    let scale = Scale::of(frame.returns.iter().flatten().map(|hit| hit.range));
-    let mut dots = Vec::with_capacity(frame.returns.len());
-    for (index, hit) in frame.returns.iter().enumerate() {
-        let pulse = sensor.pattern.pulse(index / frame.columns, index % frame.columns);
+fn scattered(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
+    let SensorFrame { capture, frame, .. } = preview;
+    let scale = Scale::of(first_ranges(preview).flatten());
+    let mut dots = Vec::with_capacity(frame.pixels());
+    for (index, range_m) in first_ranges(preview).enumerate() {
+        let pulse = capture.pulse(index / frame.columns(), index % frame.columns());
         let Some(pulse) = pulse else { continue };
         let (azimuth, elevation) = azimuth_elevation(pulse.direction);
-        let range = hit.as_ref().map(|hit| hit.range);
-        let colour = range.map_or(MISS_COLOUR, |range| scale.colour(range));
-        dots.push((range.unwrap_or(f64::INFINITY), Dot { azimuth, elevation, colour }));
+        let colour = range_m.map_or(MISS_COLOUR, |range_m| scale.colour(range_m));
+        dots.push((range_m.unwrap_or(f64::INFINITY), Dot { azimuth, elevation, colour }));
     }
     dots.sort_by(|a, b| b.0.total_cmp(&a.0));
     scatter(&dots.into_iter().map(|(_, dot)| dot).collect::<Vec<_>>())

@@ -1,6 +1,9 @@
 //! Depth cameras: pixels and their directions.
 
+use std::sync::{Arc, OnceLock};
+
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use super::Lens;
 use crate::angle::Angle;
@@ -17,6 +20,18 @@ pub struct Camera {
     cy: f64,
     lens: Lens,
     rate_hz: Option<f64>,
+    inverse: InverseLens,
+}
+
+/// The optical direction of each pixel, row by row, once it was worked out; a pixel without a ray has NaN. Clones share it:
+/// it follows from the camera's other fields, and so plays no part in comparisons.
+#[derive(Clone, Debug, Default)]
+struct InverseLens(Arc<OnceLock<Box<[DVec3]>>>);
+
+impl PartialEq for InverseLens {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 /// Why a camera can't be.
@@ -60,13 +75,23 @@ impl Camera {
         if rate_hz.is_some_and(|r| !(r.is_finite() && r > 0.0)) {
             return Err(CameraError::Rate);
         }
-        Ok(Self { width, height, fx, fy, cx, cy, lens: Lens::Ideal, rate_hz })
+        Ok(Self {
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            lens: Lens::Ideal,
+            rate_hz,
+            inverse: InverseLens::default(),
+        })
     }
 
     /// The same camera behind another lens.
     #[must_use]
     pub fn with_lens(self, lens: Lens) -> Self {
-        Self { lens, ..self }
+        Self { lens, inverse: InverseLens::default(), ..self }
     }
 
     /// A camera with square pixels, its principal point in the middle, and a horizontal field of view from the left edge
@@ -113,8 +138,43 @@ impl Camera {
     /// The unit direction through a pixel's centre in the optical frame (x right, y down, z forward): what the lens draws at
     /// ((u + ½ − cx)/fx, (v + ½ − cy)/fy). Its z turns a range along the ray into planar depth. `None` where the lens draws
     /// nothing.
-    pub fn optical_direction(&self, row: usize, column: usize) -> Option<DVec3> {
+    pub(super) fn optical_direction(&self, row: usize, column: usize) -> Option<DVec3> {
+        match self.inverse.0.get() {
+            Some(directions) => Some(directions[row * self.width + column]).filter(|d| !d.is_nan()),
+            None => self.invert_pixel(row, column),
+        }
+    }
+
+    fn invert_pixel(&self, row: usize, column: usize) -> Option<DVec3> {
         self.optical_direction_at(column as f64 + 0.5, row as f64 + 0.5)
+    }
+
+    /// Whether the lens draws anything at a pixel.
+    pub(super) fn has_ray(&self, row: usize, column: usize) -> bool {
+        matches!(self.lens, Lens::Ideal) || self.optical_direction(row, column).is_some()
+    }
+
+    /// Inverts the lens for all pixels at once, on all threads, and keeps the directions for this camera and its clones. Of
+    /// an ideal lens the inverse costs less than looking it up.
+    pub(super) fn invert_lens(&self) {
+        if matches!(self.lens, Lens::Ideal) || self.inverse.0.get().is_some() {
+            return;
+        }
+        let pixel = |i: usize| self.invert_pixel(i / self.width, i % self.width).unwrap_or(DVec3::NAN);
+        let directions = (0..self.width * self.height).into_par_iter().map(pixel).collect();
+        // Two threads may have worked out the same: waiting for one another inside the thread pool could be waiting for
+        // oneself.
+        let _ = self.inverse.0.set(directions);
+    }
+
+    /// Bytes that the directions of all pixels take once a frame was cast; 0 for an ideal lens.
+    pub fn table_bytes(&self) -> u64 {
+        match self.lens {
+            Lens::Ideal => 0,
+            _ => (self.width as u64)
+                .saturating_mul(self.height as u64)
+                .saturating_mul(size_of::<DVec3>() as u64),
+        }
     }
 
     /// The same for any place (u, v) of the image, in pixels from its top left corner.
@@ -130,7 +190,7 @@ impl Camera {
     }
 
     /// The direction of [`Self::optical_direction`] in the camera's body frame (x forward, y left, z up).
-    pub fn direction(&self, row: usize, column: usize) -> Option<DVec3> {
+    pub(super) fn direction(&self, row: usize, column: usize) -> Option<DVec3> {
         Some(BODY_FROM_OPTICAL.direction(self.optical_direction(row, column)?))
     }
 }
@@ -146,6 +206,24 @@ mod tests {
         // The centre of the last column is half a pixel inside the edge, which lies at 45°.
         let d = camera.optical_direction(240, 639).unwrap();
         assert!((d.x / d.z - 319.5 / 320.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn an_inverted_lens_gives_what_each_pixel_gives() {
+        // Barrel distortion so strong that the corners have no ray.
+        let lens = super::super::BrownConrady::new([-0.4, 0.0, 1e-3, -2e-3, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        let camera = Camera::from_hfov((64, 48), Angle::deg(90.0), None).unwrap();
+        let camera = camera.with_lens(Lens::BrownConrady(lens));
+        let pixels = || (0..48).flat_map(|row| (0..64).map(move |column| (row, column)));
+        let before: Vec<_> = pixels().map(|(row, column)| camera.optical_direction(row, column)).collect();
+        assert!(before.iter().any(Option::is_none) && before.iter().any(Option::is_some));
+        let clone = camera.clone();
+        camera.invert_lens();
+        assert!(clone.inverse.0.get().is_some(), "clones share it");
+        let after: Vec<_> = pixels().map(|(row, column)| clone.optical_direction(row, column)).collect();
+        assert_eq!(before, after);
+        assert_eq!(camera.table_bytes(), 64 * 48 * 24);
+        assert!(camera.with_lens(Lens::Ideal).inverse.0.get().is_none());
     }
 
     #[test]

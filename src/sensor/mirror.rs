@@ -128,7 +128,7 @@ impl Mirror {
     }
 
     /// Pulse number `column` of beam `row` in the frame that starts at `start_s`.
-    pub fn pulse(&self, row: usize, column: usize, start_s: f64) -> Pulse {
+    pub(super) fn pulse(&self, row: usize, column: usize, start_s: f64) -> Pulse {
         let time_s = column as f64 / self.pulse_rate_hz;
         let (azimuth, elevation) = self.beams[row];
         let at = |axis: &Axis| axis.at(start_s + time_s);

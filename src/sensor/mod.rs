@@ -1,6 +1,7 @@
 //! Sensors as pure geometry: a pattern yields pulses. No files, no scene.
 
 mod camera;
+mod capture;
 mod lens;
 mod mirror;
 mod polynomial;
@@ -14,6 +15,7 @@ use glam::DVec3;
 use crate::angle::Angle;
 
 pub use camera::{Camera, CameraError};
+pub use capture::Capture;
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};
 pub use raster::{Order, Raster, RasterError};
@@ -148,17 +150,9 @@ impl Pattern {
         self.rows() * self.columns()
     }
 
-    /// The pulse of a pixel of the range image: row 0 is the top, column 0 the first firing (or the left). Of the frame that
-    /// starts as the sensor is switched on.
-    ///
-    /// `None` where a pixel sees nothing at all: the lens's model has no ray for it, or a prism reflects the beam inward.
-    pub fn pulse(&self, row: usize, column: usize) -> Option<Pulse> {
-        self.pulse_in(row, column, 0.0)
-    }
-
-    /// The same of the frame that starts `start_s` seconds after the sensor was switched on: patterns that do not repeat
-    /// depend on it. The pulse's time is from the frame's start all the same.
-    pub fn pulse_in(&self, row: usize, column: usize, start_s: f64) -> Option<Pulse> {
+    /// The pulse of a pixel in the frame that starts `start_s` seconds after the sensor was switched on. Its time counts from
+    /// the frame's start. [`Capture::pulse`] is the door to it.
+    fn pulse(&self, row: usize, column: usize, start_s: f64) -> Option<Pulse> {
         match self {
             Self::Rotating(p) => Some(p.pulse(row, column)),
             Self::Raster(p) => Some(p.pulse(row, column)),
@@ -170,17 +164,6 @@ impl Pattern {
                 Some(Pulse { origin: DVec3::ZERO, direction, time_s: 0.0 })
             }
         }
-    }
-
-    /// How many pixels of a frame have no pulse. Asks each.
-    pub fn blind_pixels(&self) -> usize {
-        let can_be_blind = match self {
-            Self::Camera(p) => !matches!(p.lens(), Lens::Ideal),
-            Self::Risley(_) => true,
-            _ => false,
-        };
-        let is_blind = |i: &usize| self.pulse(i / self.columns(), i % self.columns()).is_none();
-        if can_be_blind { (0..self.rays()).filter(is_blind).count() } else { 0 }
     }
 
     /// Whether the sensor is a camera: its image has planar depth, and its points live in the optical frame.

@@ -114,7 +114,7 @@ impl Raster {
     }
 
     /// The pulse of a pixel.
-    pub fn pulse(&self, row: usize, column: usize) -> Pulse {
+    pub(super) fn pulse(&self, row: usize, column: usize) -> Pulse {
         let columns = self.columns();
         let in_line =
             if self.order == Order::BackAndForth && row % 2 == 1 { columns - 1 - column } else { column };

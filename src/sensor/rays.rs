@@ -63,7 +63,7 @@ impl RayTable {
     }
 
     /// The pulse number `index`.
-    pub fn pulse(&self, index: usize) -> Pulse {
+    pub(super) fn pulse(&self, index: usize) -> Pulse {
         self.pulses[index]
     }
 }

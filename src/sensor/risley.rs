@@ -121,7 +121,7 @@ impl Risley {
 
     /// Pulse number `column` of beam `row` in the frame that starts at `start_s`. `None` if a prism reflects all of the
     /// beam inward.
-    pub fn pulse(&self, row: usize, column: usize, start_s: f64) -> Option<Pulse> {
+    pub(super) fn pulse(&self, row: usize, column: usize, start_s: f64) -> Option<Pulse> {
         let time_s = column as f64 / self.pulse_rate_hz;
         let direction = self
             .prisms

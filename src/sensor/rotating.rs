@@ -278,7 +278,7 @@ impl Rotating {
     /// d = (cos ε · cos α, cos ε · sin α, sin ε) with elevation ε and azimuth α; its time is the part of the turn since
     /// the sector's start, over the rate, and the beam's own. The sine and cosine of α, column and offset together, are those
     /// of a sum of angles; all of it is good to a few 10⁻¹⁶.
-    pub fn pulse(&self, row: usize, column: usize) -> Pulse {
+    pub(super) fn pulse(&self, row: usize, column: usize) -> Pulse {
         let firing = self.firing(row, column);
         let [(sin_el, cos_el), (sin_offset, cos_offset)] = self.aims[row];
         let (sin_turn, cos_turn) = self.turns[firing];

@@ -7,9 +7,10 @@ use std::process::{Command, Output, Stdio};
 
 use beamcast::check::{Baseline, Changes, Kept, Settings, Taken, judge};
 use beamcast::config;
-use beamcast::output::Capture;
+use beamcast::output::SensorFrame;
 use beamcast::scan::{Progress, scan};
 use beamcast::scene::gltf;
+use beamcast::sensor::Capture;
 use beamcast::trace::{Instructions, Tracer};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -157,17 +158,11 @@ fn baselines_hold_for_portable_code_and_for_single_rays() {
     let mounted = &job.sensors[0];
     for instructions in [Instructions::Portable, Instructions::Scalar] {
         let tracer = Tracer::build(&scene).with_instructions(instructions);
-        let pose = job.world_from_body * mounted.body_from_sensor;
-        let frame = scan(&scene, &tracer, &mounted.sensor, &pose, &Progress::default()).unwrap();
-        let capture = Capture {
-            frame: &frame,
-            sensor: &mounted.sensor,
-            name: &mounted.name,
-            body_from_sensor: mounted.body_from_sensor,
-            world_from_body: job.world_from_body,
-            cloud_frame: job.output.cloud_frame,
-        };
-        let taken = Taken::of(&capture, &scene);
+        let capture = Capture::new(&mounted.sensor, mounted.body_from_sensor, &job.trajectory, 0, job.seed);
+        let frame = &scan(&scene, &tracer, &capture, &Progress::default()).unwrap();
+        let cloud_frame = job.output.cloud_frame;
+        let seen = SensorFrame { capture, frame, name: &mounted.name, cloud_frame };
+        let taken = Taken::of(&seen, &scene);
         let now = Baseline::of(&job.resolved, &scene, vec![taken.record.clone()]);
         let changes = Changes::between(&accepted, &now);
         assert!(changes.all().is_empty(), "{changes:?}");

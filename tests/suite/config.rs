@@ -90,7 +90,7 @@ fn a_job_is_read_with_its_sensor_file() {
     assert!(job.scene_path.ends_with("../scenes/room.glb") && job.scene_path.is_absolute());
     assert_eq!((job.seed, job.labels["wall"]), (7, 3));
     assert!(job.output.dir.ends_with("out"));
-    assert_eq!(job.output.formats, [Format::Exr, Format::Ply]);
+    assert_eq!(job.output.formats, [Format::EXR, Format::PLY]);
     assert_eq!(job.output.cloud_frame, CloudFrame::World);
     let [sensor] = job.sensors.as_slice() else { panic!("{:?}", job.sensors) };
     assert_eq!(sensor.name, "top");
@@ -113,9 +113,9 @@ fn what_is_left_out_has_its_default() {
                elevations_deg = { from = 3, to = -1, count = 5 }\ncolumns = 4\nrate_hz = 5\n";
     let job = load(job, SENSOR, &[]).unwrap();
     assert_eq!((job.seed, job.labels.len(), job.scene_name.as_deref()), (0, 0, None));
-    assert_eq!(job.output.formats, [Format::Exr, Format::Ply, Format::Png]);
+    assert_eq!(job.output.formats, [Format::EXR, Format::PLY, Format::PNG]);
     assert_eq!(job.output.cloud_frame, CloudFrame::Sensor);
-    assert_eq!(job.world_from_body, beamcast::frame::Pose::IDENTITY);
+    assert_eq!(job.trajectory.fixed_pose(), Some(beamcast::frame::Pose::IDENTITY));
     assert_eq!(job.sensors[0].name, "sensor");
     assert_eq!(job.sensors[0].body_from_sensor, beamcast::frame::Pose::IDENTITY);
     assert_eq!(job.sensors[0].sensor.range, beamcast::sensor::RangeLimits::default());
@@ -245,7 +245,7 @@ fn overrides_win() {
     let moved = with(&["sensor.0.pose.position_m=[0,0,2]", "sensor.0.pose.rpy_deg.2=0"]);
     assert_eq!(moved.sensors[0].body_from_sensor.translation.to_array(), [0.0, 0.0, 2.0]);
     assert_eq!(moved.sensors[0].body_from_sensor.rotation, glam::DMat3::IDENTITY);
-    assert_eq!(with(&["output.formats=[\"ply\"]"]).output.formats, [Format::Ply]);
+    assert_eq!(with(&["output.formats=[\"ply\"]"]).output.formats, [Format::PLY]);
     assert_eq!(with(&["scene_name=Scene = 1"]).scene_name.as_deref(), Some("Scene = 1"));
     assert_eq!(with(&["labels.\"wall.001\"=5"]).labels["wall.001"], 5);
     assert_eq!(with(&["sensor.top.name=bottom"]).sensors[0].name, "bottom");

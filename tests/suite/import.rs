@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use beamcast::config::load_sensor;
 use beamcast::error::Diagnostic;
 use beamcast::import::{Format, Source, import};
-use beamcast::sensor::{Pattern, Rotating, Sensor};
+use beamcast::sensor::{Capture, Pattern, Rotating, Sensor};
 use glam::DVec3;
 use proptest::prelude::*;
 use serde_json::Value;
@@ -71,7 +71,7 @@ fn check_points(sensor: &Sensor, vendor: impl Fn(usize, f64, f64) -> DVec3) {
     for row in 0..pattern.beams().len() {
         let channel = pattern.beams()[row].file_index;
         for column in (0..columns).step_by(columns / 7 + 1).chain([columns - 1]) {
-            let pulse = sensor.pattern.pulse(row, column).expect("every beam has a pulse");
+            let pulse = Capture::at_origin(sensor).pulse(row, column).expect("every beam has a pulse");
             for range in [0.75, 80.0] {
                 let ours = pulse.origin + pulse.direction * range;
                 let theirs = vendor(channel, pattern.azimuth(column).radians(), range);
@@ -391,7 +391,10 @@ fn cameras_see_pixels_where_opencv_draws_them() {
         for row in (0..size.0).step_by(17) {
             for column in (0..size.1).step_by(19) {
                 // In the camera's body frame: x forward, y left, z up.
-                let d = pattern.pulse(row, column).expect("the lens draws every pixel").direction;
+                let d = Capture::at_origin(&sensor)
+                    .pulse(row, column)
+                    .expect("the lens draws every pixel")
+                    .direction;
                 let drawn = opencv_pixel(DVec3::new(-d.y, -d.z, d.x), matrix, coefficients, is_fisheye);
                 for (drawn, pixel) in drawn.into_iter().zip([column as f64, row as f64]) {
                     assert!((drawn - pixel).abs() < 1e-7, "{name}: ({column}, {row}) is drawn at {drawn:?}");
@@ -410,7 +413,7 @@ fn a_printed_message_of_ros_is_a_camera_too() {
         toml.contains("[pinhole]") && toml.contains("cx_px = 3.0\n") && !toml.contains("distortion ="),
         "{toml}"
     );
-    assert_eq!(sensor(&toml).pattern.pulse(1, 2).unwrap().direction.y.signum(), 1.0);
+    assert_eq!(Capture::at_origin(&sensor(&toml)).pulse(1, 2).unwrap().direction.y.signum(), 1.0);
 }
 
 #[test]
@@ -429,7 +432,7 @@ fn a_table_of_rays_is_named_by_a_sensor_file() {
         libm::cos(elevation) * libm::sin(azimuth),
         libm::sin(elevation),
     );
-    let pulse = sensor.pattern.pulse(0, 1).unwrap();
+    let pulse = Capture::at_origin(&sensor).pulse(0, 1).unwrap();
     assert!(pulse.direction.distance(expected) < 1e-9 && (pulse.time_s - 10e-6).abs() < 1e-12);
 }
 

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use beamcast::angle::Angle;
 use beamcast::config::load_job;
 use beamcast::frame::Pose;
-use beamcast::scan::{Frame, Progress, scan};
+use beamcast::scan::Frame;
 use beamcast::scene::{Scene, gltf};
-use beamcast::sensor::{Beam, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
+use beamcast::sensor::{Beam, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use beamcast::trace::exact::LocalRay;
 use beamcast::trace::methods::truth::{Passage, Truth};
 use beamcast::trace::methods::{Crossing, Culling, Edges, METHODS, Method, Ray};
@@ -17,7 +17,7 @@ use beamcast::trace::{AnyTracer, Origins, Rays, Tracer};
 use glam::{DAffine3, DVec3, Vec3};
 use serde_json::Value;
 
-use crate::shapes::{Random, alone, cuboid, placed, sphere};
+use crate::shapes::{Random, alone, cuboid, placed, seen_from, sphere};
 
 /// In the plane x = 2, counter-clockwise seen from the far side.
 const FACING: [Vec3; 3] = [Vec3::new(2.0, -1.0, -1.0), Vec3::new(2.0, 1.0, -1.0), Vec3::new(2.0, 0.0, 1.0)];
@@ -445,7 +445,7 @@ fn lidar() -> Sensor {
 }
 
 fn see(scene: &Scene, method: Option<&Method>, pose: &Pose) -> Frame {
-    scan(scene, &AnyTracer::build(scene, method), &lidar(), pose, &Progress::default()).unwrap()
+    seen_from(scene, &AnyTracer::build(scene, method), &lidar(), pose)
 }
 
 /// Whole scans of meshes placed once and more than once: apart from what a method culls, it sees what the definition sees.
@@ -469,12 +469,12 @@ fn scans_by_any_method_differ_from_the_exact_one_by_rounding_only() {
     assert_eq!(scene.placements.len(), 31);
     let pose = Pose::from_rpy(DVec3::new(0.3, -0.2, 0.1), Angle::deg(1.0), Angle::deg(2.0), Angle::deg(3.0));
     let exact = see(&scene, None, &pose);
-    assert!(exact.returns.iter().all(Option::is_some));
+    assert_eq!(exact.return_count(), exact.pixels());
     for method in &METHODS {
         let name = method.about.name;
         let seen = see(&scene, Some(method), &pose);
         let (mut same, mut missed) = (0, 0);
-        for (exact, seen) in exact.returns.iter().zip(&seen.returns) {
+        for (exact, seen) in exact.first_returns().zip(seen.first_returns()) {
             let exact = exact.unwrap();
             match seen {
                 None => missed += 1,
@@ -482,17 +482,18 @@ fn scans_by_any_method_differ_from_the_exact_one_by_rounding_only() {
                     same += 1;
                     // t is a number of f32, and its surface that of the definition.
                     assert!(
-                        (seen.range - exact.range).abs() < 2e-4,
+                        (seen.range_m - exact.range_m).abs() < 2e-4,
                         "{name}: {} {}",
-                        seen.range,
-                        exact.range
+                        seen.range_m,
+                        exact.range_m
                     );
-                    assert!(seen.normal.abs_diff_eq(exact.normal, 1e-6), "{name}");
+                    let normals = [seen.normal, exact.normal].map(Vec3::from);
+                    assert!(normals[0].abs_diff_eq(normals[1], 1e-6), "{name}");
                 }
                 Some(_) => {}
             }
         }
-        let rays = exact.returns.len();
+        let rays = exact.pixels();
         match method.about.culling {
             Culling::None => {
                 assert!(
@@ -516,10 +517,8 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
     let options = gltf::Options { scene_name: None, up: job.up, labels: &job.labels };
     let scene = gltf::load(&job.scene_path, "street.glb", &options).unwrap().scene;
     let sensor = &job.sensors[0].sensor;
-    let pose = job.world_from_body * job.sensors[0].body_from_sensor;
-    let see = |method| {
-        scan(&scene, &AnyTracer::build(&scene, method), sensor, &pose, &Progress::default()).unwrap()
-    };
+    let pose = job.trajectory.pose_at(0.0) * job.sensors[0].body_from_sensor;
+    let see = |method| seen_from(&scene, &AnyTracer::build(&scene, method), sensor, &pose);
     let exact = see(None);
 
     #[derive(PartialEq, PartialOrd)]
@@ -558,8 +557,8 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
         let name = method.about.name;
         let seen = see(Some(method));
         let mut unknown = 0;
-        for (index, (exact, seen)) in exact.returns.iter().zip(&seen.returns).enumerate() {
-            let both = [exact, seen].map(|r| r.as_ref().map(|r| r.range));
+        for (index, (exact, seen)) in exact.first_returns().zip(seen.first_returns()).enumerate() {
+            let both = [exact, seen].map(|r| r.map(|r| r.range_m));
             let is_same = match both {
                 [Some(exact), Some(seen)] => (exact - seen).abs() < 1e-3,
                 [exact, seen] => exact == seen,
@@ -567,7 +566,7 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
             if is_same {
                 continue;
             }
-            let pulse = sensor.pattern.pulse(index / 256, index % 256).unwrap();
+            let pulse = Capture::at_origin(sensor).pulse(index / 256, index % 256).unwrap();
             let direction = pose.direction(pulse.direction);
             let triangles = [exact, seen].into_iter().flatten().map(|r| r.triangle);
             let because = triangles
@@ -576,7 +575,7 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
             assert!(because != Because::Nothing, "{name}: {exact:?} became {seen:?}");
             unknown += usize::from(because == Because::NoKnowing);
         }
-        assert!(unknown <= exact.returns.len() / 1000, "{name}: {unknown} of slivers");
+        assert!(unknown <= exact.pixels() / 1000, "{name}: {unknown} of slivers");
     }
 }
 

@@ -5,9 +5,10 @@ use std::io::Cursor;
 
 use beamcast::angle::Angle;
 use beamcast::frame::{BODY_FROM_OPTICAL, Pose};
-use beamcast::output::{Capture, CloudFrame, Format};
-use beamcast::scan::{Frame, Return};
-use beamcast::sensor::{Beam, Camera, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
+use beamcast::motion::Trajectory;
+use beamcast::output::{ChannelSpec, CloudFrame, Format, Image, SensorFrame, Sensors, Values};
+use beamcast::scan::{Cause, Frame, Return};
+use beamcast::sensor::{Beam, Camera, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use exr::meta::attribute::AttributeValue;
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, Text};
 use glam::{DVec3, Vec3};
@@ -33,33 +34,37 @@ fn camera(width: usize, height: usize) -> Sensor {
 
 /// What `sensor` sees 2 m above the ground, whose normal is `up` in its frame, up to 30 m away: closed form.
 fn ground(sensor: &Sensor, up: DVec3) -> Frame {
-    let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
+    let capture = Capture::at_origin(sensor);
+    let (rows, columns) = (capture.rows(), capture.columns());
     let hit = |i: usize| {
-        let down = -sensor.pattern.pulse(i / columns, i % columns).unwrap().direction.dot(up);
-        let range = 2.0 / down;
-        (down > 0.0 && range < 30.0).then(|| Return {
-            range,
-            normal: up.as_vec3(),
+        let down = -capture.pulse(i / columns, i % columns).unwrap().direction.dot(up);
+        let range_m = 2.0 / down;
+        (down > 0.0 && range_m < 30.0).then(|| Return {
+            range_m,
+            normal: up.as_vec3().to_array(),
             intensity: (0.5 * down) as f32,
             instance: 3,
             label: 17,
             triangle: i as u32,
         })
     };
-    Frame { rows, columns, returns: (0..rows * columns).map(hit).collect() }
+    frame_of(rows, columns, &(0..rows * columns).map(hit).collect::<Vec<_>>())
 }
 
-fn capture<'a>(sensor: &'a Sensor, frame: &'a Frame) -> Capture<'a> {
+/// A frame of at most one return a pixel.
+fn frame_of(rows: usize, columns: usize, returns: &[Option<Return>]) -> Frame {
+    let cause = |one: &Option<Return>| if one.is_some() { Cause::Surface } else { Cause::Nothing };
+    Frame::from_pixels(rows, columns, returns.iter().map(|one| (cause(one), one.as_slice())))
+}
+
+static BODY: Trajectory =
+    Trajectory::Fixed(Pose { translation: DVec3::new(10.0, 20.0, 30.0), ..Pose::IDENTITY });
+
+fn capture<'a>(sensor: &'a Sensor, frame: &'a Frame) -> SensorFrame<'a> {
     let turned =
         Pose::from_rpy(DVec3::new(0.5, -0.25, 1.75), Angle::deg(3.0), Angle::deg(-20.0), Angle::deg(110.0));
-    Capture {
-        frame,
-        sensor,
-        name: "top",
-        body_from_sensor: turned,
-        world_from_body: Pose { translation: DVec3::new(10.0, 20.0, 30.0), ..Pose::IDENTITY },
-        cloud_frame: CloudFrame::Sensor,
-    }
+    let capture = Capture::new(sensor, turned, &BODY, 0, 0);
+    SensorFrame { capture, frame, name: "top", cloud_frame: CloudFrame::Sensor }
 }
 
 struct Exr {
@@ -115,7 +120,7 @@ impl Exr {
 fn a_lidars_exr_has_every_channel_of_every_return() {
     let sensor = lidar(16, 360);
     let frame = ground(&sensor, DVec3::Z);
-    let exr = Exr::read(&Format::Exr.encode(&capture(&sensor, &frame)).unwrap());
+    let exr = Exr::read(&Format::EXR.encode(&capture(&sensor, &frame)).unwrap());
 
     assert_eq!(exr.size, (360, 16));
     let expected = [
@@ -132,7 +137,7 @@ fn a_lidars_exr_has_every_channel_of_every_return() {
     ];
     assert_eq!(exr.names(), expected);
     let mut hits = 0;
-    for (i, hit) in frame.returns.iter().enumerate() {
+    for (i, hit) in frame.first_returns().enumerate() {
         let floats = |names: &[&str]| -> Vec<f32> { names.iter().map(|name| exr.floats(name)[i]).collect() };
         let ids = ["id.instance", "id.semantic", "id.triangle"].map(|name| exr.ids(name)[i]);
         let Some(hit) = hit else {
@@ -142,7 +147,7 @@ fn a_lidars_exr_has_every_channel_of_every_return() {
             continue;
         };
         hits += 1;
-        assert_eq!(floats(&["range", "Y"]), [hit.range as f32; 2]);
+        assert_eq!(floats(&["range", "Y"]), [hit.range_m as f32; 2]);
         assert_eq!(floats(&["intensity"]), [hit.intensity]);
         assert_eq!(floats(&["normal.X", "normal.Y", "normal.Z"]), [0.0, 0.0, 1.0]);
         // 16 beams 2.304 µs apart, 360 columns in a tenth of a second.
@@ -150,7 +155,7 @@ fn a_lidars_exr_has_every_channel_of_every_return() {
         assert!((f64::from(exr.floats("time")[i]) - time).abs() < 1e-8);
         assert_eq!(ids, [3, 17, i as u32]);
     }
-    assert!(hits > 0 && hits < frame.returns.len());
+    assert!(hits > 0 && hits < frame.pixels());
     assert_eq!(exr.text("beamcast:no_return"), "+inf in range, Z and Y; 0 in all other channels");
     assert_eq!(exr.text("beamcast:sensor"), "top");
     assert_eq!(exr.text("beamcast:pattern"), "rotating");
@@ -163,9 +168,9 @@ fn a_cameras_z_is_planar_depth() {
     // The camera looks along a wall's normal: its depth is one number, its range is not.
     let sensor = camera(64, 48);
     let frame = ground(&sensor, DVec3::NEG_X);
-    let exr = Exr::read(&Format::Exr.encode(&capture(&sensor, &frame)).unwrap());
+    let exr = Exr::read(&Format::EXR.encode(&capture(&sensor, &frame)).unwrap());
     assert_eq!(exr.size, (64, 48));
-    assert!(frame.returns.iter().all(Option::is_some));
+    assert_eq!(frame.return_count(), frame.pixels());
     let wall = |depth: &f32| (depth - 2.0).abs() < 1e-6;
     assert!(exr.floats("Z").iter().all(wall));
     assert_eq!(exr.floats("Y"), exr.floats("Z"));
@@ -190,13 +195,13 @@ fn a_cameras_z_is_planar_depth() {
 fn a_cameras_miss_is_infinitely_deep() {
     let sensor = camera(32, 24);
     let frame = ground(&sensor, DVec3::Z);
-    let exr = Exr::read(&Format::Exr.encode(&capture(&sensor, &frame)).unwrap());
+    let exr = Exr::read(&Format::EXR.encode(&capture(&sensor, &frame)).unwrap());
     assert_eq!(frame.get(0, 0), None);
     for name in ["range", "Z", "Y"] {
         assert_eq!(exr.floats(name)[0], f32::INFINITY, "{name}");
     }
     // The ground's normal points up, which is −y in the optical frame.
-    let last = frame.returns.len() - 1;
+    let last = frame.pixels() - 1;
     let normal = ["normal.X", "normal.Y", "normal.Z"].map(|name| exr.floats(name)[last]);
     assert_eq!(normal, [0.0, -1.0, 0.0]);
     // The depth of the ground: its height over the slope of the ray, 23.5 − 12 pixels down.
@@ -252,23 +257,23 @@ impl Ply {
 fn a_cloud_has_the_returns_and_only_them() {
     let sensor = lidar(16, 360);
     let frame = ground(&sensor, DVec3::Z);
-    let ply = Ply::read(&Format::Ply.encode(&capture(&sensor, &frame)).unwrap());
+    let ply = Ply::read(&Format::PLY.encode(&capture(&sensor, &frame)).unwrap());
     let names: Vec<_> = ply.fields.iter().map(|(_, name)| name.as_str()).collect();
     assert_eq!(names, ["x", "y", "z", "intensity", "ring", "column", "t", "instance", "label", "range"]);
-    let hits = frame.returns.iter().enumerate().filter_map(|(i, hit)| hit.map(|hit| (i, hit)));
-    assert_eq!(ply.points.len(), hits.clone().count());
+    let hits = frame.iter();
+    assert_eq!(ply.points.len(), frame.return_count());
     for (point, (i, hit)) in hits.enumerate() {
         let (row, column) = (i / 360, i % 360);
         let position = ply.position(point);
         assert!((position.z + 2.0).abs() < 1e-6, "the ground lies 2 m below: {position}");
-        assert!((position.length() - hit.range).abs() < 4e-6);
+        assert!((position.length() - hit.range_m).abs() < 4e-6);
         let get = |field| ply.get(point, field);
         assert_eq!(get("intensity"), f64::from(hit.intensity));
         assert_eq!(get("ring"), 15.0 - row as f64, "counted from the lowest");
         assert_eq!(get("column"), column as f64);
         assert_eq!(get("t"), (column as f64 / 3600.0 * 1e9 + row as f64 * 2304.0).round());
         assert_eq!((get("instance"), get("label")), (3.0, 17.0));
-        assert_eq!(get("range"), f64::from(hit.range as f32));
+        assert_eq!(get("range"), f64::from(hit.range_m as f32));
     }
     assert!(ply.header.contains("comment frame: the sensor's frame"));
 }
@@ -278,21 +283,24 @@ fn a_cloud_is_in_the_frame_it_names() {
     let sensor = camera(32, 24);
     let frame = ground(&sensor, DVec3::NEG_X);
     let seen = capture(&sensor, &frame);
-    let cloud = |cloud_frame| Ply::read(&Format::Ply.encode(&Capture { cloud_frame, ..seen }).unwrap());
+    let cloud = |cloud_frame| Ply::read(&Format::PLY.encode(&SensorFrame { cloud_frame, ..seen }).unwrap());
 
     let optical = cloud(CloudFrame::Sensor);
     assert!((0..32 * 24).all(|i| (optical.position(i).z - 2.0).abs() < 1e-6));
     assert!(optical.position(0).x < 0.0 && optical.position(0).y < 0.0, "top left");
     assert!(optical.header.contains("comment frame: the camera's optical frame"));
 
-    let body_from_optical = seen.body_from_sensor * BODY_FROM_OPTICAL;
+    let body_from_optical = seen.capture.body_from_sensor * BODY_FROM_OPTICAL;
     let (body, world) = (cloud(CloudFrame::Body), cloud(CloudFrame::World));
     for i in [0, 31, 400, 767] {
         let expected = body_from_optical.point(optical.position(i));
         assert!(body.position(i).abs_diff_eq(expected, 2e-6));
         assert!(world.position(i).abs_diff_eq(expected + DVec3::new(10.0, 20.0, 30.0), 4e-6));
         assert_eq!(
-            seen.point(i / 32, i % 32, frame.returns[i].unwrap().range).unwrap().as_vec3().to_array(),
+            seen.point(i / 32, i % 32, frame.get(i / 32, i % 32).unwrap().range_m)
+                .unwrap()
+                .as_vec3()
+                .to_array(),
             {
                 let p = optical.position(i);
                 Vec3::new(p.x as f32, p.y as f32, p.z as f32).to_array()
@@ -308,9 +316,10 @@ fn a_clouds_pose_in_its_header_leads_to_the_world() {
     let sensor = camera(8, 6);
     let frame = ground(&sensor, DVec3::NEG_X);
     let seen = capture(&sensor, &frame);
-    let world = Ply::read(&Format::Ply.encode(&Capture { cloud_frame: CloudFrame::World, ..seen }).unwrap());
+    let world =
+        Ply::read(&Format::PLY.encode(&SensorFrame { cloud_frame: CloudFrame::World, ..seen }).unwrap());
     for cloud_frame in [CloudFrame::Sensor, CloudFrame::Body, CloudFrame::World] {
-        let ply = Ply::read(&Format::Ply.encode(&Capture { cloud_frame, ..seen }).unwrap());
+        let ply = Ply::read(&Format::PLY.encode(&SensorFrame { cloud_frame, ..seen }).unwrap());
         let pose = ply.header.lines().find_map(|l| l.strip_prefix("comment world_from_points = ")).unwrap();
         let table: toml::Table = format!("pose = {pose}").parse().unwrap();
         let numbers = |key: &str| -> Vec<f64> {
@@ -329,9 +338,10 @@ fn a_clouds_pose_in_its_header_leads_to_the_world() {
 #[test]
 fn what_a_cloud_cannot_hold_is_an_error() {
     let sensor = camera(2, 2);
-    let mut frame = ground(&sensor, DVec3::NEG_X);
-    frame.returns[0].as_mut().unwrap().label = 1 << 31;
-    let error = Format::Ply.encode(&capture(&sensor, &frame)).unwrap_err().to_string();
+    let mut returns: Vec<_> = ground(&sensor, DVec3::NEG_X).first_returns().collect();
+    returns[0].as_mut().unwrap().label = 1 << 31;
+    let frame = frame_of(2, 2, &returns);
+    let error = Format::PLY.encode(&capture(&sensor, &frame)).unwrap_err().to_string();
     assert_eq!(error, "a PLY's label is at most 2147483647, and can't hold 2147483648");
 }
 
@@ -347,7 +357,7 @@ fn read_png(bytes: &[u8]) -> (u32, u32, Vec<u8>) {
 fn a_preview_is_red_near_blue_far_and_dark_where_nothing_is() {
     let sensor = lidar(16, 360);
     let frame = ground(&sensor, DVec3::Z);
-    let (width, height, pixels) = read_png(&Format::Png.encode(&capture(&sensor, &frame)).unwrap());
+    let (width, height, pixels) = read_png(&Format::PNG.encode(&capture(&sensor, &frame)).unwrap());
     // Beams 2° apart, columns 1° apart: each row twice.
     assert_eq!((width, height), (360, 32));
     let pixel = |row: usize, column: usize| &pixels[3 * (row * 360 + column)..][..3];
@@ -357,7 +367,7 @@ fn a_preview_is_red_near_blue_far_and_dark_where_nothing_is() {
     assert!(near[0] > near[1] && near[0] > near[2], "{near:?}");
     assert!(far[2] > far[0], "{far:?}");
     let hits = pixels.chunks(3).filter(|p| *p != [0x10, 0x10, 0x14]).count();
-    assert_eq!(hits, 2 * frame.returns.iter().flatten().count());
+    assert_eq!(hits, 2 * frame.return_count());
 }
 
 #[test]
@@ -365,7 +375,7 @@ fn the_same_capture_gives_the_same_bytes_on_any_number_of_threads() {
     for sensor in [lidar(64, 512), camera(160, 120)] {
         let frame = ground(&sensor, DVec3::Z);
         let seen = capture(&sensor, &frame);
-        for format in [Format::Exr, Format::Ply, Format::Png] {
+        for format in Format::all() {
             let encode = |threads: usize| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 pool.install(|| format.encode(&seen).unwrap())
@@ -382,11 +392,65 @@ fn the_same_capture_gives_the_same_bytes_on_any_number_of_threads() {
 #[test]
 fn a_frame_without_returns_is_written_too() {
     let sensor = lidar(4, 36);
-    let frame = Frame { rows: 4, columns: 36, returns: vec![None; 4 * 36] };
+    let frame = frame_of(4, 36, &[None; 4 * 36]);
     let seen = capture(&sensor, &frame);
-    let exr = Exr::read(&Format::Exr.encode(&seen).unwrap());
+    let exr = Exr::read(&Format::EXR.encode(&seen).unwrap());
     assert!(exr.floats("range").iter().all(|r| *r == f32::INFINITY));
-    assert_eq!(Ply::read(&Format::Ply.encode(&seen).unwrap()).points.len(), 0);
-    let (_, _, pixels) = read_png(&Format::Png.encode(&seen).unwrap());
+    assert_eq!(Ply::read(&Format::PLY.encode(&seen).unwrap()).points.len(), 0);
+    let (_, _, pixels) = read_png(&Format::PNG.encode(&seen).unwrap());
     assert!(pixels.chunks(3).all(|p| p == [0x10, 0x10, 0x14]));
+}
+
+/// A frame of several returns a pixel: a part of the EXR for each return, and all of them in the cloud.
+#[test]
+fn several_returns_of_a_pixel_are_all_written() {
+    let sensor = lidar(2, 3);
+    let at = |range_m: f64| Return { range_m, triangle: range_m as u32, ..Return::default() };
+    let returns: [&[Return]; 6] =
+        [&[at(1.0), at(2.0)], &[], &[at(3.0)], &[at(4.0), at(5.0), at(6.0)], &[], &[]];
+    let cause = |of_pixel: &[Return]| if of_pixel.is_empty() { Cause::Nothing } else { Cause::Surface };
+    let frame = Frame::from_pixels(2, 3, returns.map(|of_pixel| (cause(of_pixel), of_pixel)));
+    let seen = capture(&sensor, &frame);
+
+    let file = Format::EXR.encode(&seen).unwrap();
+    assert_eq!(file, Format::EXR.encode(&seen).unwrap(), "the order of attributes is fixed in every part");
+    let parts = beamcast::output::recorded::read_exr(&file).unwrap();
+    let names: Vec<_> = parts.iter().map(|part| part.name.as_str()).collect();
+    assert_eq!(names, ["return0", "return1", "return2"]);
+    const NONE: f32 = f32::INFINITY;
+    let ranges = [
+        [1.0, NONE, 3.0, 4.0, NONE, NONE],
+        [2.0, NONE, NONE, 5.0, NONE, NONE],
+        [NONE, NONE, NONE, 6.0, NONE, NONE],
+    ];
+    for (part, ranges) in parts.iter().zip(ranges) {
+        assert_eq!(part.image.f32("range").unwrap(), ranges, "{}", part.name);
+        assert_eq!(part.image.f32("Y").unwrap(), ranges, "{}", part.name);
+        let ids = ranges.map(|range| if range.is_finite() { range as u32 } else { 0 });
+        assert_eq!(part.image.u32("id.triangle").unwrap(), ids, "{}", part.name);
+        assert_eq!(part.attributes["beamcast:sensor"], "top");
+    }
+    let ply = Ply::read(&Format::PLY.encode(&seen).unwrap());
+    let fields = |name| (0..6).map(|point| ply.get(point, name)).collect::<Vec<_>>();
+    assert_eq!(ply.points.len(), 6);
+    assert_eq!(fields("range"), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    assert_eq!(fields("column"), [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]);
+}
+
+/// A channel is one declaration: what it is called, its unit, its value without a return, who has it and how it follows from
+/// a return.
+#[test]
+fn a_channel_of_ones_own_is_one_declaration() {
+    let made_up = ChannelSpec {
+        name: "range.squared",
+        unit: "m²",
+        about: "The square of the range.",
+        no_return: -1.0,
+        sensors: Sensors::All,
+        values: Values::F32(|f, at| f.frame.returns().range_m[at.slot].powi(2)),
+    };
+    let sensor = lidar(1, 2);
+    let frame = frame_of(1, 2, &[Some(Return { range_m: 3.0, ..Return::default() }), None]);
+    let image = Image::with_channels(&capture(&sensor, &frame), 0, &[made_up]);
+    assert_eq!(image.f32("range.squared").unwrap(), [9.0, -1.0]);
 }

@@ -7,11 +7,12 @@ use beamcast::angle::Angle;
 use beamcast::config::{self, presets};
 use beamcast::error::{Error, Severity};
 use beamcast::frame::Pose;
-use beamcast::scan::{Progress, scan};
 use beamcast::scene::gltf;
-use beamcast::sensor::{Pattern, Sensor, azimuth_elevation};
+use beamcast::sensor::{Capture, Sensor, azimuth_elevation};
 use beamcast::trace::Tracer;
 use glam::DVec3;
+
+use crate::shapes::seen_from;
 
 /// A sensor from its file's text.
 fn sensor(text: &str) -> Sensor {
@@ -62,7 +63,7 @@ fn ouster_points_are_those_of_its_lookup_table() {
                 let x = (r - n) * libm::cos(encoder + around) * cos_up + n * libm::cos(encoder);
                 let y = (r - n) * libm::sin(encoder + around) * cos_up + n * libm::sin(encoder);
                 let expected = DVec3::new(-x, -y, (r - n) * sin_up + lift);
-                let point = sensor.pattern.pulse(row, column).unwrap().point(r);
+                let point = Capture::at_origin(&sensor).pulse(row, column).unwrap().point(r);
                 assert!(point.abs_diff_eq(expected, 1e-9), "row {row}, column {column}: {point} {expected}");
             }
         }
@@ -89,7 +90,7 @@ fn the_head_turns_on_between_the_beams_of_a_column() {
                 -r * libm::cos(up) * libm::sin(aim) - radius * libm::sin(head),
                 r * libm::sin(up) + 0.01 * beam as f64,
             );
-            let pulse = sensor.pattern.pulse(row, column).unwrap();
+            let pulse = Capture::at_origin(&sensor).pulse(row, column).unwrap();
             assert!(pulse.point(r).abs_diff_eq(expected, 1e-9), "beam {beam}, column {column}");
             let at = column as f64 / columns as f64 / rate + time[beam];
             assert!((pulse.time_s - at).abs() < 1e-12);
@@ -109,7 +110,7 @@ fn destaggering_moves_rows_to_their_azimuths() {
     let moved = sensor(&text("layout = \"destaggered\""));
     let given = sensor(&text("layout = \"destaggered\"\npixel_shift_by_row = [24, 12, 0]"));
     for column in 0..1024 {
-        let pulse = |s: &Sensor, row, column: usize| s.pattern.pulse(row, column % 1024).unwrap();
+        let pulse = |s: &Sensor, row, column: usize| Capture::at_origin(s).pulse(row, column % 1024).unwrap();
         // 4.2° clockwise are 11.9 columns to the right.
         for (row, shift) in [(0, 12), (1, 0), (2, 1024 - 12)] {
             assert_eq!(pulse(&moved, row, column + shift), pulse(&fired, row, column));
@@ -137,7 +138,7 @@ fn a_table_of_rays_is_read_and_its_mistakes_are_told_by_line_and_column() {
     let file = config::load_sensor(&folder.path().join("sensor.toml")).unwrap();
     let pattern = &file.sensor.pattern;
     assert_eq!((pattern.rows(), pattern.columns(), pattern.last_pulse_s()), (1, 2, 0.5));
-    let pulse = pattern.pulse(0, 0).unwrap();
+    let pulse = Capture::at_origin(&file.sensor).pulse(0, 0).unwrap();
     assert_eq!((pulse.origin, pulse.direction, pulse.time_s), (DVec3::new(1.0, 2.0, 3.0), DVec3::Y, 0.5));
 
     for (csv, expected) in [
@@ -247,13 +248,13 @@ fn pixels_past_a_lenss_fold_have_no_ray() {
         "[pinhole]\nwidth_px = 101\nheight_px = 101\nfx_px = 50\ndistortion = [-0.3, 0.0, 0.0, 0.0]\n[range]\nmax_m = 9\n",
     );
     // r·(1 − 0.3·r²) has its largest value, 0.7027, at r = 1/√0.9: 35.1 pixels.
-    let pattern = &camera.pattern;
+    let capture = Capture::at_origin(&camera);
     for (row, column) in (0..101).flat_map(|row| (0..101).map(move |column| (row, column))) {
         let off = libm::hypot(row as f64 - 50.0, column as f64 - 50.0) / 50.0;
         let edge = 2.0 / 3.0 / 0.9_f64.sqrt();
-        assert_eq!(pattern.pulse(row, column).is_some(), off <= edge, "({row}, {column})");
+        assert_eq!(capture.pulse(row, column).is_some(), off <= edge, "({row}, {column})");
     }
-    let blind = pattern.blind_pixels();
+    let blind = capture.blind_pixels();
     assert!((6000..6600).contains(&blind), "{blind}");
 }
 
@@ -322,17 +323,17 @@ const DATA_SHEETS: &[(&str, usize, usize, f64, f64, f64)] = &[
 
 /// Extents of azimuth and elevation in degrees of so many frames. A camera's are those of its middle row and column, from
 /// edge to edge; a full turn is one with no gap of more than two degrees.
-fn extents(pattern: &Pattern, frames: u32) -> (f64, f64) {
+fn extents(sensor: &Sensor, frames: u64) -> (f64, f64) {
+    let pattern = &sensor.pattern;
     let mut pulses = Vec::new();
     let (rows, columns) = (pattern.rows(), pattern.columns());
     for frame in 0..frames {
-        let start = f64::from(frame) / pattern.rate_hz().unwrap_or(1.0);
+        let capture = Capture::at_origin(sensor).with_frame(frame);
         for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
             if pattern.is_camera() && row != rows / 2 && column != columns / 2 {
                 continue;
             }
-            let (azimuth, elevation) =
-                azimuth_elevation(pattern.pulse_in(row, column, start).unwrap().direction);
+            let (azimuth, elevation) = azimuth_elevation(capture.pulse(row, column).unwrap().direction);
             let keep = |is_there: bool, angle: f64| if is_there { angle } else { 0.0 };
             let is_camera = pattern.is_camera();
             pulses.push([
@@ -364,7 +365,7 @@ fn each_built_in_sensor_has_its_data_sheets_figures_and_sees_the_street() {
         let sensor = preset(name).sensor;
         let pattern = &sensor.pattern;
         assert_eq!((pattern.rows(), pattern.columns()), (rows, columns), "{name}");
-        let (azimuth, elevation) = extents(pattern, if pattern.is_image() { 1 } else { 10 });
+        let (azimuth, elevation) = extents(&sensor, if pattern.is_image() { 1 } else { 10 });
         assert!((azimuth - wide).abs() < 0.7, "{name}: {azimuth} degrees wide, {wide} on the sheet");
         assert!((elevation - high).abs() < 1.6, "{name}: {elevation} degrees high, {high} on the sheet");
         let rate = pattern.rate_hz().unwrap_or(0.0) * pattern.rays() as f64;
@@ -373,11 +374,11 @@ fn each_built_in_sensor_has_its_data_sheets_figures_and_sees_the_street() {
             "{name}: {rate} points a second, {points} on the sheet"
         );
         let pose = if pattern.is_camera() { &down } else { &level };
-        let frame = scan(&scene, &tracer, &sensor, pose, &Progress::default()).unwrap();
-        let hits = frame.returns.iter().flatten().count();
+        let frame = seen_from(&scene, &tracer, &sensor, pose);
+        let hits = frame.return_count();
         assert!(hits * 20 > pattern.rays(), "{name}: {hits} of {}", pattern.rays());
-        for hit in frame.returns.iter().flatten() {
-            assert!(hit.range >= sensor.range.min_m && hit.range <= sensor.range.max_m);
+        for (_, hit) in frame.iter() {
+            assert!(hit.range_m >= sensor.range.min_m && hit.range_m <= sensor.range.max_m);
         }
     }
 }
@@ -394,7 +395,7 @@ fn livox_patterns_fill_their_field_of_view() {
     ] {
         let sensor = preset(name).sensor;
         let pattern = &sensor.pattern;
-        let (azimuth, elevation) = extents(pattern, 10);
+        let (azimuth, elevation) = extents(&sensor, 10);
         assert!((azimuth / 2.0 - wide).abs() < 0.1, "{name}: ±{} wide", azimuth / 2.0);
         assert!((elevation / 2.0 - high).abs() < 0.2, "{name}: ±{} high", elevation / 2.0);
         let middle = if name == "livox/mid-360" { 22.5 } else { 0.0 };
@@ -409,9 +410,10 @@ fn livox_patterns_fill_their_field_of_view() {
         }
         let mut filled = Vec::new();
         for frame in 0..10 {
+            let capture = Capture::at_origin(&sensor).with_frame(frame);
             for index in 0..pattern.rays() {
                 let (row, column) = (index / pattern.columns(), index % pattern.columns());
-                let d = pattern.pulse_in(row, column, f64::from(frame) * 0.1).unwrap().direction;
+                let d = capture.pulse(row, column).unwrap().direction;
                 let (azimuth, elevation) = azimuth_elevation(d);
                 let cell = (azimuth.degrees().round() as i64, (elevation.degrees() - middle).round() as i64);
                 cells.entry(cell).and_modify(|full| *full = true);

@@ -1,6 +1,11 @@
 //! Small scenes, made in code, and random numbers to aim with.
 
+use beamcast::frame::Pose;
+use beamcast::motion::Trajectory;
+use beamcast::scan::{Frame, Progress, scan};
 use beamcast::scene::{Instance, Material, Placed, Scene, SceneBuilder, SourceMesh, SourcePart};
+use beamcast::sensor::{Capture, Sensor};
+use beamcast::trace::Cast;
 use glam::{DAffine3, DVec3};
 
 /// SplitMix64 (Steele, Lea and Flood, 2014): the same numbers on every machine.
@@ -45,6 +50,13 @@ impl Random {
 
 pub fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> SourceMesh {
     SourceMesh { positions, parts: vec![SourcePart { triangles, material: 0 }] }
+}
+
+/// The first frame of a sensor that stands at a pose.
+pub fn seen_from(scene: &Scene, tracer: &impl Cast, sensor: &Sensor, world_from_sensor: &Pose) -> Frame {
+    let trajectory = Trajectory::Fixed(*world_from_sensor);
+    let capture = Capture::new(sensor, Pose::IDENTITY, &trajectory, 0, 0);
+    scan(scene, tracer, &capture, &Progress::default()).unwrap()
 }
 
 /// A scene of meshes, each placed wherever the pairs (mesh, world_from_mesh) say.

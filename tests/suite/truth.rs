@@ -2,13 +2,17 @@
 
 use beamcast::angle::Angle;
 use beamcast::frame::Pose;
+use beamcast::motion::Trajectory;
+use beamcast::output::{CloudFrame, SensorFrame};
 use beamcast::scan::{Frame, Progress, scan};
 use beamcast::scene::Scene;
-use beamcast::sensor::{Beam, Camera, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
+use beamcast::sensor::{
+    Beam, Camera, Capture, Pattern, Pulse, RangeLimits, RayTable, RingOrder, Rotating, Sensor, direction,
+};
 use beamcast::trace::Tracer;
 use glam::{DAffine3, DVec3};
 
-use crate::shapes::{Random, alone, cuboid, mesh, placed, quad, sphere};
+use crate::shapes::{Random, alone, cuboid, mesh, placed, quad, seen_from, sphere};
 
 fn lidar(limits: RangeLimits) -> Sensor {
     let beam = |i: i32| Beam {
@@ -30,15 +34,16 @@ fn camera(limits: RangeLimits) -> Sensor {
 const NO_LIMITS: RangeLimits = RangeLimits { min_m: 0.0, max_m: f64::INFINITY };
 
 fn see(scene: &Scene, sensor: &Sensor, pose: &Pose) -> Frame {
-    scan(scene, &Tracer::build(scene), sensor, pose, &Progress::default()).unwrap()
+    seen_from(scene, &Tracer::build(scene), sensor, pose)
 }
 
 /// Calls `check` with each ray's world direction and what came back.
 fn each_ray(frame: &Frame, sensor: &Sensor, pose: &Pose, mut check: impl FnMut(DVec3, Option<f64>)) {
-    for row in 0..frame.rows {
-        for column in 0..frame.columns {
-            let direction = pose.direction(sensor.pattern.pulse(row, column).unwrap().direction);
-            check(direction, frame.get(row, column).map(|r| r.range));
+    let capture = Capture::at_origin(sensor);
+    for row in 0..frame.rows() {
+        for column in 0..frame.columns() {
+            let direction = pose.direction(capture.pulse(row, column).unwrap().direction);
+            check(direction, frame.get(row, column).map(|r| r.range_m));
         }
     }
 }
@@ -79,9 +84,10 @@ fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
     let vertex_error = 3_f64.sqrt() * half_ulp(largest) + world;
     let frame = see(&scene, sensor, pose);
     let mut hits = 0;
-    for row in 0..frame.rows {
-        for column in 0..frame.columns {
-            let d = pose.direction(sensor.pattern.pulse(row, column).unwrap().direction);
+    let capture = Capture::at_origin(sensor);
+    for row in 0..frame.rows() {
+        for column in 0..frame.columns() {
+            let d = pose.direction(capture.pulse(row, column).unwrap().direction);
             let found = frame.get(row, column);
             // The closed form, about the target's middle.
             let from = pose.translation - target.middle;
@@ -104,9 +110,9 @@ fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
             if let Some(found) = found {
                 hits += 1;
                 assert!(
-                    (found.range - t).abs() <= bound,
+                    (found.range_m - t).abs() <= bound,
                     "row {row}, column {column}: {} m, closed form {t} m, allowed {bound:e}",
-                    found.range
+                    found.range_m
                 );
                 let [a, b, c] =
                     scene.meshes[0].triangles[found.triangle as usize].map(|v| stored[v as usize]);
@@ -115,9 +121,9 @@ fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
                 let through_stored = n.dot(a - origin) / n.dot(d);
                 // What the reference itself loses: a few ulps of its operands, over the cosine.
                 assert!(
-                    (found.range - through_stored).abs() <= 1e-9,
+                    (found.range_m - through_stored).abs() <= 1e-9,
                     "row {row}, column {column}: {} m, stored plane {through_stored} m",
-                    found.range
+                    found.range_m
                 );
             }
         }
@@ -363,15 +369,66 @@ fn frames_do_not_depend_on_threads() {
     for sensor in [lidar(NO_LIMITS), camera(NO_LIMITS)] {
         let frames = [1, 2, 3, 16].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| scan(&scene, &tracer, &sensor, &Pose::IDENTITY, &Progress::default()).unwrap())
+            pool.install(|| seen_from(&scene, &tracer, &sensor, &Pose::IDENTITY))
         });
         let ranges = |f: &Frame| {
-            f.returns.iter().map(|r| r.map(|r| (r.range.to_bits(), r.triangle))).collect::<Vec<_>>()
+            f.first_returns().map(|r| r.map(|r| (r.range_m.to_bits(), r.triangle))).collect::<Vec<_>>()
         };
-        assert!(frames[0].returns.iter().flatten().count() > 1000);
+        assert!(frames[0].return_count() > 1000);
         for frame in &frames[1..] {
             assert_eq!(ranges(frame), ranges(&frames[0]));
             assert_eq!(frame, &frames[0]);
+        }
+    }
+}
+
+/// A sensor that moves and turns while it scans sees each pulse from its own pose: at 15 m/s along its own x and 0.5 rad/s,
+/// beside the plane y = 10. The body is on a circle of radius v/ω = 30 m; a straight line instead would be wrong by 9, 42 and
+/// 45 mm.
+#[test]
+fn each_pulse_of_a_moving_sensor_is_cast_from_its_own_pose() {
+    let (speed, rate) = (15.0, 0.5);
+    let wall = [(-1e3, -1e3), (1e3, -1e3), (1e3, 1e3), (-1e3, 1e3)].map(|(x, z)| DVec3::new(x, 10.0, z));
+    let scene = alone(quad(wall));
+    let rays = [(0.05, 90.0_f64), (0.1, 60.0), (0.1, 120.0)];
+    let pulse = |(time_s, azimuth): (f64, f64)| Pulse {
+        origin: DVec3::ZERO,
+        direction: direction(Angle::deg(azimuth), Angle::default()),
+        time_s,
+    };
+    let pattern = Pattern::Rays(RayTable::new(rays.map(pulse).to_vec(), Some(10.0)).unwrap());
+    let sensor = Sensor { pattern, range: NO_LIMITS, ring: RingOrder::Row };
+    let trajectory = Trajectory::Twist {
+        start: Pose::IDENTITY,
+        linear_m_s: DVec3::new(speed, 0.0, 0.0),
+        angular_rad_s: DVec3::new(0.0, 0.0, rate),
+    };
+    for number in [0, 3] {
+        let capture = Capture::new(&sensor, Pose::IDENTITY, &trajectory, number, 0);
+        let frame = scan(&scene, &Tracer::build(&scene), &capture, &Progress::default()).unwrap();
+        let seen = SensorFrame { capture, frame: &frame, name: "", cloud_frame: CloudFrame::World };
+        for (column, (time_s, azimuth)) in rays.into_iter().enumerate() {
+            let time = number as f64 / 10.0 + time_s;
+            let (yaw, radius) = (rate * time, speed / rate);
+            let (x, y) = (radius * libm::sin(yaw), radius * (1.0 - libm::cos(yaw)));
+            let heading = azimuth.to_radians() + yaw;
+            let range_m = (10.0 - y) / libm::sin(heading);
+            let found = frame.get(0, column).unwrap();
+            assert!(
+                (found.range_m - range_m).abs() < 1e-9,
+                "{number}, {column}: {} {range_m}",
+                found.range_m
+            );
+            let point = seen.point(0, column, found.range_m).unwrap();
+            let expected = DVec3::new(x + range_m * libm::cos(heading), 10.0, 0.0);
+            assert!(point.abs_diff_eq(expected, 1e-9), "{point} {expected}");
+            // The wall's normal, turned into the sensor's frame as it was then.
+            let normal = DVec3::new(-libm::sin(yaw), -libm::cos(yaw), 0.0).as_vec3();
+            assert!(glam::Vec3::from(found.normal).abs_diff_eq(normal, 1e-7));
+        }
+        if number == 0 {
+            let ranges = [9.993748372, 11.194675745, 11.860784744];
+            assert!(frame.iter().zip(ranges).all(|((_, one), range_m)| (one.range_m - range_m).abs() < 1e-9));
         }
     }
 }

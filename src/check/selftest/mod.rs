@@ -26,12 +26,13 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use crate::angle::Angle;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
-use crate::output::{Capture, CloudFrame};
+use crate::motion::Trajectory;
+use crate::output::{CloudFrame, SensorFrame};
 use crate::scan::{Frame, Progress, scan};
 use crate::scene::{
     Instance, Material, Placed, Scene, SceneBuildError, SceneBuilder, SourceMesh, SourcePart,
 };
-use crate::sensor::{Lens, Pattern, RangeLimits, Sensor};
+use crate::sensor::{Capture, Lens, Pattern, RangeLimits, Sensor};
 use crate::trace::AnyTracer;
 use crate::trace::methods::Method;
 use shapes::{Model, Solid};
@@ -158,15 +159,17 @@ pub fn selftest(
     progress: &Progress,
 ) -> Result<Option<Report>, SceneBuildError> {
     let mut report = Report { shapes: Vec::new(), geometry: Vec::new() };
+    let trajectory = Trajectory::Fixed(*world_from_sensor);
+    let capture = Capture::new(sensor, Pose::IDENTITY, &trajectory, 0, 0);
     let distances = distances(&sensor.range);
     for (which, distance) in distances.into_iter().enumerate() {
         for (index, target) in targets(sensor, distance).into_iter().enumerate() {
             let stage = Stage::new(&target, world_from_sensor)?;
             let caster = AnyTracer::build(&stage.scene, method);
-            let Some(frame) = scan(&stage.scene, &caster, sensor, world_from_sensor, progress) else {
+            let Some(frame) = scan(&stage.scene, &caster, &capture, progress) else {
                 return Ok(None);
             };
-            report.shapes.push(judge(&target, &stage, sensor, &frame, world_from_sensor));
+            report.shapes.push(judge(&target, &stage, &capture, &frame));
             // The level room at middle range: walls all around, and all of them in range.
             if (which, index) == (1, 0) {
                 report.geometry = geometry(sensor, &frame);
@@ -194,8 +197,8 @@ struct Target {
 
 /// The shapes around and ahead of a sensor. Ahead is where the beam in the middle of its image goes.
 fn targets(sensor: &Sensor, distance: f64) -> Vec<Target> {
-    let pattern = &sensor.pattern;
-    let middle = pattern.pulse(pattern.rows() / 2, pattern.columns() / 2);
+    let capture = Capture::at_origin(sensor);
+    let middle = capture.pulse(capture.rows() / 2, capture.columns() / 2);
     let ahead = middle.map_or(DVec3::X, |pulse| pulse.direction);
     let turn = |roll, pitch, yaw| {
         Pose::from_rpy(DVec3::ZERO, Angle::deg(roll), Angle::deg(pitch), Angle::deg(yaw)).rotation
@@ -313,7 +316,8 @@ fn expected(stage: &Stage, origin: DVec3, d: DVec3, range: &RangeLimits) -> Expe
 }
 
 /// Holds a frame of `target` against its closed form.
-fn judge(target: &Target, stage: &Stage, sensor: &Sensor, frame: &Frame, pose: &Pose) -> ShapeResult {
+fn judge(target: &Target, stage: &Stage, capture: &Capture, frame: &Frame) -> ShapeResult {
+    let pose = capture.world_from_sensor(0.0);
     let mut result = ShapeResult {
         shape: target.name,
         tessellated: matches!(stage.solid, Solid::Ball { .. }),
@@ -330,20 +334,20 @@ fn judge(target: &Target, stage: &Stage, sensor: &Sensor, frame: &Frame, pose: &
     let (mut facet, mut ideal) = (Sum::default(), Sum::default());
     for (row, column) in pixels(frame) {
         let found = frame.get(row, column);
-        let Some(pulse) = sensor.pattern.pulse(row, column) else {
+        let Some(pulse) = capture.pulse(row, column) else {
             // A pixel without a pulse sees nothing, and there is no more to say.
             match found {
                 None => result.misses += 1,
                 Some(hit) => {
                     result.wrong += 1;
-                    let wrong = Wrong { row, column, found_m: Some(hit.range), expected_m: None };
+                    let wrong = Wrong { row, column, found_m: Some(hit.range_m), expected_m: None };
                     result.first_wrong.get_or_insert(wrong);
                 }
             }
             continue;
         };
-        let expected = expected(stage, pulse.origin, pulse.direction, &sensor.range);
-        let found_m = found.map(|hit| hit.range);
+        let expected = expected(stage, pulse.origin, pulse.direction, &capture.sensor.range);
+        let found_m = found.map(|hit| hit.range_m);
         let mut right = true;
         let mut expected_m = None;
         match (&expected, found_m) {
@@ -366,10 +370,10 @@ fn judge(target: &Target, stage: &Stage, sensor: &Sensor, frame: &Frame, pose: &
             let (n, h) = stage.plane(hit.triangle, pose.point(pulse.origin));
             let cos = n.dot(d);
             let t = h / cos;
-            facet.add(hit.range - t);
+            facet.add(hit.range_m - t);
             let reference = 12.0 * U * (t.abs() + h.abs()) / cos.abs();
             let allowed = range_tolerance(t).max(reference);
-            let is_near = (hit.range - t).abs() <= allowed; // NaN is not
+            let is_near = (hit.range_m - t).abs() <= allowed; // NaN is not
             if !is_near {
                 right = false;
                 expected_m = expected_m.or(Some((t - allowed, t + allowed)));
@@ -385,8 +389,8 @@ fn judge(target: &Target, stage: &Stage, sensor: &Sensor, frame: &Frame, pose: &
 }
 
 fn pixels(frame: &Frame) -> impl Iterator<Item = (usize, usize)> + use<> {
-    let columns = frame.columns;
-    (0..frame.rows).flat_map(move |row| (0..columns).map(move |column| (row, column)))
+    let columns = frame.columns();
+    (0..frame.rows()).flat_map(move |row| (0..columns).map(move |column| (row, column)))
 }
 
 /// A running maximum and sum of squares.
@@ -417,23 +421,16 @@ impl Sum {
 /// angles are radians up to a few π, rounded: a few 1e-15 in all. 1e-12 rad, a fifth of a nanometre at 200 m, stays clear
 /// of that and far below any step of a sensor's table.
 fn geometry(sensor: &Sensor, frame: &Frame) -> Vec<Check> {
-    let capture = Capture {
-        frame,
-        sensor,
-        name: "",
-        body_from_sensor: Pose::IDENTITY,
-        world_from_body: Pose::IDENTITY,
-        cloud_frame: CloudFrame::Body,
-    };
-    let pattern = &sensor.pattern;
-    let mut checks = angles(pattern, frame, &|row, column, range| capture.point(row, column, range));
-    let time = |row, column| pattern.pulse(row, column).map(|pulse| pulse.time_s);
-    checks.extend(times((pattern.rows(), pattern.columns()), pattern.rate_hz(), &time));
+    let capture = Capture::at_origin(sensor);
+    let seen = SensorFrame { capture, frame, name: "", cloud_frame: CloudFrame::Body };
+    let mut checks = angles(&capture, frame, &|row, column, range| seen.point(row, column, range));
+    let time = |row, column| capture.time_s(row, column);
+    checks.extend(times((capture.rows(), capture.columns()), sensor.pattern.rate_hz(), &time));
     checks
 }
 
 fn angles(
-    pattern: &Pattern,
+    capture: &Capture,
     frame: &Frame,
     point: &dyn Fn(usize, usize, f64) -> Option<DVec3>,
 ) -> Vec<Check> {
@@ -443,17 +440,18 @@ fn angles(
     let mut elevation = Check::new("elevation of the rows", "rad", ANGLE);
     let mut azimuth = Check::new("azimuth of the columns", "rad", ANGLE);
     let mut pixel = Check::new("pixels of the points", "px", 0.0);
+    let pattern = &capture.sensor.pattern;
     for (row, column) in pixels(frame) {
         let Some(hit) = frame.get(row, column) else { continue };
         let at = (row, column);
         // (That a pixel without a pulse sees nothing, the shapes have shown.)
-        let (Some(pulse), Some(p)) = (pattern.pulse(row, column), point(row, column, hit.range)) else {
+        let (Some(pulse), Some(p)) = (capture.pulse(row, column), point(row, column, hit.range_m)) else {
             continue;
         };
         let d = pulse.direction;
         let p = p - pulse.origin;
         direction.add(p.cross(d).length() / p.length(), at);
-        range.add((p.length() - hit.range).abs(), at);
+        range.add((p.length() - hit.range_m).abs(), at);
         match pattern {
             Pattern::Rotating(lidar) => {
                 let beam = &lidar.beams()[row];

@@ -3,6 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use super::*;
+use crate::scan::{Cause, Return};
 use crate::sensor::{Beam, Camera, RingOrder, Rotating};
 use crate::trace::Tracer;
 
@@ -80,35 +81,46 @@ fn limits_are_part_of_the_closed_form() {
     assert!(far.misses > 100 && far.hits > 100, "{far:?}");
 }
 
+fn seen(scene: &Scene, capture: &Capture) -> Frame {
+    scan(scene, &Tracer::build(scene), capture, &Progress::default()).unwrap()
+}
+
+/// A frame of the size of another, with other returns.
+fn frame_of(frame: &Frame, returns: &[Option<Return>]) -> Frame {
+    let cause = |one: &Option<Return>| if one.is_some() { Cause::Surface } else { Cause::Nothing };
+    Frame::from_pixels(frame.rows(), frame.columns(), returns.iter().map(|one| (cause(one), one.as_slice())))
+}
+
 /// The level room and the box at middle range, with what is seen of them changed before it is judged.
-fn judged(sensor: &Sensor, change: impl Fn(&mut Scene, &mut Frame)) -> Vec<ShapeResult> {
+fn judged(sensor: &Sensor, change: impl Fn(&mut Scene, &mut [Option<Return>])) -> Vec<ShapeResult> {
     let pose = somewhere();
     let targets = targets(sensor, distances(&sensor.range)[1]);
     let chosen = targets.iter().filter(|t| ["room, level", "box"].contains(&t.name));
     let judge_one = |target| {
         let mut stage = Stage::new(target, &pose).unwrap();
         let ideal = stage.scene.clone();
-        let mut frame = Frame { rows: 0, columns: 0, returns: vec![] };
-        change(&mut stage.scene, &mut frame);
-        let seen = scan(&stage.scene, &Tracer::build(&stage.scene), sensor, &pose, &Progress::default());
-        let mut seen = seen.unwrap();
-        change(&mut Scene::default(), &mut seen);
+        change(&mut stage.scene, &mut []);
+        let trajectory = Trajectory::Fixed(pose);
+        let capture = Capture::new(sensor, Pose::IDENTITY, &trajectory, 0, 0);
+        let seen = seen(&stage.scene, &capture);
+        let mut returns: Vec<_> = seen.first_returns().collect();
+        change(&mut Scene::default(), &mut returns);
         stage.scene = ideal;
-        judge(target, &stage, sensor, &seen, &pose)
+        judge(target, &stage, &capture, &frame_of(&seen, &returns))
     };
     chosen.map(judge_one).collect()
 }
 
 #[test]
 fn a_wrong_frame_or_scene_is_caught() {
-    type Change = fn(&mut Scene, &mut Frame);
+    type Change = fn(&mut Scene, &mut [Option<Return>]);
     let changes: [(&str, Change); 5] = [
-        ("a range off by 10 nm", |_, f| {
-            f.returns.iter_mut().flatten().take(1).for_each(|r| r.range += 1e-8);
+        ("a range off by 10 nm", |_, returns| {
+            returns.iter_mut().flatten().take(1).for_each(|r| r.range_m += 1e-8);
         }),
-        ("a NaN", |_, f| f.returns.iter_mut().flatten().take(1).for_each(|r| r.range = f64::NAN)),
-        ("a return lost", |_, f| {
-            if let Some(hit) = f.returns.iter_mut().find(|r| r.is_some()) {
+        ("a NaN", |_, returns| returns.iter_mut().flatten().take(1).for_each(|r| r.range_m = f64::NAN)),
+        ("a return lost", |_, returns| {
+            if let Some(hit) = returns.iter_mut().find(|r| r.is_some()) {
                 *hit = None;
             }
         }),
@@ -134,11 +146,10 @@ fn a_wrong_frame_or_scene_is_caught() {
 fn a_beam_that_is_not_where_the_table_says_is_caught() {
     let table = lidar();
     let report = |other: &Sensor| {
-        let pose = Pose::IDENTITY;
         let target = &targets(&table, 7.0)[0];
-        let stage = Stage::new(target, &pose).unwrap();
-        let frame = scan(&stage.scene, &Tracer::build(&stage.scene), other, &pose, &Progress::default());
-        judge(target, &stage, &table, &frame.unwrap(), &pose)
+        let stage = Stage::new(target, &Pose::IDENTITY).unwrap();
+        let frame = seen(&stage.scene, &Capture::at_origin(other));
+        judge(target, &stage, &Capture::at_origin(&table), &frame)
     };
     assert_eq!(report(&table).wrong, 0);
     let mut moved = beams(&[90.0, 20.0, 10.0, 3.0, 1.0, 0.0, -1.0, -3.0, -10.0, -20.0]);
@@ -153,30 +164,32 @@ fn the_geometry_of_a_wrong_image_is_caught() {
     let sensor = lidar();
     let frame = |sensor: &Sensor| {
         let stage = Stage::new(&targets(sensor, 7.0)[0], &Pose::IDENTITY).unwrap();
-        scan(&stage.scene, &Tracer::build(&stage.scene), sensor, &Pose::IDENTITY, &Progress::default())
-            .unwrap()
+        seen(&stage.scene, &Capture::at_origin(sensor))
     };
     let all_passed = |checks: &[Check]| checks.iter().all(Check::passed);
     assert!(all_passed(&geometry(&sensor, &frame(&sensor))));
     assert!(all_passed(&geometry(&camera(), &frame(&camera()))));
-    let mut bad = frame(&sensor);
-    bad.returns[7].as_mut().unwrap().range = f64::NAN;
-    assert!(!all_passed(&geometry(&sensor, &bad)));
+    let right = frame(&sensor);
+    let mut bad: Vec<_> = right.first_returns().collect();
+    bad[7].as_mut().unwrap().range_m = f64::NAN;
+    assert!(!all_passed(&geometry(&sensor, &frame_of(&right, &bad))));
 
     // A cloud that is made with another table than the image.
     let mut other = beams(&[90.0, 20.0, 10.0, 3.0, 1.0, 0.0, -1.0, -3.0, -10.0, -20.0]);
     (other[4].elevation, other[5].azimuth_offset) = (Angle::deg(1.000_000_1), Angle::deg(0.0));
     let other = lidar_of(other);
     let seen = frame(&sensor);
-    let point = |row, column, range| other.pattern.pulse(row, column).map(|p| p.point(range));
-    let checks = angles(&sensor.pattern, &seen, &point);
+    let point = |row, column, range| Capture::at_origin(&other).pulse(row, column).map(|p| p.point(range));
+    let checks = angles(&Capture::at_origin(&sensor), &seen, &point);
     let failed: Vec<_> = checks.iter().filter(|c| !c.passed()).map(|c| (c.name, c.at.0)).collect();
     assert_eq!(
         failed,
         [("direction of the points", 5), ("elevation of the rows", 4), ("azimuth of the columns", 5)]
     );
-    let mirrored = |row, column, range| camera().pattern.pulse(row, 63 - column).map(|p| p.point(range));
-    let checks = angles(&camera().pattern, &frame(&camera()), &mirrored);
+    let camera = camera();
+    let capture = Capture::at_origin(&camera);
+    let mirrored = |row, column: usize, range| capture.pulse(row, 63 - column).map(|p| p.point(range));
+    let checks = angles(&capture, &frame(&camera), &mirrored);
     assert!(checks.iter().any(|c| c.name == "pixels of the points" && !c.passed()));
 }
 

@@ -12,9 +12,10 @@ use super::yard;
 use crate::angle::Angle;
 use crate::error::Error;
 use crate::frame::Pose;
+use crate::motion::Trajectory;
 use crate::scan::{Frame, Progress, scan};
 use crate::scene::Scene;
-use crate::sensor::{Beam, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
+use crate::sensor::{Beam, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use crate::trace::exact::{Corners, LocalRay};
 use crate::trace::methods::truth::{Passage, Truth};
 use crate::trace::methods::{Culling, METHODS, Method, Ray, RayTriangle};
@@ -160,10 +161,10 @@ struct Target {
 
 /// The triangles that a sensor sees, each as often as it's hit.
 fn targets(scene: &Scene, tracer: &Tracer, sensor: &Sensor, at: DVec3) -> Vec<Target> {
-    let pattern = &sensor.pattern;
-    let pulses = (0..pattern.rows()).flat_map(|row| (0..pattern.columns()).map(move |column| (row, column)));
-    let directions: Vec<_> = pulses
-        .map(|(row, column)| pattern.pulse(row, column).expect("every beam has a pulse").direction)
+    let capture = Capture::at_origin(sensor);
+    let pixels = (0..capture.rows()).flat_map(|row| (0..capture.columns()).map(move |column| (row, column)));
+    let directions: Vec<_> = pixels
+        .map(|(row, column)| capture.pulse(row, column).expect("every beam has a pulse").direction)
         .collect();
     let mut hits = vec![None; directions.len()];
     tracer.cast(
@@ -479,7 +480,9 @@ fn speeds(
 
 /// The seconds of a scan, the second of two: what is worked out once an origin is there.
 fn scan_time(scene: &Scene, tracer: &impl Cast, sensor: &Sensor, pose: &Pose) -> f64 {
-    let run = || scan(scene, tracer, sensor, pose, &Progress::default());
+    let trajectory = Trajectory::Fixed(*pose);
+    let capture = Capture::new(sensor, Pose::IDENTITY, &trajectory, 0, 0);
+    let run = || scan(scene, tracer, &capture, &Progress::default());
     black_box::<Option<Frame>>(run());
     let start = Instant::now();
     black_box(run());

@@ -24,8 +24,11 @@ fn lidar(elevations: &[f64], columns: usize, sector: (f64, f64)) -> Sensor {
 
 #[test]
 fn facts_of_a_lidar() {
-    let facts =
-        SensorFacts::new(Some("top"), &lidar(&[10.0, -20.0, 8.0], 360, (180.0, -180.0)), &ALL_FORMATS);
+    let facts = SensorFacts::new(
+        Some("top"),
+        &lidar(&[10.0, -20.0, 8.0], 360, (180.0, -180.0)),
+        &Format::all().collect::<Vec<_>>(),
+    );
     assert_eq!((facts.rows, facts.columns, facts.rays_per_frame), (3, 360, 1080));
     assert_eq!((tidy(facts.horizontal_fov_deg), facts.elevation_deg.map(tidy)), (360.0, [-20.0, 10.0]));
     assert_eq!(facts.azimuth_step_deg.map(tidy), Some(1.0));
@@ -35,7 +38,7 @@ fn facts_of_a_lidar() {
     // The last column fires after 359/360 of a tenth of a second, the last beam 2 µs later.
     assert!((facts.frame_s - (0.1 * 359.0 / 360.0 + 2e-6)).abs() < 1e-12);
     assert_eq!(facts.output_bytes["exr"], 1080 * 40);
-    assert_eq!(facts.frame_bytes, 1080 * size_of::<Option<Return>>() as u64);
+    assert_eq!(facts.frame_bytes, 1080 * Frame::BYTES_A_PIXEL as u64);
     let mut text = String::new();
     facts.write(&mut text);
     assert!(text.contains("3 rows × 360 columns, 1,080 rays a frame\n"), "{text}");
@@ -44,7 +47,7 @@ fn facts_of_a_lidar() {
 
 #[test]
 fn facts_of_a_sector_and_of_one_beam() {
-    let facts = SensorFacts::new(None, &lidar(&[1.0], 91, (45.0, -45.0)), &[Format::Ply]);
+    let facts = SensorFacts::new(None, &lidar(&[1.0], 91, (45.0, -45.0)), &[Format::PLY]);
     assert_eq!(tidy(facts.horizontal_fov_deg), 90.0);
     assert_eq!(facts.azimuth_step_deg.map(tidy), Some(1.0));
     assert_eq!(facts.elevation_step_deg, None);
@@ -55,7 +58,7 @@ fn facts_of_a_sector_and_of_one_beam() {
 fn facts_of_a_camera() {
     let pattern = Pattern::Camera(Camera::new((640, 480), (320.0, 240.0), (320.0, 240.0), None).unwrap());
     let sensor = Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row };
-    let facts = SensorFacts::new(None, &sensor, &ALL_FORMATS);
+    let facts = SensorFacts::new(None, &sensor, &Format::all().collect::<Vec<_>>());
     assert_eq!(tidy(facts.horizontal_fov_deg), 90.0);
     assert_eq!(facts.elevation_deg.map(tidy), [-45.0, 45.0]);
     let step = 2.0 * libm::atan(0.5 / 320.0).to_degrees();

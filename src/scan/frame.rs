@@ -1,0 +1,285 @@
+//! What a sensor saw in one turn or one image: for each pixel its returns, column by column of memory.
+
+use std::ops::Range;
+
+/// Why a pixel has no return, or where a return is from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+#[repr(u8)]
+pub enum Cause {
+    /// The pixel sent no pulse: the lens's model has no ray for it, or a prism reflects the beam inward.
+    #[default]
+    NoPulse,
+    /// The pulse met nothing within the sensor's range.
+    Nothing,
+    /// The pulse came back from a surface.
+    Surface,
+}
+
+/// Declares the columns of [`Returns`] once: each is a `Vec` there, and a field of one [`Return`].
+macro_rules! columns {
+    ($($(#[$doc:meta])* $name:ident: $kind:ty,)*) => {
+        /// One return: one value of each column.
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        pub struct Return {
+            $($(#[$doc])* pub $name: $kind,)*
+        }
+
+        /// Returns column by column. All columns have the same length.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Returns {
+            $($(#[$doc])* pub $name: Vec<$kind>,)*
+        }
+
+        /// A run of slots of each column, to be written.
+        pub(super) struct ReturnsMut<'f> {
+            $($name: &'f mut [$kind],)*
+        }
+
+        impl Returns {
+            /// As many slots as pixels, all zero, and without touching their memory.
+            fn zeroed(slots: usize) -> Self {
+                Self { $($name: vec![Default::default(); slots],)* }
+            }
+
+            /// How many slots there are.
+            fn slots(&self) -> usize {
+                let lengths = [$(self.$name.len(),)*];
+                assert!(lengths.iter().all(|length| *length == lengths[0]), "columns of unequal length");
+                lengths[0]
+            }
+
+            /// The return in a slot.
+            #[inline]
+            pub fn get(&self, slot: usize) -> Return {
+                Return { $($name: self.$name[slot],)* }
+            }
+
+            /// Adds a return at the end.
+            fn push(&mut self, one: Return) {
+                $(self.$name.push(one.$name);)*
+            }
+
+            /// All slots, to be shared out.
+            fn as_mut(&mut self) -> ReturnsMut<'_> {
+                ReturnsMut { $($name: &mut self.$name,)* }
+            }
+        }
+
+        impl<'f> ReturnsMut<'f> {
+            /// Takes the first `slots` slots off.
+            pub fn take(&mut self, slots: usize) -> ReturnsMut<'f> {
+                ReturnsMut { $($name: self.$name.split_off_mut(..slots).unwrap_or_default(),)* }
+            }
+
+            /// Puts a return in a slot.
+            #[inline]
+            pub fn set(&mut self, slot: usize, one: Return) {
+                $(self.$name[slot] = one.$name;)*
+            }
+        }
+
+        /// Memory that one return takes.
+        pub(super) const BYTES_A_RETURN: usize = 0 $(+ size_of::<$kind>())*;
+    };
+}
+
+columns! {
+    /// Metres along the ray from the pulse's origin.
+    range_m: f64,
+    /// ρ·cos θ: reflectivity times the cosine of the angle of incidence, 0 to 1.
+    intensity: f32,
+    /// Unit geometric normal of the surface in the sensor's body frame at the pulse's own time, towards the sensor.
+    normal: [f32; 3],
+    /// Index into [`Scene::instances`](crate::scene::Scene::instances).
+    instance: u32,
+    /// Semantic label.
+    label: u32,
+    /// Triangle id.
+    triangle: u32,
+}
+
+/// What a sensor saw in one turn or one image: `rows × columns` pixels, row by row, each with any number of returns.
+///
+/// A pixel's returns lie in neighbouring slots of the columns of [`Returns`], in the order in which the sensor reports
+/// them. [`Frame::slots`] says in which; a return's number is its place among them, from 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    rows: usize,
+    columns: usize,
+    layout: Layout,
+    returns: Returns,
+    causes: Vec<Cause>,
+}
+
+/// Which slots are a pixel's.
+#[derive(Clone, Debug, PartialEq)]
+enum Layout {
+    /// The slot of its own number, if the pixel's cause is [`Cause::Surface`]. Slots of the other pixels are zero.
+    OneEach,
+    /// Pixel i has the slots from number i to number i + 1 of this list, which is one longer than there are pixels.
+    From(Vec<usize>),
+}
+
+impl Frame {
+    /// Memory that a pixel of a frame of at most one return takes, in bytes.
+    pub const BYTES_A_PIXEL: usize = BYTES_A_RETURN + size_of::<Cause>();
+
+    /// A frame whose pixels have sent no pulse yet, with room for a return each.
+    pub(super) fn blank(rows: usize, columns: usize) -> Self {
+        let pixels = rows * columns;
+        let (returns, causes) = (Returns::zeroed(pixels), vec![Cause::NoPulse; pixels]);
+        Self { rows, columns, layout: Layout::OneEach, returns, causes }
+    }
+
+    /// A frame from pixels, row by row: for each why it has no return, or the cause of its returns, and the returns.
+    ///
+    /// # Panics
+    /// If there are not `rows × columns` pixels.
+    pub fn from_pixels<'r>(
+        rows: usize,
+        columns: usize,
+        pixels: impl IntoIterator<Item = (Cause, &'r [Return])>,
+    ) -> Self {
+        let (mut returns, mut causes, mut first) = (Returns::default(), Vec::new(), vec![0]);
+        for (cause, of_pixel) in pixels {
+            causes.push(cause);
+            of_pixel.iter().for_each(|one| returns.push(*one));
+            first.push(returns.slots());
+        }
+        assert_eq!(causes.len(), rows * columns, "a frame has rows × columns pixels");
+        Self { rows, columns, layout: Layout::From(first), returns, causes }
+    }
+
+    /// Rows of the range image.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Columns of the range image.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Pixels, with returns or without.
+    pub fn pixels(&self) -> usize {
+        self.causes.len()
+    }
+
+    /// The columns of all returns, by slot. A slot that is no pixel's is zero.
+    pub fn returns(&self) -> &Returns {
+        &self.returns
+    }
+
+    /// The slots of a pixel's returns, by the pixel's number.
+    #[inline]
+    pub fn slots(&self, pixel: usize) -> Range<usize> {
+        match &self.layout {
+            Layout::OneEach => pixel..pixel + usize::from(self.causes[pixel] == Cause::Surface),
+            Layout::From(first) => first[pixel]..first[pixel + 1],
+        }
+    }
+
+    /// The slot of a pixel's return number `number`, if it has so many.
+    #[inline]
+    pub fn slot(&self, pixel: usize, number: usize) -> Option<usize> {
+        let slots = self.slots(pixel);
+        (number < slots.len()).then_some(slots.start + number)
+    }
+
+    /// The most returns of any pixel.
+    pub fn most_returns(&self) -> usize {
+        (0..self.pixels()).map(|pixel| self.slots(pixel).len()).max().unwrap_or(0)
+    }
+
+    /// The first return of a pixel of the range image.
+    pub fn get(&self, row: usize, column: usize) -> Option<Return> {
+        let slot = self.slot(row * self.columns + column, 0)?;
+        Some(self.returns.get(slot))
+    }
+
+    /// The first return of each pixel, row by row.
+    pub fn first_returns(&self) -> impl Iterator<Item = Option<Return>> {
+        (0..self.pixels()).map(|pixel| self.slot(pixel, 0).map(|slot| self.returns.get(slot)))
+    }
+
+    /// Every return with the number of its pixel, row by row.
+    pub fn iter(&self) -> impl Iterator<Item = (usize, Return)> {
+        (0..self.pixels())
+            .flat_map(move |pixel| self.slots(pixel).map(move |slot| (pixel, self.returns.get(slot))))
+    }
+
+    /// How many returns there are.
+    pub fn return_count(&self) -> usize {
+        match &self.layout {
+            Layout::OneEach => self.causes.iter().filter(|cause| **cause == Cause::Surface).count(),
+            Layout::From(_) => self.returns.slots(),
+        }
+    }
+
+    /// Why each pixel has no return, or where its returns are from, row by row.
+    pub fn causes(&self) -> &[Cause] {
+        &self.causes
+    }
+
+    /// How many pixels sent no pulse.
+    pub fn blind_pixels(&self) -> usize {
+        self.causes.iter().filter(|cause| **cause == Cause::NoPulse).count()
+    }
+
+    /// The slots and causes of all pixels of a frame of one return each, to be shared out.
+    pub(super) fn parts(&mut self) -> (ReturnsMut<'_>, &mut [Cause]) {
+        (self.returns.as_mut(), &mut self.causes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(range_m: f64) -> Return {
+        Return { range_m, normal: [0.0, 0.0, 1.0], triangle: range_m as u32, ..Return::default() }
+    }
+
+    #[test]
+    fn a_pixel_has_any_number_of_returns() {
+        let pixels: [(Cause, &[Return]); 6] = [
+            (Cause::Surface, &[at(1.0)]),
+            (Cause::NoPulse, &[]),
+            (Cause::Surface, &[at(2.0), at(3.0), at(4.0)]),
+            (Cause::Nothing, &[]),
+            (Cause::Nothing, &[]),
+            (Cause::Surface, &[at(5.0)]),
+        ];
+        let frame = Frame::from_pixels(2, 3, pixels);
+        assert_eq!((frame.rows(), frame.columns(), frame.pixels(), frame.return_count()), (2, 3, 6, 5));
+        assert_eq!((frame.slots(2), frame.slots(3), frame.slots(5)), (1..4, 4..4, 4..5));
+        assert_eq!((frame.slot(2, 2), frame.slot(2, 3), frame.slot(1, 0)), (Some(3), None, None));
+        assert_eq!(frame.get(0, 2), Some(at(2.0)));
+        assert_eq!(frame.get(1, 0), None);
+        assert_eq!((frame.most_returns(), frame.blind_pixels()), (3, 1));
+        let ranges: Vec<_> = frame.iter().map(|(pixel, one)| (pixel, one.range_m)).collect();
+        assert_eq!(ranges, [(0, 1.0), (2, 2.0), (2, 3.0), (2, 4.0), (5, 5.0)]);
+    }
+
+    #[test]
+    fn a_frame_of_one_return_each_takes_less_memory_than_a_row_of_structs() {
+        // A row of `Option<Return>` takes 48 bytes a pixel: 40 of the fields and their padding, and 8 of the option.
+        assert_eq!(Frame::BYTES_A_PIXEL, 8 + 4 + 12 + 3 * 4 + 1);
+        let mut frame = Frame::blank(1, 3);
+        assert_eq!((frame.return_count(), frame.blind_pixels(), frame.most_returns()), (0, 3, 0));
+        let (mut returns, causes) = frame.parts();
+        causes.copy_from_slice(&[Cause::Nothing, Cause::Surface, Cause::Surface]);
+        let mut first = returns.take(2);
+        first.set(1, at(7.0));
+        returns.set(0, at(8.0));
+        assert_eq!((frame.get(0, 0), frame.get(0, 1), frame.get(0, 2)), (None, Some(at(7.0)), Some(at(8.0))));
+        assert_eq!(frame.iter().map(|(pixel, _)| pixel).collect::<Vec<_>>(), [1, 2]);
+    }
+
+    #[test]
+    #[should_panic(expected = "rows × columns")]
+    fn a_frame_of_too_few_pixels_is_refused() {
+        Frame::from_pixels(2, 2, [(Cause::Nothing, &[][..])]);
+    }
+}

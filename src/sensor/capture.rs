@@ -1,0 +1,173 @@
+//! One frame of one sensor, before anything is cast: the only door to pulses and their times.
+
+use super::{Lens, Pattern, Pulse, Sensor};
+use crate::frame::Pose;
+use crate::motion::{AT_ORIGIN, Trajectory};
+
+/// One frame of a sensor that is mounted on a moving body: which pulses go out, when, and from where.
+///
+/// Every writer, check and page that needs a pulse asks the capture of its frame. A pattern that does not repeat sends other
+/// pulses in each frame, so a pulse without a capture would belong to no frame at all.
+#[derive(Clone, Copy, Debug)]
+pub struct Capture<'a> {
+    /// The sensor.
+    pub sensor: &'a Sensor,
+    /// Where the sensor sits on the body.
+    pub body_from_sensor: Pose,
+    /// Where the body is over time.
+    pub trajectory: &'a Trajectory,
+    /// The frame's number, from 0.
+    pub frame: u64,
+    /// When the frame starts, in seconds from the moment at which the sensor is switched on. The trajectory's time has the
+    /// same zero.
+    pub start_s: f64,
+    /// The seed of everything random.
+    pub seed: u64,
+}
+
+impl<'a> Capture<'a> {
+    /// Frame number `frame` of a sensor, which starts at frame/rate seconds. Every frame of a sensor without a rate starts
+    /// at 0.
+    pub fn new(
+        sensor: &'a Sensor,
+        body_from_sensor: Pose,
+        trajectory: &'a Trajectory,
+        frame: u64,
+        seed: u64,
+    ) -> Self {
+        let start_s = sensor.pattern.rate_hz().map_or(0.0, |rate_hz| frame as f64 / rate_hz);
+        Self { sensor, body_from_sensor, trajectory, frame, start_s, seed }
+    }
+
+    /// The first frame of a sensor that stands at the world's origin: for questions about the sensor alone.
+    pub fn at_origin(sensor: &'a Sensor) -> Self {
+        Self::new(sensor, Pose::IDENTITY, &AT_ORIGIN, 0, 0)
+    }
+
+    /// The same sensor, mount and motion in another frame.
+    #[must_use]
+    pub fn with_frame(self, frame: u64) -> Self {
+        Self::new(self.sensor, self.body_from_sensor, self.trajectory, frame, self.seed)
+    }
+
+    /// Rows of the frame's image.
+    pub fn rows(&self) -> usize {
+        self.sensor.pattern.rows()
+    }
+
+    /// Columns of the frame's image.
+    pub fn columns(&self) -> usize {
+        self.sensor.pattern.columns()
+    }
+
+    /// The pulse of a pixel of the range image, in the sensor's body frame at the pulse's own time. Row 0 is the top, column
+    /// 0 the first firing (or the left).
+    ///
+    /// `None` where a pixel sees nothing at all: the lens's model has no ray for it, or a prism reflects the beam inward.
+    pub fn pulse(&self, row: usize, column: usize) -> Option<Pulse> {
+        self.sensor.pattern.pulse(row, column, self.start_s)
+    }
+
+    /// The time of a pixel's pulse, in seconds from the frame's start; `None` as for [`Self::pulse`].
+    pub fn time_s(&self, row: usize, column: usize) -> Option<f64> {
+        match &self.sensor.pattern {
+            // All of a camera's pixels see at once, and most lenses have a ray for each: there is no lens to ask.
+            Pattern::Camera(camera) => camera.has_ray(row, column).then_some(0.0),
+            pattern => pattern.pulse(row, column, self.start_s).map(|pulse| pulse.time_s),
+        }
+    }
+
+    /// What turns a range along a pixel's ray into depth along a camera's optical axis. `None` if the sensor is no camera, or
+    /// has no ray there.
+    pub fn depth_over_range(&self, row: usize, column: usize) -> Option<f64> {
+        match &self.sensor.pattern {
+            Pattern::Camera(camera) => camera.optical_direction(row, column).map(|direction| direction.z),
+            _ => None,
+        }
+    }
+
+    /// The sensor's pose at `time_s` from the frame's start.
+    pub fn world_from_sensor(&self, time_s: f64) -> Pose {
+        self.trajectory.pose_at(self.start_s + time_s) * self.body_from_sensor
+    }
+
+    /// The sensor's one pose, if the body stands still.
+    pub fn fixed_world_from_sensor(&self) -> Option<Pose> {
+        self.trajectory.fixed_pose().map(|world_from_body| world_from_body * self.body_from_sensor)
+    }
+
+    /// How many pixels of the frame have no pulse. It asks each pixel of a pattern that can have such.
+    pub fn blind_pixels(&self) -> usize {
+        let can_be_blind = match &self.sensor.pattern {
+            Pattern::Camera(camera) => !matches!(camera.lens(), Lens::Ideal),
+            Pattern::Risley(_) => true,
+            _ => false,
+        };
+        let columns = self.columns();
+        let is_blind = |i: &usize| self.pulse(i / columns, i % columns).is_none();
+        if can_be_blind { (0..self.rows() * columns).filter(is_blind).count() } else { 0 }
+    }
+
+    /// Works out in parallel what is the same in every frame and takes long: the inverse of a lens for each pixel. A scan
+    /// calls it before it casts; asking for a pulse without it gives the same answer, only later.
+    pub fn prepare(&self) {
+        if let Pattern::Camera(camera) = &self.sensor.pattern {
+            camera.invert_lens();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::angle::Angle;
+    use crate::sensor::{Prism, RangeLimits, RingOrder, Risley, Tilted};
+    use glam::DVec3;
+
+    fn prism_sensor() -> Sensor {
+        let prism = |rate_hz, wedge| Prism {
+            rate_hz,
+            wedge: Angle::deg(wedge),
+            index: 1.5,
+            phase: Angle::default(),
+            tilted: Tilted::Exit,
+        };
+        let pattern = Risley::new(vec![prism(121.7, 18.0), prism(-77.3, 18.0)], &[DVec3::X], 1e4, 10.0);
+        Sensor {
+            pattern: Pattern::Risley(pattern.unwrap()),
+            range: RangeLimits::default(),
+            ring: RingOrder::default(),
+        }
+    }
+
+    /// Frame 7 of a pattern that does not repeat goes on where frame 6 ended.
+    #[test]
+    fn frames_of_a_pattern_that_does_not_repeat_follow_each_other() {
+        let sensor = prism_sensor();
+        let first = Capture::at_origin(&sensor);
+        let seventh = first.with_frame(7);
+        assert_eq!((seventh.frame, seventh.start_s), (7, 0.7));
+        assert_ne!(first.pulse(0, 0), seventh.pulse(0, 0));
+        let last_of_sixth = first.with_frame(6).pulse(0, 999).unwrap();
+        let [now, next] = [0, 1].map(|column| seventh.pulse(0, column).unwrap());
+        let step = |a: Pulse, b: Pulse| (a.direction - b.direction).length();
+        assert!((step(last_of_sixth, now) - step(now, next)).abs() < 0.1 * step(now, next));
+        assert_eq!((now.time_s, seventh.time_s(0, 1)), (0.0, Some(next.time_s)));
+    }
+
+    #[test]
+    fn the_pose_is_that_of_the_pulses_own_time() {
+        let sensor = prism_sensor();
+        let trajectory = Trajectory::Twist {
+            start: Pose::IDENTITY,
+            linear_m_s: DVec3::new(10.0, 0.0, 0.0),
+            angular_rad_s: DVec3::ZERO,
+        };
+        let mount = Pose { translation: DVec3::new(0.0, 0.0, 2.0), ..Pose::IDENTITY };
+        let capture = Capture::new(&sensor, mount, &trajectory, 3, 0);
+        let at = capture.world_from_sensor(0.05).translation;
+        assert!(at.abs_diff_eq(DVec3::new(3.5, 0.0, 2.0), 1e-14), "{at}");
+        assert_eq!(capture.fixed_world_from_sensor(), None);
+        assert_eq!(Capture::at_origin(&sensor).fixed_world_from_sensor(), Some(Pose::IDENTITY));
+    }
+}
