@@ -152,7 +152,10 @@ impl BrownConrady {
         let radius = bisect(0.0, high, |r| reach(r) <= target);
         if self.p == [0.0; 2] {
             let found = image * (radius / target);
-            let reached = (reach(radius) - target).abs() <= 1e-12 * target.max(1.0);
+            // Close to a pole the radius grows by more than this from one float to the next: the target then lies between
+            // the two.
+            let reached =
+                (reach(radius) - target).abs() <= 1e-12 * target.max(1.0) || reach(radius.next_up()) > target;
             return Some(found).filter(|&q| reached && self.is_valid(q));
         }
         let mut q = if target > 0.0 { image * (radius / target) } else { DVec2::ZERO };
@@ -240,6 +243,27 @@ mod tests {
             x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
             y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
         )
+    }
+
+    /// Just before a pole of the rational radial part, where one float's step of the radius moves the image by 1e-9: a pixel
+    /// there was taken for one that no ray reaches.
+    #[test]
+    fn a_pixel_close_to_a_pole_has_a_ray() {
+        let k = [
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.382717508750669,
+            -0.039786426550727366,
+            -0.398945233720656,
+            -0.1367824473031873,
+        ];
+        let lens = Lens::BrownConrady(BrownConrady::new(k).unwrap());
+        let ray = DVec3::new(0.37825404579805855, 1.0684005238950856, 1.0).normalize();
+        let image = lens.project(ray).unwrap();
+        assert!(image.length() > 1e3, "{image}");
+        assert!(lens.unproject(image).unwrap().abs_diff_eq(ray, 1e-15));
     }
 
     #[test]
