@@ -449,8 +449,8 @@ fn a_channel_of_ones_own_is_one_declaration() {
         sensors: Sensors::All,
         values: Values::F32(|f, at| f.frame.returns().range_m[at.slot].powi(2)),
     };
-    let sensor = lidar(1, 2);
-    let frame = frame_of(1, 2, &[Some(Return { range_m: 3.0, ..Return::default() }), None]);
+    let sensor = lidar(2, 1);
+    let frame = frame_of(2, 1, &[Some(Return { range_m: 3.0, ..Return::default() }), None]);
     let image = Image::with_channels(&capture(&sensor, &frame), 0, &[made_up]);
     assert_eq!(image.f32("range.squared").unwrap(), [9.0, -1.0]);
 }
