@@ -10,8 +10,6 @@
 //! cloud        clouds of any layout, by Chamfer's distance
 //! map          pictures of ground that is covered and of differences
 //! outcome      what came of a check, as plain data; report and junit write it for people, CI servers and scripts
-//! page         frames and outcomes as one HTML page
-//! selftest     a sensor's own pattern against closed forms, without any baseline
 //! ```
 
 mod baseline;
@@ -23,10 +21,8 @@ mod judge;
 pub mod junit;
 mod map;
 mod outcome;
-pub mod page;
 mod pixels;
 pub mod report;
-pub mod selftest;
 pub(crate) mod words;
 
 pub use baseline::{Baseline, Kept, MAX_PIXEL_BYTES, SceneRecord, SensorRecord, Taken};

@@ -8,19 +8,18 @@ use std::time::Instant;
 use super::interrupt::Interrupt;
 use super::pipeline::{self, Plan};
 use super::terminal::Terminal;
-use super::view;
 use crate::check::expect::{Expected, Ground, Seen, Zone};
-use crate::check::page::View;
 use crate::check::{
     Baseline, Changes, Kept, MAX_PIXEL_BYTES, Outcome, SensorRecord, Settings, Taken, Verdict, coverage_map,
-    judge, junit, page, report,
+    judge, junit, report,
 };
-use crate::config::{self, Config, Job};
+use crate::config::{self, Config, Job, MountedSensor};
 use crate::error::Error;
 use crate::output::{Destination, SensorFrame, encode_png, write_file};
 use crate::scan::Frame;
 use crate::scene::Scene;
 use crate::trace::AnyTracer;
+use crate::view::{View, page};
 
 /// The arguments of `beamcast check`.
 #[derive(Debug, clap::Args)]
@@ -317,7 +316,10 @@ fn check_job(
         terminal.detail(format_args!("wrote {}", path.display()));
     }
     let shown = job.sensors.iter().zip(&frames).filter(|_| args.html.is_some());
-    Ok(shown.map(|(mounted, frame)| view::of_frame(mounted, frame, scene)).collect())
+    let view = |(mounted, frame): (&MountedSensor, &Frame)| {
+        View::of_frame(&mounted.name, &mounted.sensor, frame, scene)
+    };
+    Ok(shown.map(view).collect())
 }
 
 /// The zone of the job's own expectation of coverage, or 20 m each way.

@@ -1,21 +1,18 @@
 //! `beamcast kernels`: the published intersection methods side by side.
 
-mod measure;
-mod random;
-mod yard;
-
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use serde_json::{Value, json};
 
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::frame::UpAxis;
+use crate::kernels::{self, AIMS, DISTANCES_M, Figures, HIT_RATIOS};
 use crate::scene::{Scene, gltf};
 use crate::trace::methods::{Culling, Edges};
-use measure::{AIMS, DISTANCES_M, Figures, HIT_RATIOS};
 
 /// The arguments of `beamcast kernels`.
 #[derive(Debug, clap::Args)]
@@ -42,9 +39,9 @@ pub struct Args {
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let scene = match &args.scene {
         Some(path) => load(path, terminal)?,
-        None => yard::yard(),
+        None => kernels::test_scene::yard(),
     };
-    let all = measure::measure(&scene, args.rays)?;
+    let all = kernels::measure(&scene, args.rays, &stopwatch)?;
     let text = if args.json {
         let kernels: Vec<_> = all.iter().map(|f| Value::Object(columns(f).into_iter().collect())).collect();
         format!(
@@ -204,4 +201,11 @@ fn table(all: &[Figures], triangles: u64) -> String {
          its single tests in f64.\nTimes are the least of many samples, and vary; all other figures are the same on every machine."
     );
     text
+}
+
+/// Measures how long some work takes, in seconds.
+fn stopwatch(work: &mut dyn FnMut()) -> f64 {
+    let start = Instant::now();
+    work();
+    start.elapsed().as_secs_f64()
 }

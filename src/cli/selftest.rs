@@ -9,10 +9,10 @@ use serde_json::{Value, json};
 use super::interrupt::Interrupt;
 use super::terminal::Terminal;
 use crate::angle::Angle;
-use crate::check::selftest::{self, CASTS, Check, Report, ShapeResult, Wrong};
 use crate::config::{self, Config};
 use crate::error::Error;
 use crate::frame::Pose;
+use crate::selftest::{self, CASTS, Check, Report, ShapeResult, Wrong};
 use crate::sensor::Sensor;
 use crate::trace::methods::Method;
 

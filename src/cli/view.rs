@@ -1,23 +1,15 @@
 //! `beamcast view`: frames as one HTML page.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-use serde_json::Value;
 
 use super::interrupt::Interrupt;
 use super::pipeline::{self, Bytes, Plan};
 use super::terminal::Terminal;
-use crate::check::page::{self, View};
-use crate::config::{self, Config, MountedSensor};
+use crate::config::{self, Config};
 use crate::error::Error;
-use crate::frame::BODY_FROM_OPTICAL;
-use crate::output::recorded::{Cloud, Folder, Part, Recorded};
-use crate::output::{Channel, CloudFrame, Destination, Image, Samples, SensorFrame, write_file};
-use crate::scan::{Frame, Return};
-use crate::scene::Scene;
-use crate::sensor::{Camera, Capture};
+use crate::output::{Destination, write_file};
 use crate::trace::AnyTracer;
+use crate::view::{View, of_recording, page};
 
 /// The arguments of `beamcast view`.
 #[derive(Debug, clap::Args)]
@@ -32,9 +24,6 @@ pub struct Args {
     #[arg(long)]
     overwrite: bool,
 }
-
-/// The frames of a folder that one page shows; browsers bear no more.
-const MAX_FRAMES: usize = 16;
 
 /// Makes a page of what there is at a path.
 ///
@@ -94,186 +83,13 @@ fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec
     interrupt.check()?;
     let tracer = AnyTracer::build(&scene, job.kernel);
     let cast = || {
-        let frame = |mounted| pipeline::cast(&job, mounted, &scene, &tracer, interrupt.progress());
-        job.sensors.iter().filter_map(|mounted| Some(of_frame(mounted, &frame(mounted)?, &scene))).collect()
+        let view = |mounted| {
+            let frame = pipeline::cast(&job, mounted, &scene, &tracer, interrupt.progress())?;
+            Some(View::of_frame(&mounted.name, &mounted.sensor, &frame, &scene))
+        };
+        job.sensors.iter().filter_map(view).collect()
     };
     let views = terminal.with_progress(plan.rays, interrupt.progress(), cast);
     interrupt.check()?;
     Ok(views)
-}
-
-/// A frame just cast. Its points are in the sensor's body frame.
-pub fn of_frame(mounted: &MountedSensor, frame: &Frame, scene: &Scene) -> View {
-    let capture = Capture::at_origin(&mounted.sensor);
-    let seen = SensorFrame { capture, frame, name: &mounted.name, cloud_frame: CloudFrame::Body };
-    let point = |(i, hit): (usize, Return)| {
-        seen.point(i / frame.columns(), i % frame.columns(), hit.range_m).map(|p| p.as_vec3().to_array())
-    };
-    View {
-        name: mounted.name.clone(),
-        image: Image::of(&seen),
-        points: Ok(frame.iter().filter_map(point).collect()),
-        instances: (0..).zip(scene.instances.iter().map(|instance| instance.name.clone())).collect(),
-    }
-}
-
-fn of_recording(path: &Path) -> Result<(Vec<View>, String), Error> {
-    match Recorded::open(path)? {
-        Recorded::Exr(parts) => {
-            let beside = path.with_extension("ply");
-            let cloud = match beside.is_file().then(|| Recorded::open(&beside)) {
-                Some(Ok(Recorded::Cloud(cloud))) => Some(cloud),
-                _ => None,
-            };
-            let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            Ok((of_exr(&name, parts, cloud.as_ref(), &BTreeMap::new()), String::new()))
-        }
-        Recorded::Cloud(cloud) => {
-            let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            Ok((vec![of_cloud(&name, &cloud, &BTreeMap::new())], String::new()))
-        }
-        Recorded::Folder(folder) => of_folder(&folder),
-    }
-}
-
-/// The frames of a scan's folder: each from its EXR with the points of its PLY, or from the one that there is.
-fn of_folder(folder: &Folder) -> Result<(Vec<View>, String), Error> {
-    let mut frames: BTreeMap<&str, [bool; 2]> = BTreeMap::new();
-    for output in &folder.outputs {
-        let Some((stem, extension)) = output.rsplit_once('.') else { continue };
-        match extension {
-            "exr" => frames.entry(stem).or_default()[0] = true,
-            "ply" => frames.entry(stem).or_default()[1] = true,
-            _ => {}
-        }
-    }
-    if frames.is_empty() {
-        let problem =
-            "has neither EXR nor PLY files to show: `formats` in the job's [output] says what is written";
-        return Err(Error::input(folder.path(), problem));
-    }
-    let instances = instances_of(&folder.manifest);
-    let mut seen = Vec::new();
-    for (&stem, &[has_exr, has_ply]) in frames.iter().take(MAX_FRAMES) {
-        let cloud = match has_ply.then(|| folder.read(&format!("{stem}.ply"))).transpose()? {
-            Some(Recorded::Cloud(cloud)) => Some(cloud),
-            _ => None,
-        };
-        // The sensor's name says enough of a folder with one frame.
-        let name = match stem.rsplit_once('/') {
-            Some((sensor, "000000")) => sensor,
-            _ => stem,
-        };
-        match has_exr.then(|| folder.read(&format!("{stem}.exr"))).transpose()? {
-            Some(Recorded::Exr(parts)) => seen.extend(of_exr(name, parts, cloud.as_ref(), &instances)),
-            _ => seen.extend(cloud.map(|cloud| of_cloud(name, &cloud, &instances))),
-        }
-    }
-    let note = match frames.len() {
-        all if all > MAX_FRAMES => {
-            format!("the first {MAX_FRAMES} of {all} frames; `view` shows any other by its file")
-        }
-        _ => String::new(),
-    };
-    Ok((seen, note))
-}
-
-/// The names of a manifest's instances.
-fn instances_of(manifest: &Value) -> BTreeMap<u32, String> {
-    let all =
-        manifest.pointer("/scene/instances").and_then(Value::as_array).into_iter().flatten().enumerate();
-    let name = |(index, instance): (usize, &Value)| {
-        let id = instance.get("id").and_then(Value::as_u64).unwrap_or(index as u64);
-        Some((u32::try_from(id).ok()?, instance.get("name")?.as_str()?.to_owned()))
-    };
-    all.filter_map(name).collect()
-}
-
-/// The parts of an EXR. A cloud goes with the first if it has as many points as that has returns.
-fn of_exr(
-    name: &str,
-    parts: Vec<Part>,
-    cloud: Option<&Cloud>,
-    instances: &BTreeMap<u32, String>,
-) -> Vec<View> {
-    let several = parts.len() > 1;
-    let part = |(index, part): (usize, Part)| {
-        let name = if several { format!("{name}, {}", part.name) } else { name.to_owned() };
-        let depth = crate::check::compare::mask(&part.image);
-        let returns = depth.iter().filter(|seen| **seen).count();
-        let points = match cloud.filter(|cloud| index == 0 && cloud.points == returns) {
-            Some(cloud) => positions(cloud).map(|points| points.into_iter().map(|(_, p)| p).collect()),
-            None => camera_points(&part),
-        };
-        // A cloud with a point that is no number would not fit its image.
-        let points = points.ok_or_else(|| {
-            "A range image of a LiDAR does not say where its beams went, so there is no cloud to turn: a PLY beside it does."
-                .to_owned()
-        });
-        let points = match points {
-            Ok(points) if points.len() != returns => Err("The cloud does not fit the image.".to_owned()),
-            other => other,
-        };
-        View { name, image: part.image, points, instances: instances.clone() }
-    };
-    parts.into_iter().enumerate().map(part).collect()
-}
-
-/// The points of a camera's image, by the intrinsics in its header: x forward, y left, z up.
-fn camera_points(part: &Part) -> Option<Vec<[f32; 3]>> {
-    let number = |key: &str| part.attributes.get(key)?.parse::<f64>().ok();
-    let focal = (number("beamcast:fx_px")?, number("beamcast:fy_px")?);
-    let principal = (number("beamcast:cx_px")?, number("beamcast:cy_px")?);
-    let image = &part.image;
-    let camera = Camera::new((image.columns, image.rows), focal, principal, None).ok()?;
-    let ranges = image.f32("range")?.iter().enumerate().filter(|(_, range)| range.is_finite());
-    let point = |(i, &range): (usize, &f32)| {
-        let direction = camera
-            .optical_direction_at((i % image.columns) as f64 + 0.5, (i / image.columns) as f64 + 0.5)?;
-        let direction = BODY_FROM_OPTICAL.direction(direction);
-        Some((direction * f64::from(range)).as_vec3().to_array())
-    };
-    Some(ranges.filter_map(point).collect())
-}
-
-/// The points of a cloud that are numbers, with their index: x forward, y left, z up also for a camera's optical frame.
-fn positions(cloud: &Cloud) -> Option<Vec<(usize, [f32; 3])>> {
-    let [x, y, z] = ["x", "y", "z"].map(|axis| cloud.field(axis));
-    let (x, y, z) = (x?, y?, z?);
-    let is_optical = cloud.comments.iter().any(|c| c.starts_with("frame:") && c.contains("optical"));
-    let point = |i: usize| {
-        let p = glam::DVec3::new(x[i], y[i], z[i]);
-        if is_optical { BODY_FROM_OPTICAL.direction(p) } else { p }
-    };
-    let points = (0..cloud.points).map(|i| (i, point(i).as_vec3()));
-    Some(points.filter(|(_, p)| p.is_finite()).map(|(i, p)| (i, p.to_array())).collect())
-}
-
-/// A cloud without an image: an image of one row, a pixel a point, is all that can be said.
-fn of_cloud(name: &str, cloud: &Cloud, instances: &BTreeMap<u32, String>) -> View {
-    let positions = positions(cloud).unwrap_or_default();
-    let kept = |values: &[f64]| positions.iter().map(|&(i, _)| values[i]).collect::<Vec<f64>>();
-    let mut channels = Vec::new();
-    for field in cloud.fields.iter().filter(|f| !["x", "y", "z"].contains(&f.name.as_str())) {
-        let values = kept(&field.values);
-        let measured = |scale: f64| Samples::F32(values.iter().map(|v| (v * scale) as f32).collect());
-        let is_id = matches!(field.name.as_str(), "instance" | "label" | "ring" | "column");
-        let (name, samples) = match field.name.as_str() {
-            "instance" => ("id.instance", Samples::U32(values.iter().map(|v| *v as u32).collect())),
-            "label" => ("id.semantic", Samples::U32(values.iter().map(|v| *v as u32).collect())),
-            "t" => ("time", measured(1e-9)),
-            other if is_id => (other, Samples::U32(values.iter().map(|v| *v as u32).collect())),
-            other => (other, measured(1.0)),
-        };
-        channels.push(Channel { name: name.to_owned(), samples });
-    }
-    if !channels.iter().any(|c| c.name == "range") {
-        let ranges = positions.iter().map(|(_, p)| glam::Vec3::from(*p).length()).collect();
-        channels.push(Channel { name: "range".to_owned(), samples: Samples::F32(ranges) });
-    }
-    channels.sort_by(|a, b| a.name.cmp(&b.name));
-    channels.dedup_by(|a, b| a.name == b.name);
-    let image = Image { rows: 1, columns: positions.len(), channels };
-    let points = positions.into_iter().map(|(_, p)| p).collect();
-    View { name: name.to_owned(), image, points: Ok(points), instances: instances.clone() }
 }

@@ -1,14 +1,16 @@
-//! The measurements. All but the times are the same on every machine.
+//! Measurements of the intersection methods of [`crate::trace::methods`]: speed, errors against exact arithmetic, and leaks.
+//!
+//! The times vary. All other figures are the same on every machine.
+
+mod random;
+pub mod test_scene;
 
 use std::hint::black_box;
 use std::sync::Arc;
-use std::time::Instant;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::random::Random;
-use super::yard;
 use crate::angle::Angle;
 use crate::error::Error;
 use crate::frame::Pose;
@@ -20,6 +22,7 @@ use crate::trace::exact::{Corners, LocalRay};
 use crate::trace::methods::truth::{Passage, Truth};
 use crate::trace::methods::{Culling, METHODS, Method, Ray, RayTriangle};
 use crate::trace::{AnyTracer, Cast, Hit, Origins, Rays, Tracer};
+use random::Random;
 
 /// Shares of hits among the tests that are timed.
 pub const HIT_RATIOS: [f64; 3] = [0.1, 0.5, 0.9];
@@ -27,11 +30,14 @@ pub const HIT_RATIOS: [f64; 3] = [0.1, 0.5, 0.9];
 /// Distances (metres) at which the error of t is measured.
 pub const DISTANCES_M: [f64; 4] = [1.0, 10.0, 100.0, 200.0];
 
-/// What rays are aimed at.
+/// The part of a triangle that a ray is aimed at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aim {
+    /// A point inside, all of them equally likely.
     Interior,
+    /// A point on one of the edges.
     Edge,
+    /// One of the corners.
     Vertex,
 }
 
@@ -55,12 +61,16 @@ pub struct Figures {
     pub leaks_per_1e8: [f64; 3],
 }
 
-/// |t̂ − t| over the rays that hit.
+/// The error |t̂ − t| over the rays that hit.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DepthError {
+    /// The mean, in units in the last place of the true t as f32.
     pub mean_ulp: f64,
+    /// The largest, in the same units.
     pub largest_ulp: f64,
+    /// The mean, in metres.
     pub mean_m: f64,
+    /// The largest, in metres.
     pub largest_m: f64,
 }
 
@@ -100,11 +110,15 @@ fn exact_depth(ray: &Ray, corners: [Vec3; 3]) -> Option<f64> {
     corners.passes(d).then(|| corners.depth(d))
 }
 
-/// Measures everything: `rays` a method for leaks, a tenth of them for every other kind of judgement.
+/// Runs the work that it is given and returns how long that took, in seconds. The caller brings the clock.
+pub type Stopwatch = dyn Fn(&mut dyn FnMut()) -> f64 + Sync;
+
+/// Measures everything: `rays` a method for leaks, a tenth of them for every other kind of judgement. Times are taken with
+/// `stopwatch`.
 ///
 /// # Errors
 /// [`Error::Usage`] if a sensor in the scene's middle, or 1.8 m above the world's origin, sees nothing of it.
-pub fn measure(scene: &Scene, rays: u64) -> Result<Vec<Figures>, Error> {
+pub fn measure(scene: &Scene, rays: u64, stopwatch: &Stopwatch) -> Result<Vec<Figures>, Error> {
     let sensor = sensor();
     let tracer = Arc::new(Tracer::build(scene));
     let (pose, targets) = [DVec3::Z * 1.8, scene.centre]
@@ -118,9 +132,12 @@ pub fn measure(scene: &Scene, rays: u64) -> Result<Vec<Figures>, Error> {
             )
         })?;
     let subjects = Subject::all();
-    let ns_per_test = times(&subjects);
+    let ns_per_test = times(&subjects, stopwatch);
     let scans = if rays < 100_000 { 1 } else { SCANS };
-    let mrays_per_s = speeds(&subjects, scene, &tracer, &sensor, &pose, scans)?;
+    let scan_timer = ScanTimer { scene, sensor: &sensor, pose: &pose, stopwatch };
+    let rays_a_scan = sensor.pattern.rays() as f64;
+    let scan_seconds = scan_times(&subjects, &tracer, &scan_timer, scans)?;
+    let mrays_per_s: Vec<f64> = scan_seconds.iter().map(|seconds| rays_a_scan / seconds / 1e6).collect();
     let wrong = AIMS.map(|aim| wrong_decisions(&subjects, &targets, aim, rays.div_ceil(10)));
     let errors = DISTANCES_M.map(|distance| depth_errors(&subjects, distance, rays.div_ceil(10)));
     let leaks = AIMS.map(|aim| leaks(&subjects, aim, rays.div_ceil(3)));
@@ -338,7 +355,7 @@ fn around(random: &mut Random, middle: DVec3, normal: DVec3) -> [Vec3; 3] {
 /// By row: rays in 10⁸ that leave a closed mesh.
 fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
     // From within, what culls backs sees a mesh that is turned inside out.
-    let scenes = [false, true].map(yard::closed);
+    let scenes = [false, true].map(test_scene::closed);
     let tracers = scenes.each_ref().map(|scene| Arc::new(Tracer::build(scene)));
     let of_subject = |subject: &Subject| {
         let side = usize::from(subject.culling() == Culling::Back);
@@ -389,7 +406,7 @@ const SAMPLES: usize = 41;
 const PASSES: usize = 32;
 
 /// By row: nanoseconds a test.
-fn times(subjects: &[Subject]) -> Vec<[f64; 3]> {
+fn times(subjects: &[Subject], stopwatch: &Stopwatch) -> Vec<[f64; 3]> {
     let batches: Vec<[_; 3]> = subjects
         .iter()
         .map(|subject| HIT_RATIOS.map(|ratio| batch(*subject, &pairs(*subject, ratio))))
@@ -398,11 +415,12 @@ fn times(subjects: &[Subject]) -> Vec<[f64; 3]> {
     for _ in 0..SAMPLES {
         for (batches, samples) in batches.iter().zip(&mut samples) {
             for (batch, samples) in batches.iter().zip(samples) {
-                let start = Instant::now();
-                for _ in 0..PASSES {
-                    black_box(batch());
-                }
-                samples.push(start.elapsed().as_secs_f64() * 1e9 / (PASSES * PAIRS) as f64);
+                let seconds = stopwatch(&mut || {
+                    for _ in 0..PASSES {
+                        black_box(batch());
+                    }
+                });
+                samples.push(seconds * 1e9 / (PASSES * PAIRS) as f64);
             }
         }
     }
@@ -450,13 +468,30 @@ fn pairs(subject: Subject, ratio: f64) -> Vec<RayTriangle> {
 /// Scans of each speed, taken in turns; one is enough for those who want few rays.
 const SCANS: usize = 15;
 
-/// By row: millions of rays a second, on one thread.
-fn speeds(
+/// The scan whose time is compared from tracer to tracer.
+struct ScanTimer<'a> {
+    scene: &'a Scene,
+    sensor: &'a Sensor,
+    pose: &'a Pose,
+    stopwatch: &'a Stopwatch,
+}
+
+impl ScanTimer<'_> {
+    /// Scans twice and returns the seconds of the second scan: the first has worked out what is needed once an origin.
+    fn seconds(&self, tracer: &impl Cast) -> f64 {
+        let trajectory = Trajectory::Fixed(*self.pose);
+        let capture = Capture::new(self.sensor, Pose::IDENTITY, &trajectory, 0, 0);
+        let scan = || scan(self.scene, tracer, &capture, &Progress::default());
+        black_box::<Option<Frame>>(scan());
+        (self.stopwatch)(&mut || drop(black_box(scan())))
+    }
+}
+
+/// By row: the least seconds of a scan, on one thread.
+fn scan_times(
     subjects: &[Subject],
-    scene: &Scene,
     exact: &Arc<Tracer>,
-    sensor: &Sensor,
-    pose: &Pose,
+    scan_timer: &ScanTimer,
     scans: usize,
 ) -> Result<Vec<f64>, Error> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
@@ -464,29 +499,16 @@ fn speeds(
     let mut samples = vec![Vec::new(); subjects.len()];
     for _ in 0..scans {
         for (subject, samples) in subjects.iter().zip(&mut samples) {
-            let seconds = match subject.0 {
-                None => pool.install(|| scan_time(scene, exact.as_ref(), sensor, pose)),
+            samples.push(match subject.0 {
+                None => pool.install(|| scan_timer.seconds(exact.as_ref())),
                 Some(method) => {
                     let tracer = AnyTracer::Method(method.tracer(exact));
-                    pool.install(|| scan_time(scene, &tracer, sensor, pose))
+                    pool.install(|| scan_timer.seconds(&tracer))
                 }
-            };
-            samples.push(seconds);
+            });
         }
     }
-    let rays = sensor.pattern.rays() as f64;
-    Ok(samples.iter().map(|samples| rays / least(samples) / 1e6).collect())
-}
-
-/// The seconds of a scan, the second of two: what is worked out once an origin is there.
-fn scan_time(scene: &Scene, tracer: &impl Cast, sensor: &Sensor, pose: &Pose) -> f64 {
-    let trajectory = Trajectory::Fixed(*pose);
-    let capture = Capture::new(sensor, Pose::IDENTITY, &trajectory, 0, 0);
-    let run = || scan(scene, tracer, &capture, &Progress::default());
-    black_box::<Option<Frame>>(run());
-    let start = Instant::now();
-    black_box(run());
-    start.elapsed().as_secs_f64()
+    Ok(samples.iter().map(|samples| least(samples)).collect())
 }
 
 /// The least of a time's samples: whatever else the machine does only adds to it.

@@ -1,4 +1,4 @@
-//! What methods are measured on when no scene is given: shapes made in code, so that there is nothing to find or to load.
+//! The scenes that methods are measured on when no scene is given. They are made in code, so that no file has to be found.
 
 use glam::{DMat3, DVec3};
 

@@ -7,16 +7,16 @@
 //! Ranges and other measurements are exact (32 bits); what is only for the eye is rounded: intensities to 1/65535,
 //! normals to 1/127, points to 1/65535 of the cloud's box.
 
-mod pack;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use super::compare::main_depth;
-use super::words::digits;
-use super::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
+use super::frames::View;
+use super::pack;
+use crate::check::compare::main_depth;
+use crate::check::words::digits;
+use crate::check::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
 use crate::output::{Image, NO_RETURN_M, Samples};
 
 const SCRIPT: &str = include_str!("page.js");
@@ -24,19 +24,6 @@ const STYLE: &str = include_str!("page.css");
 
 /// The largest picture that every browser draws, in pixels each way.
 const MAX_PICTURE: usize = 16_384;
-
-/// A frame to show.
-#[derive(Clone, Debug)]
-pub struct View {
-    /// What it is called: its sensor, its file.
-    pub name: String,
-    /// Its channels.
-    pub image: Image,
-    /// Where the pixels with a return are, in their order: metres, x forward, y left, z up. Or why that isn't known.
-    pub points: Result<Vec<[f32; 3]>, String>,
-    /// Names of instances, by id.
-    pub instances: BTreeMap<u32, String>,
-}
 
 /// A page that shows frames.
 pub fn of_views(title: &str, note: &str, views: &[View]) -> String {
@@ -488,7 +475,7 @@ mod tests {
         let sensor = SensorOutcome {
             name: "top".to_owned(),
             differences: vec!["sensor top: 1 of 6 ranges differs".to_owned()],
-            channels: vec![super::super::compare::ChannelDifference {
+            channels: vec![crate::check::compare::ChannelDifference {
                 channel: "range".to_owned(),
                 resolution: 0.25,
                 ..Default::default()
