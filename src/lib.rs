@@ -75,5 +75,6 @@ pub mod scan;
 pub mod scene;
 pub mod selftest;
 pub mod sensor;
+pub mod source;
 pub mod trace;
 pub mod view;

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 
-use crate::config::is_unprintable;
-use crate::error::{Diagnostic, Severity};
+use crate::source::suggest::is_unprintable;
+use crate::source::{Diagnostic, Severity};
 
 /// How many lines of a marked text are shown; a longer one is marked on its first line only.
 const MOST_LINES: usize = 40;

@@ -10,10 +10,10 @@ use serde_json::{Value, json};
 use super::lint;
 use super::pipeline::Bytes;
 use super::terminal::Terminal;
-use crate::config::{is_unprintable, quoted};
 use crate::error::Error;
 use crate::output::Samples;
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
+use crate::source::suggest::{is_unprintable, quoted};
 
 /// The arguments of `beamcast info`.
 #[derive(Debug, clap::Args)]

@@ -12,12 +12,14 @@ use serde::Serialize;
 use super::terminal::Terminal;
 use super::{diagnostics, pipeline};
 use crate::config::{self, Config, Job};
-use crate::error::{Diagnostic, Error, SceneError, Severity};
+use crate::error::{Error, SceneError};
 use crate::frame::UpAxis;
 use crate::output::Format;
 use crate::scan::Frame;
 use crate::scene::{Mesh, Scene, gltf};
 use crate::sensor::{Camera, Capture, Pattern, Rotating, Sensor, azimuth_elevation};
+use crate::source::suggest::quoted;
+use crate::source::{Diagnostic, Severity};
 
 /// What to read.
 #[derive(clap::Args, Clone, Debug)]
@@ -432,7 +434,7 @@ impl FileFacts {
 
     /// For people.
     pub(super) fn to_text(&self) -> String {
-        let mut text = format!("{}: {}\n", config::quoted(&self.path).trim_matches('`'), self.kind);
+        let mut text = format!("{}: {}\n", quoted(&self.path).trim_matches('`'), self.kind);
         if let Some(scene) = &self.scene {
             scene.write(&mut text);
         }
@@ -452,7 +454,7 @@ macro_rules! fact {
 
 impl SceneFacts {
     fn write(&self, text: &mut String) {
-        let _ = writeln!(text, "  scene {}", config::quoted(&self.path).trim_matches('`'));
+        let _ = writeln!(text, "  scene {}", quoted(&self.path).trim_matches('`'));
         let scene = self;
         let skipped = match scene.skipped_triangles {
             0 => String::new(),

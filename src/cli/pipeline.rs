@@ -3,13 +3,14 @@
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use crate::config::{self, Job, MountedSensor, missing_file_help};
+use crate::config::{self, Job, MountedSensor};
 use crate::error::{Error, SceneError};
 use crate::frame::Pose;
 use crate::output::{CloudFrame, Format, Manifest, SensorFrame};
 use crate::scan::{self, Frame, Progress};
 use crate::scene::{Scene, gltf};
 use crate::sensor::Capture;
+use crate::source::suggest::missing_file_help;
 use crate::trace::Cast;
 
 use super::terminal::Terminal;

@@ -10,9 +10,10 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::diagnostics;
-use crate::config::is_unprintable;
-use crate::error::{Diagnostic, Error};
+use crate::error::Error;
 use crate::scan::Progress;
+use crate::source::Diagnostic;
+use crate::source::suggest::is_unprintable;
 
 /// The flags of every subcommand.
 #[derive(Debug, clap::Args)]

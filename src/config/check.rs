@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::near::{list, nearest, quoted};
-use super::section::{self, At, Section};
-use super::text::Report;
+use super::section::{self, Section};
 use super::tree::{Node, Value};
 use crate::angle::Angle;
 use crate::check::expect::{Bounds, Expectation, Expected, Ground, Target, Zone};
 use crate::check::{Settings, Tolerance};
 use crate::output::CHANNEL_NAMES;
+use crate::source::suggest::{list, nearest, quoted};
+use crate::source::{Report, Spanned};
 
 /// Most cells of a zone.
 const MAX_CELLS: f64 = 1e7;
@@ -40,7 +40,7 @@ pub(super) fn settings(report: &Report, top: &Section<'_>) -> Option<Settings> {
         Some((node, value)) => {
             let message = format!("`tolerance` is {}", section::describe(value));
             let help = "such as `[check.tolerance]`, then `range = 0.001`".to_owned();
-            report.error(node.place, message, "expected a table of channels", Some(help));
+            report.error(node.span, message, "expected a table of channels", Some(help));
         }
         None => {}
     }
@@ -49,16 +49,16 @@ pub(super) fn settings(report: &Report, top: &Section<'_>) -> Option<Settings> {
 
 /// A channel's tolerance: a number, or a table.
 fn tolerance(report: &Report, name: &str, node: &Node) -> Option<Tolerance> {
-    let not_negative = |at: Option<At<f64>>| match at {
-        Some(At { value, place }) if value < 0.0 => {
-            report.error(place, format!("a tolerance of {value}"), "expected 0 or more", None);
+    let not_negative = |at: Option<Spanned<f64>>| match at {
+        Some(Spanned { value, span }) if value < 0.0 => {
+            report.error(span, format!("a tolerance of {value}"), "expected 0 or more", None);
             0.0
         }
         at => at.map_or(0.0, |at| at.value),
     };
     match &node.value {
         Value::Table(table) => {
-            let s = Section::new(report, &section::TOLERANCE, table, node.place);
+            let s = Section::new(report, &section::TOLERANCE, table, node.span);
             Some(Tolerance {
                 absolute: not_negative(s.number("absolute")),
                 relative: not_negative(s.number("relative")),
@@ -72,7 +72,7 @@ fn tolerance(report: &Report, name: &str, node: &Node) -> Option<Tolerance> {
         value => {
             let message = format!("the tolerance of {} is {}", quoted(name), section::describe(value));
             let label = "expected a number, or a table of `absolute`, `relative` and `pixels`";
-            report.error(node.place, message, label, None);
+            report.error(node.span, message, label, None);
             None
         }
     }
@@ -86,7 +86,7 @@ pub(super) fn expectations(report: &Report, top: &Section<'_>, sensors: &[String
         Some(Node { value: Value::Array(nodes), .. }) => nodes,
         Some(node) => {
             let message = format!("`expect` is {}", section::describe(&node.value));
-            report.error(node.place, message, "expected a list of tables", help());
+            report.error(node.span, message, "expected a list of tables", help());
             return Vec::new();
         }
     };
@@ -95,21 +95,21 @@ pub(super) fn expectations(report: &Report, top: &Section<'_>, sensors: &[String
     for node in nodes {
         let Value::Table(table) = &node.value else {
             let message = format!("an expectation is {}", section::describe(&node.value));
-            report.error(node.place, message, "expected a table", help());
+            report.error(node.span, message, "expected a table", help());
             continue;
         };
-        let s = Section::new(report, &section::EXPECT, table, node.place);
+        let s = Section::new(report, &section::EXPECT, table, node.span);
         s.need("name", "`name = \"the pedestrian is seen\"`, which reports call it by");
         let name = s.text("name");
         if let Some(name) = name {
             if taken.contains(&name.value) {
                 let message = format!("two expectations are called {}", quoted(name.value));
-                report.error(name.place, message, "expected another name", None);
+                report.error(name.span, message, "expected another name", None);
             }
             taken.push(name.value);
         }
         let sensor = s.text("sensor");
-        if let Some(At { value, place }) = sensor
+        if let Some(Spanned { value, span }) = sensor
             && !sensors.iter().any(|known| known == value)
             && !sensors.is_empty()
         {
@@ -118,7 +118,7 @@ pub(super) fn expectations(report: &Report, top: &Section<'_>, sensors: &[String
                 Some(near) => format!("did you mean {}?", quoted(near)),
                 None => format!("the job's sensors are {}", list(names, "and")),
             };
-            report.error(place, format!("there is no sensor {}", quoted(value)), "", Some(help));
+            report.error(span, format!("there is no sensor {}", quoted(value)), "", Some(help));
         }
         let what = expected(report, &s);
         if let (Some(name), Some(what)) = (name, what) {
@@ -148,13 +148,13 @@ fn expected(report: &Report, s: &Section<'_>) -> Option<Expected> {
         [] => {
             let help = "such as `points = { object = \"crate_3\", at_least = 50 }`";
             let label = format!("needs one of {}", list(KINDS, "or"));
-            report.error(s.place, "the expectation expects nothing", label, Some(help.into()));
+            report.error(s.span, "the expectation expects nothing", label, Some(help.into()));
             return None;
         }
         [_, (kind, node), ..] => {
             let message = "an expectation is about one thing, and this is about more";
             let help = "write an `[[expect]]` of its own for it".to_owned();
-            report.error(node.place, message, format!("`{kind}` is one too many"), Some(help));
+            report.error(node.span, message, format!("`{kind}` is one too many"), Some(help));
             return None;
         }
     };
@@ -180,7 +180,7 @@ fn expected(report: &Report, s: &Section<'_>) -> Option<Expected> {
             let normal = normal.and_then(|n| {
                 let unit = DVec3::from_array(n.value).try_normalize();
                 if unit.is_none() {
-                    report.error(n.place, "a plane's normal has no length", "expected a direction", None);
+                    report.error(n.span, "a plane's normal has no length", "expected a direction", None);
                 }
                 unit
             });
@@ -211,7 +211,7 @@ fn expected(report: &Report, s: &Section<'_>) -> Option<Expected> {
                 let side = s.vector::<2>(key, "from, to")?;
                 if side.value[0] >= side.value[1] {
                     let message = format!("nothing lies between {} and {}", side.value[0], side.value[1]);
-                    report.error(side.place, message, "expected the lesser first", None);
+                    report.error(side.span, message, "expected the lesser first", None);
                     return None;
                 }
                 Some(side.value)
@@ -223,7 +223,7 @@ fn expected(report: &Report, s: &Section<'_>) -> Option<Expected> {
             let cells = ((x_m[1] - x_m[0]) / cell.value).ceil() * ((y_m[1] - y_m[0]) / cell.value).ceil();
             if cells.is_nan() || cells > MAX_CELLS {
                 let message = format!("a zone of {cells:e} cells");
-                report.error(cell.place, message, format!("expected at most {MAX_CELLS:e}"), None);
+                report.error(cell.span, message, format!("expected at most {MAX_CELLS:e}"), None);
                 return None;
             }
             let zone = Zone { ground, x_m, y_m, cell_m: cell.value };
@@ -288,7 +288,7 @@ fn bounds(report: &Report, s: &Section<'_>) -> Option<Bounds> {
     let number = |key| {
         let at = s.number(key)?;
         if at.value < 0.0 {
-            report.error(at.place, format!("`{key}` is {}", at.value), "expected 0 or more", None);
+            report.error(at.span, format!("`{key}` is {}", at.value), "expected 0 or more", None);
         }
         Some(at)
     };
@@ -299,8 +299,8 @@ fn bounds(report: &Report, s: &Section<'_>) -> Option<Bounds> {
 fn limits(
     report: &Report,
     s: &Section<'_>,
-    at_least: Option<At<f64>>,
-    at_most: Option<At<f64>>,
+    at_least: Option<Spanned<f64>>,
+    at_most: Option<Spanned<f64>>,
 ) -> Option<Bounds> {
     if s.get("at_most").is_none() {
         s.need("at_least", "`at_least` or `at_most`, or both");
@@ -309,7 +309,7 @@ fn limits(
         && least.value > most.value
     {
         let message = format!("nothing is at least {} and at most {}", least.value, most.value);
-        report.error(report.later(most.place, least.place), message, "", None);
+        report.error(report.later(most.span, least.span), message, "", None);
         return None;
     }
     let bounds = Bounds { at_least: at_least.map(|at| at.value), at_most: at_most.map(|at| at.value) };
@@ -318,7 +318,7 @@ fn limits(
 
 /// Whole degrees, counter-clockwise.
 fn sector(report: &Report, s: &Section<'_>) -> Option<(i32, i32)> {
-    let place = s.get("sector_deg")?.place;
+    let span = s.get("sector_deg")?.span;
     let s = s.section("sector_deg", &section::SECTOR)?;
     s.need("from", "`from = -60.0`, an azimuth in degrees");
     s.need("to", "`to = 60.0`, an azimuth in degrees, counter-clockwise from `from`");
@@ -326,7 +326,7 @@ fn sector(report: &Report, s: &Section<'_>) -> Option<(i32, i32)> {
     if !(from < to && to - from <= 360.0 && from.abs() <= 360.0) {
         let message = format!("the sector from {from} to {to} degrees");
         let label = "expected `from` less than `to`, and a turn at most";
-        report.error(place, message, label, None);
+        report.error(span, message, label, None);
         return None;
     }
     Some((from.floor() as i32, to.ceil() as i32))

@@ -5,17 +5,17 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::near::{missing_file_help, quoted};
 use super::presets;
 use super::rays::RayFiles;
-use super::section::{self, At, Section};
-use super::text::{Layer, Place, Report, Unreadable, portable};
+use super::section::{self, Section};
 use super::tree::{self, Entry, Node, Table, Value};
 use super::{Job, MountedSensor, OutputSettings, check, sensor};
 use crate::angle::Angle;
 use crate::frame::{Pose, UpAxis};
 use crate::motion::Trajectory;
 use crate::output::{CloudFrame, Format};
+use crate::source::suggest::{missing_file_help, quoted};
+use crate::source::{Layer, Report, Span, Spanned, Unreadable, portable};
 use crate::trace::methods::{METHODS, Method};
 
 /// Most sensors of a rig.
@@ -55,7 +55,7 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
     }
     let report = &*report;
 
-    let root = Place::new(0, 0..0);
+    let root = Span::new(0, 0..0);
     let top = Section::new(report, &section::JOB, &table, root);
     top.need("scene", "`scene = \"../scenes/room.glb\"`, a glTF file");
     top.need("sensor", "a `[[sensor]]`");
@@ -127,11 +127,11 @@ fn name_lone_sensor(table: &mut Table, over: &Table) {
         Some(Value::Table(s)) if s.contains_key(LONE_NAME));
     if let Some(entry) = table.get_mut("sensor").filter(|_| addressed)
         && let Value::Array(sensors) = &mut entry.node.value
-        && let [Node { place, value: Value::Table(sensor) }] = sensors.as_mut_slice()
+        && let [Node { span, value: Value::Table(sensor) }] = sensors.as_mut_slice()
         && !sensor.contains_key("name")
     {
-        let name = Node { place: *place, value: Value::String(LONE_NAME.to_owned()) };
-        sensor.insert("name".to_owned(), Entry { key: *place, node: name });
+        let name = Node { span: *span, value: Value::String(LONE_NAME.to_owned()) };
+        sensor.insert("name".to_owned(), Entry { key: *span, node: name });
     }
 }
 
@@ -149,9 +149,9 @@ fn lay_presets_under(report: &mut Report, job: &mut Table, folder: &Path) -> (Ve
     };
     for (index, node) in sensors.iter_mut().enumerate().take(MAX_SENSORS) {
         let Value::Table(sensor) = &mut node.value else { continue };
-        let Some(Entry { node: Node { place, value }, .. }) = sensor.get("preset") else { continue };
+        let Some(Entry { node: Node { span, value }, .. }) = sensor.get("preset") else { continue };
         let preset = match value {
-            Value::String(as_written) => open_preset(report, &mut presets, folder, as_written, *place),
+            Value::String(as_written) => open_preset(report, &mut presets, folder, as_written, *span),
             _ => None, // reported when it's read
         };
         let Some(preset) = preset else {
@@ -164,7 +164,7 @@ fn lay_presets_under(report: &mut Report, job: &mut Table, folder: &Path) -> (Ve
             if used <= MAX_PRESET_BYTES {
                 let message =
                     format!("the job's sensors take more than {MAX_PRESET_BYTES} bytes from their files");
-                report.error(*place, message, "too much from here on", None);
+                report.error(*span, message, "too much from here on", None);
             }
             lost.push(index);
             continue;
@@ -189,13 +189,13 @@ fn lay_presets_under(report: &mut Report, job: &mut Table, folder: &Path) -> (Ve
     (presets, lost)
 }
 
-/// The sensor file that a job calls `as_written` at `place`, read now or before.
+/// The sensor file that a job calls `as_written` at `span`, read now or before.
 fn open_preset<'a>(
     report: &mut Report,
     presets: &'a mut Vec<Preset>,
     folder: &Path,
     as_written: &str,
-    place: Place,
+    span: Span,
 ) -> Option<&'a Preset> {
     if as_written.is_empty() {
         return None; // reported when it's read
@@ -210,7 +210,7 @@ fn open_preset<'a>(
         match presets::text(as_written) {
             Some(text) => Ok(report.add(Path::new(as_written), text.to_owned(), Layer::Preset)),
             None => {
-                presets::report_unknown(report, as_written, place, &path);
+                presets::report_unknown(report, as_written, span, &path);
                 return None;
             }
         }
@@ -230,7 +230,7 @@ fn open_preset<'a>(
                 _ => None,
             };
             let message = format!("the sensor file {} can't be used", quoted(as_written));
-            report.error(place, message, problem.to_string(), help);
+            report.error(span, message, problem.to_string(), help);
             None
         }
     }
@@ -262,7 +262,7 @@ fn labels(report: &Report, top: &Section<'_>) -> BTreeMap<String, u32> {
         Some(node) => {
             let message = format!("`labels` is {}", section::describe(&node.value));
             let label = "expected a table of node or material names, each with a whole number";
-            report.error(node.place, message, label, Some("such as `[labels]`, then `wall = 3`".into()));
+            report.error(node.span, message, label, Some("such as `[labels]`, then `wall = 3`".into()));
         }
         None => {}
     }
@@ -280,7 +280,7 @@ fn pose(report: &Report, table: &Section<'_>) -> Pose {
     let translation = position.map_or(DVec3::ZERO, |p| DVec3::from_array(p.value));
     if let (Some(rpy), Some(quaternion)) = (rpy, quaternion) {
         let message = "a pose has one rotation, and this has both `rpy_deg` and `quaternion_xyzw`";
-        report.error(report.later(quaternion.place, rpy.place), message, "one too many", None);
+        report.error(report.later(quaternion.span, rpy.span), message, "one too many", None);
     }
     if let Some(q) = quaternion {
         return quaternion_pose(report, translation, q).unwrap_or(Pose::IDENTITY);
@@ -289,16 +289,16 @@ fn pose(report: &Report, table: &Section<'_>) -> Pose {
     Pose::from_rpy(translation, roll, pitch, yaw)
 }
 
-fn quaternion_pose(report: &Report, translation: DVec3, q: At<[f64; 4]>) -> Option<Pose> {
+fn quaternion_pose(report: &Report, translation: DVec3, q: Spanned<[f64; 4]>) -> Option<Pose> {
     let made = Pose::from_quaternion(translation, q.value);
     let length = q.value.iter().map(|x| x * x).sum::<f64>().sqrt();
     if made.is_none() {
         let message = format!("a quaternion of length {length} is no rotation");
         let help = "`[0.0, 0.0, 0.0, 1.0]` turns by nothing";
-        report.error(q.place, message, "expected x, y, z, w of length 1", Some(help.into()));
+        report.error(q.span, message, "expected x, y, z, w of length 1", Some(help.into()));
     } else if (length - 1.0).abs() > 1e-3 {
         let message = format!("a quaternion of length {length:.6}, which is normalised");
-        report.warning(q.place, message, "expected x, y, z, w of length 1", None);
+        report.warning(q.span, message, "expected x, y, z, w of length 1", None);
     }
     made
 }
@@ -332,18 +332,18 @@ fn sensors(report: &Report, top: &Section<'_>, ray_files: &RayFiles, lost: &[usi
         Some(Node { value: Value::Array(nodes), .. }) => nodes,
         Some(node) => {
             let message = format!("`sensor` is {}", section::describe(&node.value));
-            report.error(node.place, message, "expected a list of tables", help());
+            report.error(node.span, message, "expected a list of tables", help());
             return Vec::new();
         }
     };
     if let Some(node) = nodes.get(MAX_SENSORS) {
         let message = format!("the job has {} sensors", nodes.len());
-        report.error(node.place, message, format!("expected at most {MAX_SENSORS}"), None);
+        report.error(node.span, message, format!("expected at most {MAX_SENSORS}"), None);
         return Vec::new();
     } else if nodes.is_empty()
         && let Some(node) = top.get("sensor")
     {
-        report.error(node.place, "the job has no sensors", "expected at least one", help());
+        report.error(node.span, "the job has no sensors", "expected at least one", help());
     }
     let mut taken = BTreeMap::new();
     let mut mounted = Vec::new();
@@ -351,10 +351,10 @@ fn sensors(report: &Report, top: &Section<'_>, ray_files: &RayFiles, lost: &[usi
     for (index, node) in nodes.iter().enumerate() {
         let Value::Table(table) = &node.value else {
             let message = format!("a sensor is {}", section::describe(&node.value));
-            report.error(node.place, message, "expected a table", help());
+            report.error(node.span, message, "expected a table", help());
             continue;
         };
-        let s = Section::new(report, &section::SENSOR, table, node.place);
+        let s = Section::new(report, &section::SENSOR, table, node.span);
         s.text("preset");
         let name = sensor_name(report, &s, nodes.len() == 1, &mut taken);
         let body_from_sensor = pose(report, &s);
@@ -364,7 +364,7 @@ fn sensors(report: &Report, top: &Section<'_>, ray_files: &RayFiles, lost: &[usi
             beams += pattern.rows();
             if beams > MAX_BEAMS {
                 let message = format!("the job's sensors have more than {MAX_BEAMS} beams");
-                report.error(node.place, message, "too many from here on", None);
+                report.error(node.span, message, "too many from here on", None);
                 break;
             }
         }
@@ -389,7 +389,7 @@ fn sensor_name(
     s.need("name", "`name = \"top\"`: each of several sensors needs one, for its output folder");
     let name = s.text("name")?;
     let complain = |message: String, label: &str| {
-        report.error(name.place, message, label, None);
+        report.error(name.span, message, label, None);
         None
     };
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');

@@ -2,13 +2,11 @@
 
 mod check;
 mod job;
-mod near;
 pub mod presets;
 mod rays;
 mod schema;
 mod section;
 mod sensor;
-mod text;
 mod tree;
 
 use std::collections::BTreeMap;
@@ -16,16 +14,16 @@ use std::path::{Path, PathBuf};
 
 use crate::check::Settings;
 use crate::check::expect::Expectation;
-use crate::error::{Diagnostic, Error};
+use crate::error::Error;
 use crate::frame::{Pose, UpAxis};
 use crate::motion::Trajectory;
 use crate::output::{CloudFrame, Format};
 use crate::sensor::Sensor;
+use crate::source::suggest::{missing_file_help, quoted};
+use crate::source::{Diagnostic, Layer, Report, Span, Unreadable};
 use crate::trace::methods::Method;
 
-pub(crate) use near::{is_unprintable, missing_file_help, quoted};
 pub use schema::{Document, schema};
-use text::{Layer, Place, Report, Unreadable};
 use tree::Table;
 
 /// A job: a rig of sensors, a scene, and what to write.
@@ -156,7 +154,7 @@ pub fn load_preset(name: &str) -> Result<SensorFile, Error> {
     let path = Path::new(name);
     let Some(text) = presets::text(name) else {
         let message = format!("there is no built-in sensor {}", quoted(name));
-        return Err(Error::Config(vec![text::unreadable(path, message, presets::near_name(name))]));
+        return Err(Error::Config(vec![Diagnostic::about_file(path, message, presets::near_name(name))]));
     };
     let mut report = Report::default();
     let source = report.add(path, text.to_owned(), Layer::Main);
@@ -191,7 +189,7 @@ pub(crate) fn toml_string(text: &str) -> String {
 
 /// A file that is fine, but not where it was given.
 fn misplaced(path: &Path, message: &str, help: String) -> Error {
-    Error::Config(vec![text::unreadable(path, message.to_owned(), Some(help))])
+    Error::Config(vec![Diagnostic::about_file(path, message.to_owned(), Some(help))])
 }
 
 fn read(path: &Path) -> Result<(Report, Table), Error> {
@@ -212,7 +210,7 @@ fn read(path: &Path) -> Result<(Report, Table), Error> {
                 Unreadable::Missing => missing_file_help(&path.to_string_lossy(), path),
                 _ => None,
             };
-            Err(Error::Config(vec![text::unreadable(path, problem.to_string(), help)]))
+            Err(Error::Config(vec![Diagnostic::about_file(path, problem.to_string(), help)]))
         }
     }
 }
@@ -235,9 +233,9 @@ fn into_sensor(mut report: Report, path: &Path, mut table: Table) -> Result<Sens
     for (_, table) in &all {
         ray_files.read(&mut report, table);
     }
-    let place = Place::new(0, 0..0);
+    let span = Span::new(0, 0..0);
     let read = |table: &Table| {
-        let section = section::Section::new(&report, &section::SENSOR_FILE, table, place);
+        let section = section::Section::new(&report, &section::SENSOR_FILE, table, span);
         sensor::sensor(&report, &section, &ray_files, false)
     };
     let mut sensors =

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::near::{list, nearest, quoted};
 use super::section;
-use super::text::{Place, Report};
 use super::tree::{self, Entry, Node, Table, Value};
+use crate::source::suggest::{list, nearest, quoted};
+use crate::source::{Report, Span};
 
 macro_rules! built_in {
     ($($name:literal),* $(,)?) => {
@@ -71,11 +71,11 @@ pub(super) fn near_name(name: &str) -> Option<String> {
 }
 
 /// Reports a preset that is neither a built-in sensor nor a file.
-pub(super) fn report_unknown(report: &Report, name: &str, place: Place, path: &Path) {
+pub(super) fn report_unknown(report: &Report, name: &str, span: Span, path: &Path) {
     let help =
         if path.exists() { Some("a sensor file's name ends in `.toml`".to_owned()) } else { near_name(name) };
     let message = format!("there is no built-in sensor {}", quoted(name));
-    report.error(place, message, "expected its name, or a path that ends in `.toml`", help);
+    report.error(span, message, "expected its name, or a path that ends in `.toml`", help);
 }
 
 /// Reports what can be no modes.
@@ -83,7 +83,7 @@ pub(super) fn check_modes(report: &Report, table: &Table) {
     let complain = |what: &str, node: &Node| {
         let message = format!("{what} is {}", section::describe(&node.value));
         let help = "such as `[modes.2048x10.rotating]`, then `columns = 2048`";
-        report.error(node.place, message, "expected a table", Some(help.into()));
+        report.error(node.span, message, "expected a table", Some(help.into()));
     };
     match table.get("modes").map(|entry| (&entry.node, &entry.node.value)) {
         Some((_, Value::Table(modes))) => {
@@ -123,14 +123,14 @@ pub(super) fn choose_mode(report: &Report, table: &mut Table, modes: Vec<(String
         (Some(near), _) => format!("did you mean {}?", quoted(near)),
         (None, _) => format!("its modes are {}", list(names(), "and")),
     };
-    report.error(wanted.place, format!("the sensor has no mode {}", quoted(name)), "", Some(help));
+    report.error(wanted.span, format!("the sensor has no mode {}", quoted(name)), "", Some(help));
 }
 
 /// Lays a mode over its sensor's table.
 pub(super) fn lay_mode(report: &Report, table: &mut Table, mode: &Node) {
     if let Value::Table(mode_table) = &mode.value {
         // Making the section reports the keys that a mode shouldn't have.
-        section::Section::new(report, &section::MODE, mode_table, mode.place);
+        section::Section::new(report, &section::MODE, mode_table, mode.span);
         tree::lay_over(report, table, mode_table.clone());
     }
 }

@@ -4,13 +4,12 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::near::{list, missing_file_help, nearest, quoted};
-use super::section::At;
-use super::text::{Layer, Place, Report, Unreadable};
+use super::InputFile;
 use super::tree::{Table, Value};
-use super::{InputFile, text};
 use crate::angle::Angle;
 use crate::sensor::{Pulse, direction};
+use crate::source::suggest::{list, missing_file_help, nearest, quoted};
+use crate::source::{Layer, Report, Span, Spanned, Unreadable, portable};
 
 /// The largest file that is read.
 const MAX_BYTES: u64 = 256 << 20;
@@ -37,26 +36,26 @@ impl RayFiles {
         let Some(Value::Table(rays)) = sensor.get("rays").map(|entry| &entry.node.value) else { return };
         let Some(file) = rays.get("file").map(|entry| &entry.node) else { return };
         let Value::String(as_written) = &file.value else { return }; // reported when it's read
-        let key = (file.place.source(), as_written.clone());
+        let key = (file.span.source, as_written.clone());
         if as_written.is_empty() || self.tables.contains_key(&key) {
             return;
         }
-        let table = self.open(report, as_written, file.place);
+        let table = self.open(report, as_written, file.span);
         self.tables.insert(key, table);
     }
 
     /// The rays of a file that was read, `None` if there is something wrong with it.
-    pub fn pulses(&self, file: At<&str>) -> Option<Vec<Pulse>> {
-        self.tables.get(&(file.place.source(), file.value.to_owned()))?.clone()
+    pub fn pulses(&self, file: Spanned<&str>) -> Option<Vec<Pulse>> {
+        self.tables.get(&(file.span.source, file.value.to_owned()))?.clone()
     }
 
-    fn open(&mut self, report: &mut Report, as_written: &str, place: Place) -> Option<Vec<Pulse>> {
-        let path = report.folder(place).join(as_written);
+    fn open(&mut self, report: &mut Report, as_written: &str, span: Span) -> Option<Vec<Pulse>> {
+        let path = report.folder(span).join(as_written);
         match report.open_up_to(&path, Layer::Preset, MAX_BYTES) {
             Ok(source) => {
                 let content = report.text(source);
                 self.files.push(InputFile {
-                    name: text::portable(as_written),
+                    name: portable(as_written),
                     bytes: content.len() as u64,
                     blake3: blake3::hash(content.as_bytes()).to_hex().to_string(),
                 });
@@ -69,7 +68,7 @@ impl RayFiles {
                     _ => None,
                 };
                 let message = format!("the table of rays {} can't be used", quoted(as_written));
-                report.error(place, message, problem.to_string(), help);
+                report.error(span, message, problem.to_string(), help);
                 None
             }
         }
@@ -106,7 +105,7 @@ fn parse(report: &Report, source: u32) -> Option<Vec<Pulse>> {
     let mut lines = Lines { text: text.strip_prefix('\u{feff}').unwrap_or(text), whole: text };
     let header = lines.next();
     let Some((header_at, header)) = header else {
-        report.error(Place::new(source, 0..0), "the table of rays is empty", "expected a header", None);
+        report.error(Span::new(source, 0..0), "the table of rays is empty", "expected a header", None);
         return None;
     };
     let columns = columns(report, source, (header_at, header))?;
@@ -115,13 +114,13 @@ fn parse(report: &Report, source: u32) -> Option<Vec<Pulse>> {
     for (at, line) in lines {
         if pulses.len() == MAX_RAYS {
             let message = format!("the table has more than {MAX_RAYS} rays");
-            report.error(Place::new(source, at..at + line.len()), message, "too many from here on", None);
+            report.error(Span::new(source, at..at + line.len()), message, "too many from here on", None);
             return None;
         }
         match ray(&columns, (at, line)) {
             Ok(pulse) => pulses.push(pulse),
             Err((span, message, label)) => {
-                report.error(Place::new(source, span), message, label, None);
+                report.error(Span::new(source, span), message, label, None);
                 errors += 1;
                 if errors == MAX_ERRORS {
                     break;
@@ -130,8 +129,8 @@ fn parse(report: &Report, source: u32) -> Option<Vec<Pulse>> {
         }
     }
     if errors == 0 && pulses.is_empty() {
-        let place = Place::new(source, header_at..header_at + header.len());
-        report.error(place, "the table has no rays", "expected a ray a line after this", None);
+        let span = Span::new(source, header_at..header_at + header.len());
+        report.error(span, "the table has no rays", "expected a ray a line after this", None);
     }
     (errors == 0 && !pulses.is_empty()).then_some(pulses)
 }
@@ -171,11 +170,11 @@ fn fields((at, line): (usize, &str)) -> impl Iterator<Item = (std::ops::Range<us
 
 /// What each of a table's columns is, as an index into [`COLUMNS`].
 fn columns(report: &Report, source: u32, header: (usize, &str)) -> Option<Vec<usize>> {
-    let whole = Place::new(source, header.0..header.0 + header.1.len());
+    let whole = Span::new(source, header.0..header.0 + header.1.len());
     let mut columns: Vec<usize> = Vec::new();
     let mut is_fine = true;
     for (span, name) in fields(header) {
-        let place = Place::new(source, span);
+        let span = Span::new(source, span);
         let known = COLUMNS.iter().position(|c| *c == name);
         match known {
             None => {
@@ -183,11 +182,11 @@ fn columns(report: &Report, source: u32, header: (usize, &str)) -> Option<Vec<us
                     Some(near) => format!("did you mean {}?", quoted(near)),
                     None => format!("the columns of a table of rays are {}", list(COLUMNS, "and")),
                 };
-                report.error(place, format!("unknown column {}", quoted(name)), "", Some(help));
+                report.error(span, format!("unknown column {}", quoted(name)), "", Some(help));
                 is_fine = false;
             }
             Some(index) if columns.contains(&index) => {
-                report.error(place, format!("the column {} is there twice", quoted(name)), "", None);
+                report.error(span, format!("the column {} is there twice", quoted(name)), "", None);
                 is_fine = false;
             }
             Some(index) => columns.push(index),

@@ -1,8 +1,8 @@
 //! Typed reading of a table: every problem is recorded, and reading goes on.
 
-use super::near::{list, nearest, quoted};
-use super::text::{Place, Report};
 use super::tree::{Node, Table, Value};
+use crate::source::suggest::{list, nearest, quoted};
+use crate::source::{Report, Span, Spanned};
 
 /// The tables of jobs and sensor files: what they are called in messages, and their keys.
 #[derive(Debug, PartialEq, Eq)]
@@ -79,26 +79,19 @@ const FOREIGN_UNITS: &[&str] = &[
     "radians", "ns", "ms", "sec", "seconds", "khz", "mhz", "rpm", "fps", "pixel", "pixels",
 ];
 
-/// A value, and where it was written.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct At<T> {
-    pub value: T,
-    pub place: Place,
-}
-
 /// A table that is being read. Making it reports the keys that it shouldn't have.
 pub(super) struct Section<'a> {
     report: &'a Report,
     shape: &'static Shape,
     table: &'a Table,
     /// The table's header, or its braces.
-    pub place: Place,
+    pub span: Span,
     /// Keys that were probably meant by unknown ones, which were reported already.
     meant: Vec<&'static str>,
 }
 
 impl<'a> Section<'a> {
-    pub fn new(report: &'a Report, shape: &'static Shape, table: &'a Table, place: Place) -> Self {
+    pub fn new(report: &'a Report, shape: &'static Shape, table: &'a Table, span: Span) -> Self {
         let mut meant = Vec::new();
         for (key, entry) in table.iter().filter(|(key, _)| !shape.keys.contains(&key.as_str())).take(100) {
             let help = match meant_key(key, shape) {
@@ -120,7 +113,7 @@ impl<'a> Section<'a> {
             let message = format!("unknown key {} in {}", quoted(key), shape.title);
             report.error(entry.key, message, "", Some(help));
         }
-        Self { report, shape, table, place, meant }
+        Self { report, shape, table, span, meant }
     }
 
     /// What the table is called in messages.
@@ -142,14 +135,14 @@ impl<'a> Section<'a> {
     pub fn need(&self, key: &'static str, example: &str) {
         if self.get(key).is_none() && !self.meant.contains(&key) {
             let message = format!("{} has no `{key}`", self.shape.title);
-            self.report.error(self.place, message, format!("needs `{key}`"), Some(format!("add {example}")));
+            self.report.error(self.span, message, format!("needs `{key}`"), Some(format!("add {example}")));
         }
     }
 
     /// Reports a value of the wrong kind.
     fn expected<T>(&self, key: &str, node: &Node, expected: &str) -> Option<T> {
         self.report.error(
-            node.place,
+            node.span,
             format!("`{key}` is {}", describe(&node.value)),
             format!("expected {expected}"),
             None,
@@ -157,11 +150,11 @@ impl<'a> Section<'a> {
         None
     }
 
-    pub fn text(&self, key: &str) -> Option<At<&'a str>> {
+    pub fn text(&self, key: &str) -> Option<Spanned<&'a str>> {
         let node = self.get(key)?;
         match &node.value {
             Value::String(text) if text.is_empty() => self.expected(key, node, "some text"),
-            Value::String(text) => Some(At { value: text, place: node.place }),
+            Value::String(text) => Some(Spanned { value: text, span: node.span }),
             _ => self.expected(key, node, "a string, in quotes"),
         }
     }
@@ -180,7 +173,7 @@ impl<'a> Section<'a> {
         if found.is_none() {
             let help = nearest(text, words()).map(|word| format!("did you mean \"{word}\"?"));
             let message = format!("`{key}` is {}", describe(&node.value));
-            self.report.error(node.place, message, format!("expected {}", either(words())), help);
+            self.report.error(node.span, message, format!("expected {}", either(words())), help);
         }
         found
     }
@@ -202,7 +195,7 @@ impl<'a> Section<'a> {
                 if let Value::String(word) = &element.value {
                     if seen.contains(&word) {
                         let message = format!("`{key}` lists {} twice", describe(&element.value));
-                        self.report.error(element.place, message, "listed before", None);
+                        self.report.error(element.span, message, "listed before", None);
                     }
                     seen.push(word);
                 }
@@ -213,22 +206,22 @@ impl<'a> Section<'a> {
     }
 
     /// A whole number from `least` to `most`.
-    pub fn integer(&self, key: &str, least: u64, most: u64) -> Option<At<u64>> {
+    pub fn integer(&self, key: &str, least: u64, most: u64) -> Option<Spanned<u64>> {
         integer(self.report, key, self.get(key)?, least, most)
     }
 
     /// A finite number.
-    pub fn number(&self, key: &str) -> Option<At<f64>> {
+    pub fn number(&self, key: &str) -> Option<Spanned<f64>> {
         self.finite(key, self.get(key)?)
     }
 
     /// A number greater than 0; `inf` is one if `infinite_too`.
-    pub fn positive(&self, key: &str, infinite_too: bool) -> Option<At<f64>> {
+    pub fn positive(&self, key: &str, infinite_too: bool) -> Option<Spanned<f64>> {
         let node = self.get(key)?;
         let of_unit = unit(key).map_or(String::new(), |unit| format!(" of {unit}"));
         match to_f64(&node.value) {
             Some(value) if value > 0.0 && (value.is_finite() || infinite_too) => {
-                Some(At { value, place: node.place })
+                Some(Spanned { value, span: node.span })
             }
             Some(_) => self.expected(key, node, &format!("a number{of_unit}, greater than 0")),
             None => self.finite(key, node),
@@ -236,7 +229,7 @@ impl<'a> Section<'a> {
     }
 
     /// A part of a whole, from 0 to 1.
-    pub fn share(&self, key: &str) -> Option<At<f64>> {
+    pub fn share(&self, key: &str) -> Option<Spanned<f64>> {
         let number = self.number(key)?;
         if (0.0..=1.0).contains(&number.value) {
             return Some(number);
@@ -244,12 +237,12 @@ impl<'a> Section<'a> {
         self.expected(key, self.get(key)?, "a part of the whole, from 0 to 1")
     }
 
-    fn finite(&self, key: &str, node: &Node) -> Option<At<f64>> {
+    fn finite(&self, key: &str, node: &Node) -> Option<Spanned<f64>> {
         finite(self.report, key, node)
     }
 
     /// A list of finite numbers.
-    pub fn numbers(&self, key: &str) -> Option<At<Vec<At<f64>>>> {
+    pub fn numbers(&self, key: &str) -> Option<Spanned<Vec<Spanned<f64>>>> {
         let node = self.get(key)?;
         let Value::Array(elements) = &node.value else {
             let unit = unit(key).map_or(String::new(), |unit| format!(" of {unit}"));
@@ -257,18 +250,18 @@ impl<'a> Section<'a> {
         };
         // All of them are looked at, so that all that is wrong with them is told.
         let numbers: Vec<_> = elements.iter().map(|element| self.finite(key, element)).collect();
-        Some(At { value: numbers.into_iter().collect::<Option<_>>()?, place: node.place })
+        Some(Spanned { value: numbers.into_iter().collect::<Option<_>>()?, span: node.span })
     }
 
     /// A list of exactly `N` finite numbers, which are called `names`.
-    pub fn vector<const N: usize>(&self, key: &str, names: &str) -> Option<At<[f64; N]>> {
+    pub fn vector<const N: usize>(&self, key: &str, names: &str) -> Option<Spanned<[f64; N]>> {
         let numbers = self.numbers(key)?;
         let values: Vec<f64> = numbers.value.iter().map(|n| n.value).collect();
         match <[f64; N]>::try_from(values) {
-            Ok(value) => Some(At { value, place: numbers.place }),
+            Ok(value) => Some(Spanned { value, span: numbers.span }),
             Err(values) => {
                 let message = format!("`{key}` has {}", count(values.len(), "number"));
-                self.report.error(numbers.place, message, format!("expected {N}: {names}"), None);
+                self.report.error(numbers.span, message, format!("expected {N}: {names}"), None);
                 None
             }
         }
@@ -284,7 +277,7 @@ impl<'a> Section<'a> {
     }
 
     /// A list of lists of exactly `N` finite numbers, which are called `names`.
-    pub fn vectors<const N: usize>(&self, key: &str, names: &str) -> Option<At<Vec<At<[f64; N]>>>> {
+    pub fn vectors<const N: usize>(&self, key: &str, names: &str) -> Option<Spanned<Vec<Spanned<[f64; N]>>>> {
         let node = self.get(key)?;
         let expected = format!("a list of lists of {N} numbers: {names}");
         let Value::Array(elements) = &node.value else { return self.expected(key, node, &expected) };
@@ -297,71 +290,77 @@ impl<'a> Section<'a> {
                 let values: Option<Vec<f64>> =
                     numbers.iter().map(|n| self.finite(key, n).map(|at| at.value)).collect();
                 match <[f64; N]>::try_from(values?) {
-                    Ok(value) => Some(At { value, place: element.place }),
+                    Ok(value) => Some(Spanned { value, span: element.span }),
                     Err(_) => self.expected(key, element, &format!("{N} numbers: {names}")),
                 }
             })
             .collect();
-        Some(At { value: vectors.into_iter().collect::<Option<_>>()?, place: node.place })
+        Some(Spanned { value: vectors.into_iter().collect::<Option<_>>()?, span: node.span })
     }
 
     /// A list of tables.
-    pub fn sections(&self, key: &str, shape: &'static Shape) -> Option<At<Vec<Section<'a>>>> {
+    pub fn sections(&self, key: &str, shape: &'static Shape) -> Option<Spanned<Vec<Section<'a>>>> {
         let node = self.get(key)?;
         let expected = || format!("a list of tables of {}", list(shape.keys.iter().copied(), "and"));
         let Value::Array(elements) = &node.value else { return self.expected(key, node, &expected()) };
         let tables: Vec<_> = elements
             .iter()
             .map(|element| match &element.value {
-                Value::Table(table) => Some(Section::new(self.report, shape, table, element.place)),
+                Value::Table(table) => Some(Section::new(self.report, shape, table, element.span)),
                 _ => self.expected(key, element, &expected()),
             })
             .collect();
-        Some(At { value: tables.into_iter().collect::<Option<_>>()?, place: node.place })
+        Some(Spanned { value: tables.into_iter().collect::<Option<_>>()?, span: node.span })
     }
 
     /// A table.
     pub fn section(&self, key: &str, shape: &'static Shape) -> Option<Section<'a>> {
         let node = self.get(key)?;
         match &node.value {
-            Value::Table(table) => Some(Section::new(self.report, shape, table, node.place)),
+            Value::Table(table) => Some(Section::new(self.report, shape, table, node.span)),
             _ => self.expected(key, node, &format!("a table of {}", list(shape.keys.iter().copied(), "and"))),
         }
     }
 }
 
 /// A finite number.
-pub(super) fn finite(report: &Report, key: &str, node: &Node) -> Option<At<f64>> {
+pub(super) fn finite(report: &Report, key: &str, node: &Node) -> Option<Spanned<f64>> {
     let kind = if to_f64(&node.value).is_some() { "a finite number" } else { "a number" };
     let expected = match unit(key) {
         Some(unit) => format!("{kind} of {unit}"),
         None => kind.to_owned(),
     };
     match to_f64(&node.value) {
-        Some(value) if value.is_finite() => Some(At { value, place: node.place }),
+        Some(value) if value.is_finite() => Some(Spanned { value, span: node.span }),
         _ => {
             let message = format!("`{key}` is {}", describe(&node.value));
-            report.error(node.place, message, format!("expected {expected}"), None);
+            report.error(node.span, message, format!("expected {expected}"), None);
             None
         }
     }
 }
 
 /// A whole number from `least` to `most`.
-pub(super) fn integer(report: &Report, key: &str, node: &Node, least: u64, most: u64) -> Option<At<u64>> {
+pub(super) fn integer(
+    report: &Report,
+    key: &str,
+    node: &Node,
+    least: u64,
+    most: u64,
+) -> Option<Spanned<u64>> {
     let value = match node.value {
         Value::Integer(i) => u64::try_from(i).ok().filter(|i| (least..=most).contains(i)),
         _ => None,
     };
     if value.is_none() {
         report.error(
-            node.place,
+            node.span,
             format!("{} is {}", quoted(key), describe(&node.value)),
             format!("expected a whole number from {least} to {most}"),
             None,
         );
     }
-    value.map(|value| At { value, place: node.place })
+    value.map(|value| Spanned { value, span: node.span })
 }
 
 /// A number, whole or not.

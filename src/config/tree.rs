@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 
 use toml::de::{DeTable, DeValue};
 
-use super::near::{list, nearest, quoted};
-use super::text::{Place, Report};
+use crate::source::suggest::{list, nearest, quoted};
+use crate::source::{Report, Span};
 
 /// A value and where it was written. A table with a header is at its header.
 #[derive(Clone, Debug)]
 pub(super) struct Node {
-    pub place: Place,
+    pub span: Span,
     pub value: Value,
 }
 
@@ -31,7 +31,7 @@ pub(super) type Table = BTreeMap<String, Entry>;
 /// A value of a table, and where its key was written.
 #[derive(Clone, Debug)]
 pub(super) struct Entry {
-    pub key: Place,
+    pub key: Span,
     pub node: Node,
 }
 
@@ -56,21 +56,21 @@ pub(super) fn parse(report: &Report, source: u32) -> Option<Table> {
     let mut lines = Vec::new();
     let text = report.text(source);
     for error in errors {
-        let span = error.span().unwrap_or(0..0);
+        let bytes = error.span().unwrap_or(0..0);
         // What follows on the same line is the parser finding its way again.
-        let line = text[..text.floor_char_boundary(span.start)].rfind('\n');
+        let line = text[..text.floor_char_boundary(bytes.start)].rfind('\n');
         if lines.len() == MAX_SYNTAX_ERRORS || lines.contains(&line) {
             continue;
         }
         lines.push(line);
-        let place = Place::new(source, span.clone());
-        let help = unquoted_text(text, span.start);
+        let span = Span::new(source, bytes.clone());
+        let help = unquoted_text(text, bytes.start);
         let (problem, expected) = match &help {
             Some(_) => ("a text without quotes", ""),
             None => error.message().split_once(", expected ").unwrap_or((error.message(), "")),
         };
         let label = if expected.is_empty() { String::new() } else { format!("expected {expected}") };
-        report.error(place, format!("this is not valid TOML: {problem}"), label, help);
+        report.error(span, format!("this is not valid TOML: {problem}"), label, help);
     }
     None
 }
@@ -97,15 +97,15 @@ fn table_from(table: DeTable<'_>, source: u32) -> Table {
     table
         .into_iter()
         .map(|(key, value)| {
-            let place = Place::new(source, key.span());
-            (key.into_inner().into_owned(), Entry { key: place, node: node_from(value, source) })
+            let span = Span::new(source, key.span());
+            (key.into_inner().into_owned(), Entry { key: span, node: node_from(value, source) })
         })
         .collect()
 }
 
 /// The parser limits how deep values nest, so this ends.
 fn node_from(value: toml::Spanned<DeValue<'_>>, source: u32) -> Node {
-    let place = Place::new(source, value.span());
+    let span = Span::new(source, value.span());
     let value = match value.into_inner() {
         DeValue::String(s) => Value::String(s.into_owned()),
         // What is too long for 128 bits is no count of anything; as a float it's still told as it was written.
@@ -117,13 +117,13 @@ fn node_from(value: toml::Spanned<DeValue<'_>>, source: u32) -> Node {
         DeValue::Array(a) => Value::Array(a.into_iter().map(|v| node_from(v, source)).collect()),
         DeValue::Table(t) => Value::Table(table_from(t, source)),
     };
-    Node { place, value }
+    Node { span, value }
 }
 
 /// Reads a `--set`: `a.b.c = value` as TOML would have it, or with a string that lacks its quotes.
 pub(super) fn parse_override(report: &Report, source: u32) -> Option<Table> {
     let pair = report.text(source);
-    let whole = Place::new(source, 0..pair.len());
+    let whole = Span::new(source, 0..pair.len());
     let Some((key, value)) = split_pair(pair) else {
         let help = "such as `seed=3` or `sensor.0.range.max_m=50`";
         report.error(whole, format!("{} has no `=`", quoted(pair)), "expected key=value", Some(help.into()));
@@ -132,7 +132,7 @@ pub(super) fn parse_override(report: &Report, source: u32) -> Option<Table> {
     let nested = format!("{key}=0");
     let Some(nested) = DeTable::parse(&nested).ok().filter(|table| table.get_ref().len() == 1) else {
         report.error(
-            Place::new(source, 0..key.len()),
+            Span::new(source, 0..key.len()),
             format!("{} is not a key", quoted(key.trim())),
             "expected names with dots between",
             Some("put quotes around a name with other characters than letters, digits, `-` and `_`".into()),
@@ -150,7 +150,7 @@ pub(super) fn parse_override(report: &Report, source: u32) -> Option<Table> {
             Value::Table(deeper) => deeper.values_mut().next(),
             leaf => {
                 *leaf = Value::String(value.trim().to_owned());
-                entry.node.place = Place::new(source, pair.len() - value.len()..pair.len());
+                entry.node.span = Span::new(source, pair.len() - value.len()..pair.len());
                 None
             }
         };
@@ -206,7 +206,7 @@ fn lay_node_over(report: &Report, name: &str, base: &mut Node, over: Node) {
                 }
             }
         }
-        (_, value) => *base = Node { place: over.place, value },
+        (_, value) => *base = Node { span: over.span, value },
     }
 }
 

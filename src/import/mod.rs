@@ -23,7 +23,7 @@ mod table;
 mod velodyne;
 mod writer;
 
-use crate::error::Diagnostic;
+use crate::source::Diagnostic;
 use report::Report;
 use writer::Toml;
 

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::error::{Diagnostic, Severity};
+use crate::source::{Diagnostic, Severity};
 
 /// How many problems are kept: no one reads more.
 const MOST_PROBLEMS: usize = 50;

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use crate::config::{is_unprintable, toml_string};
+use crate::config::toml_string;
+use crate::source::suggest::is_unprintable;
 
 /// Longest line that is written, in characters.
 const WIDTH: usize = 110;

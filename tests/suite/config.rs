@@ -5,9 +5,10 @@ mod mistakes;
 use std::path::{Path, PathBuf};
 
 use beamcast::config::{self, Config, Job};
-use beamcast::error::{Diagnostic, Error, Severity};
+use beamcast::error::Error;
 use beamcast::output::{CloudFrame, Format};
 use beamcast::sensor::{Pattern, RingOrder};
+use beamcast::source::{Diagnostic, Severity};
 use mistakes::MISTAKES;
 use proptest::prelude::*;
 

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use beamcast::config::load_sensor;
-use beamcast::error::Diagnostic;
 use beamcast::import::{Format, Source, import};
 use beamcast::sensor::{Capture, Pattern, Rotating, Sensor};
+use beamcast::source::Diagnostic;
 use glam::DVec3;
 use proptest::prelude::*;
 use serde_json::Value;

@@ -8,7 +8,8 @@ use std::path::Path;
 /// `config` comes after what it describes (sensors, the kernel to trace with, output and check settings), and only `cli` knows it.
 const IMPORTS: &[(&str, &[&str])] = &[
     ("angle", &[]),
-    ("error", &[]),
+    ("source", &[]),
+    ("error", &["source"]),
     ("frame", &["angle"]),
     ("motion", &["frame"]),
     ("sensor", &["angle", "frame", "motion"]),
@@ -20,13 +21,13 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("view", &["check", "error", "frame", "output", "scan", "scene", "sensor"]),
     ("selftest", &["angle", "frame", "motion", "output", "scan", "scene", "sensor", "trace"]),
     ("kernels", &["angle", "error", "frame", "motion", "scan", "scene", "sensor", "trace"]),
-    ("config", &["angle", "check", "error", "frame", "motion", "output", "sensor", "trace"]),
-    ("import", &["config", "error"]),
+    ("config", &["angle", "check", "error", "frame", "motion", "output", "sensor", "source", "trace"]),
+    ("import", &["config", "source"]),
     (
         "cli",
         &[
             "angle", "check", "config", "error", "frame", "import", "kernels", "output", "scan", "scene",
-            "selftest", "sensor", "trace", "view",
+            "selftest", "sensor", "source", "trace", "view",
         ],
     ),
     ("main", &["cli"]),
@@ -36,19 +37,13 @@ const IMPORTS: &[(&str, &[&str])] = &[
 const CONFINED: &[(&str, &[&str], &str)] = &[
     (
         "std::fs",
-        &[
-            "config/near.rs",
-            "config/text.rs",
-            "scene/gltf/files.rs",
-            "output/files.rs",
-            "output/recorded/mod.rs",
-            "cli/",
-        ],
+        &["source/", "scene/gltf/files.rs", "output/files.rs", "output/recorded/mod.rs", "cli/"],
         "files are opened at the edges only",
     ),
     (
         "std::path",
         &[
+            "source/",
             "error.rs",
             "config/",
             "scene/gltf/",

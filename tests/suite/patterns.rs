@@ -5,10 +5,11 @@ use std::path::Path;
 
 use beamcast::angle::Angle;
 use beamcast::config::{self, presets};
-use beamcast::error::{Error, Severity};
+use beamcast::error::Error;
 use beamcast::frame::Pose;
 use beamcast::scene::gltf;
 use beamcast::sensor::{Capture, Sensor, azimuth_elevation};
+use beamcast::source::Severity;
 use beamcast::trace::Tracer;
 use glam::DVec3;
 
@@ -36,7 +37,7 @@ fn told(text: &str, csv: &str) -> Vec<String> {
         Err(Error::Config(found)) => found,
         Err(other) => panic!("{other}"),
     };
-    let one = |d: &beamcast::error::Diagnostic| {
+    let one = |d: &beamcast::source::Diagnostic| {
         let (line, column) = d.line_column();
         let file = d.path.file_name().unwrap().to_string_lossy();
         format!("{file}:{line}:{column}: {} | {} | {}", d.message, d.label, d.help.as_deref().unwrap_or(""))

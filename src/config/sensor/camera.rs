@@ -1,10 +1,10 @@
 //! `[pinhole]`, `[fisheye]` and `[equirectangular]`.
 
-use super::super::section::{At, Section};
-use super::super::text::Report;
+use super::super::section::Section;
 use super::{MAX_SIDE, check_rays};
 use crate::angle::Angle;
 use crate::sensor::{BrownConrady, Camera, CameraError, KannalaBrandt, Lens, Raster};
+use crate::source::{Report, Spanned};
 
 /// A pinhole; `distortion` has OpenCV's 4, 5 or 8 numbers.
 pub(super) fn pinhole(report: &Report, s: &Section<'_>) -> Option<Camera> {
@@ -39,7 +39,7 @@ fn lens(
     if !counts.contains(&values.len()) {
         let message = format!("`distortion` has {} numbers", values.len());
         let counts: Vec<String> = counts.iter().map(usize::to_string).collect();
-        report.error(given.place, message, format!("expected {}: {names}", counts.join(" or ")), None);
+        report.error(given.span, message, format!("expected {}: {names}", counts.join(" or ")), None);
         return None;
     }
     from(&values).map(Some)
@@ -68,10 +68,10 @@ fn camera(
     let intrinsic = ["fx_px", "fy_px", "cx_px", "cy_px"].into_iter().find(|key| s.get(key).is_some());
     match (s.get("hfov_deg"), intrinsic) {
         (Some(hfov), Some(key)) => {
-            let place = s.get(key).map_or(hfov.place, |node| report.later(hfov.place, node.place));
+            let span = s.get(key).map_or(hfov.span, |node| report.later(hfov.span, node.span));
             let message = format!("{} has both `hfov_deg` and `{key}`", s.title());
             let help = "give the field of view or the intrinsics: each follows from the other";
-            report.error(place, message, "one too many", Some(help.into()));
+            report.error(span, message, "one too many", Some(help.into()));
             return None;
         }
         (None, Some(_)) => s.need("fx_px", "`fx_px`, the horizontal focal length in pixels"),
@@ -83,7 +83,7 @@ fn camera(
         (Some(_), None) => {}
     }
     let (width, height, lens) = (width?, height?, lens?.unwrap_or(default));
-    check_rays(report, height.value, width.value, width.place)?;
+    check_rays(report, height.value, width.value, width.span)?;
     let size = (width.value as usize, height.value as usize);
     let (half_width, half_height) = (width.value as f64 / 2.0, height.value as f64 / 2.0);
     // A rate that is there and wrong has been reported; the camera is made without, for what else there is to say.
@@ -95,16 +95,16 @@ fn camera(
         }),
         None => {
             let fx = fx?;
-            let or = |given: Option<At<f64>>, default: f64| given.map_or(default, |at| at.value);
+            let or = |given: Option<Spanned<f64>>, default: f64| given.map_or(default, |at| at.value);
             let centre = (or(cx, half_width), or(cy, half_height));
             Camera::new(size, (fx.value, or(fy, fx.value)), centre, rate_hz)
         }
     };
     made.map(|camera| camera.with_lens(lens))
         .map_err(|error| {
-            let of = |at: Option<At<f64>>| at.map(|at| at.place);
-            let place = match error {
-                CameraError::NoPixels => Some(width.place),
+            let of = |at: Option<Spanned<f64>>| at.map(|at| at.span);
+            let span = match error {
+                CameraError::NoPixels => Some(width.span),
                 CameraError::FieldOfView => of(hfov),
                 CameraError::FocalLength => of(fx).or(of(hfov)),
                 CameraError::PrincipalPoint => of(cx).or(of(cy)),
@@ -115,7 +115,7 @@ fn camera(
                 (CameraError::FieldOfView, Some(hfov), None) => format!("{} degrees", hfov.value),
                 _ => String::new(),
             };
-            report.error(place.unwrap_or(s.place), error.to_string(), label, None);
+            report.error(span.unwrap_or(s.span), error.to_string(), label, None);
         })
         .ok()
 }
@@ -145,16 +145,16 @@ pub(super) fn equirectangular(report: &Report, s: &Section<'_>) -> Option<Raster
         (Some(_), Some(at)) if at.value > 0.0 && at.value <= most => Some(at.value),
         (Some(_), Some(at)) => {
             let message = format!("`{key}` is {}", at.value);
-            report.error(at.place, message, format!("expected more than 0 and at most {most} degrees"), None);
+            report.error(at.span, message, format!("expected more than 0 and at most {most} degrees"), None);
             None
         }
         _ => None,
     };
     let (hfov, vfov) = (fov("hfov_deg", 360.0), fov("vfov_deg", 180.0));
     let (width, height) = (width?, height?);
-    check_rays(report, height.value, width.value, width.place)?;
+    check_rays(report, height.value, width.value, width.span)?;
     let size = (width.value as usize, height.value as usize);
     Raster::equirectangular(size, (Angle::deg(hfov?), Angle::deg(vfov?)), rate.map(|r| r.value))
-        .map_err(|error| report.error(s.place, error.to_string(), "", None))
+        .map_err(|error| report.error(s.span, error.to_string(), "", None))
         .ok()
 }

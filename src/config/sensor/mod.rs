@@ -5,9 +5,9 @@ mod rotating;
 mod scanner;
 
 use super::rays::RayFiles;
-use super::section::{self, At, Section, Shape};
-use super::text::{Place, Report};
+use super::section::{self, Section, Shape};
 use crate::sensor::{Pattern, RangeLimits, RingOrder, Sensor};
+use crate::source::{Report, Span, Spanned};
 
 /// Most rows and most columns of a range image.
 const MAX_SIDE: u64 = 1_000_000;
@@ -53,7 +53,7 @@ pub(super) fn sensor(
     let given: Vec<_> = PATTERNS.iter().filter(|(name, ..)| table.get(name).is_some()).collect();
     let sections: Vec<_> = given.iter().map(|(name, shape, _)| table.section(name, shape)).collect();
     if let [(a, ..), (b, ..), ..] = given.as_slice() {
-        let [first, second] = [a, b].map(|key| table.get(key).map_or(table.place, |node| node.place));
+        let [first, second] = [a, b].map(|key| table.get(key).map_or(table.span, |node| node.span));
         report.error(
             report.later(first, second),
             format!("a sensor has one pattern, and this has both `[{a}]` and `[{b}]`"),
@@ -63,7 +63,7 @@ pub(super) fn sensor(
     }
     if given.is_empty() && !is_pattern_lost {
         let help = "add `[rotating]`, `[pinhole]` or another pattern or, in a job, a `preset` that has one";
-        report.error(table.place, "the sensor has no pattern", "needs one", Some(help.into()));
+        report.error(table.span, "the sensor has no pattern", "needs one", Some(help.into()));
     }
     let patterns: Vec<_> = given
         .iter()
@@ -88,13 +88,13 @@ fn warn_of_ambiguity(report: &Report, table: &Section<'_>, pattern: &Pattern, ra
     };
     let unambiguous = SPEED_OF_LIGHT_M_S * period_s / 2.0;
     if period_s > 0.0 && range.max_m.is_finite() && range.max_m > unambiguous {
-        let place = table.get("range").map_or(table.place, |node| node.place);
+        let span = table.get("range").map_or(table.span, |node| node.span);
         let message = format!(
             "the sensor sees {} m far, and a beam pulses every {:.3} µs: the unambiguous range is {unambiguous:.1} m",
             range.max_m,
             period_s * 1e6
         );
-        report.warning(place, message, "farther than light comes back from in time", None);
+        report.warning(span, message, "farther than light comes back from in time", None);
     }
 }
 
@@ -110,11 +110,11 @@ fn check_range_offset(
     if offset == 0.0 || range.min_m >= offset {
         return Some(());
     }
-    let place = table.get("range").or(table.get("rotating")).map_or(table.place, |node| node.place);
+    let span = table.get("range").or(table.get("rotating")).map_or(table.span, |node| node.span);
     let message =
         format!("the least range is {} m, and ranges begin {offset} m before the beam", range.min_m);
     let label = "expected a `min_m` of at least `range_offset_m`";
-    report.error(place, message, label, None);
+    report.error(span, message, label, None);
     None
 }
 
@@ -129,7 +129,7 @@ fn range(report: &Report, table: &Section<'_>) -> RangeLimits {
         limits.min_m = min.value;
         if min.value < 0.0 {
             let message = format!("`min_m` is {}", min.value);
-            report.error(min.place, message, "expected metres, 0 or more", None);
+            report.error(min.span, message, "expected metres, 0 or more", None);
         }
     }
     if let Some(max) = max {
@@ -139,18 +139,13 @@ fn range(report: &Report, table: &Section<'_>) -> RangeLimits {
         && min.value >= max.value
     {
         let message = format!("nothing lies between `min_m` = {} and `max_m` = {}", min.value, max.value);
-        report.error(
-            report.later(max.place, min.place),
-            message,
-            "`max_m` must be greater than `min_m`",
-            None,
-        );
+        report.error(report.later(max.span, min.span), message, "`max_m` must be greater than `min_m`", None);
     }
     limits
 }
 
 /// `count` angles in degrees, evenly spaced from `from` to `to`, both included, or a list; each where it was written.
-fn angles(report: &Report, s: &Section<'_>, key: &'static str) -> Option<At<Vec<At<f64>>>> {
+fn angles(report: &Report, s: &Section<'_>, key: &'static str) -> Option<Spanned<Vec<Spanned<f64>>>> {
     let list = match &s.get(key)?.value {
         super::tree::Value::Table(_) => spaced(report, &s.section(key, &section::SPACED)?)?,
         _ => s.numbers(key)?,
@@ -158,18 +153,18 @@ fn angles(report: &Report, s: &Section<'_>, key: &'static str) -> Option<At<Vec<
     if list.value.is_empty() {
         let label =
             if key == "elevations_deg" { "expected at least one beam" } else { "expected at least one" };
-        report.error(list.place, format!("`{key}` is an empty list"), label, None);
+        report.error(list.span, format!("`{key}` is an empty list"), label, None);
         return None;
     }
     if list.value.len() as u64 > MAX_SIDE {
         let message = format!("`{key}` lists {} angles", list.value.len());
-        report.error(list.place, message, format!("expected at most {MAX_SIDE}"), None);
+        report.error(list.span, message, format!("expected at most {MAX_SIDE}"), None);
         return None;
     }
     Some(list)
 }
 
-fn spaced(report: &Report, s: &Section<'_>) -> Option<At<Vec<At<f64>>>> {
+fn spaced(report: &Report, s: &Section<'_>) -> Option<Spanned<Vec<Spanned<f64>>>> {
     s.need("from", "`from = 15.0`, the first angle in degrees");
     s.need("to", "`to = -15.0`, the last angle in degrees");
     s.need("count", "`count = 16`, the number of angles");
@@ -177,38 +172,38 @@ fn spaced(report: &Report, s: &Section<'_>) -> Option<At<Vec<At<f64>>>> {
     let (from, to, count) = (from?, to?, count?);
     if count.value == 1 && from.value != to.value {
         let message = format!("one beam can't reach from {} to {} degrees", from.value, to.value);
-        report.error(count.place, message, "expected 2 or more, or `from` the same as `to`", None);
+        report.error(count.span, message, "expected 2 or more, or `from` the same as `to`", None);
         return None;
     }
     let steps = (count.value - 1).max(1) as f64;
-    let place = |i| if i == 0 { from.place } else { to.place };
+    let span = |i| if i == 0 { from.span } else { to.span };
     let value = (0..count.value)
-        .map(|i| At { value: from.value + (to.value - from.value) * i as f64 / steps, place: place(i) })
+        .map(|i| Spanned { value: from.value + (to.value - from.value) * i as f64 / steps, span: span(i) })
         .collect();
-    Some(At { value, place: s.place })
+    Some(Spanned { value, span: s.span })
 }
 
 /// The elevations in degrees, from a list or from `{ from, to, count }`.
-fn elevations(report: &Report, s: &Section<'_>) -> Option<At<Vec<At<f64>>>> {
+fn elevations(report: &Report, s: &Section<'_>) -> Option<Spanned<Vec<Spanned<f64>>>> {
     let list = angles(report, s, "elevations_deg")?;
     let mut told = Vec::new();
     for steep in list.value.iter().filter(|e| e.value.abs() > 90.0) {
         // Of a range of angles, every one between is at the same place as its end.
-        if !told.contains(&steep.place) {
-            told.push(steep.place);
+        if !told.contains(&steep.span) {
+            told.push(steep.span);
             let message = format!("no beam has an elevation of {} degrees", steep.value);
-            report.error(steep.place, message, "expected -90 (straight down) to 90 (straight up)", None);
+            report.error(steep.span, message, "expected -90 (straight down) to 90 (straight up)", None);
         }
     }
     told.is_empty().then_some(list)
 }
 
-/// Refuses more rays than pixels can be numbered; `place` is the columns'.
-fn check_rays(report: &Report, rows: u64, columns: u64, place: Place) -> Option<()> {
+/// Refuses more rays than pixels can be numbered; `span` is the columns'.
+fn check_rays(report: &Report, rows: u64, columns: u64, span: Span) -> Option<()> {
     if rows.checked_mul(columns).is_some_and(|rays| rays <= MAX_RAYS) {
         return Some(());
     }
     let message = format!("{rows} rows of {columns} columns are more than {MAX_RAYS} rays a frame");
-    report.error(place, message, "expected fewer", None);
+    report.error(span, message, "expected fewer", None);
     None
 }

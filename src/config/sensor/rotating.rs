@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 
-use super::super::section::{self, At, Section, count};
-use super::super::text::{Place, Report};
+use super::super::section::{self, Section, count};
 use super::super::tree::Value;
 use super::{MAX_SIDE, check_rays, elevations};
 use crate::angle::Angle;
 use crate::sensor::{Beam, Rotating, RotatingError};
+use crate::source::{Report, Span, Spanned};
 
 pub(super) fn pattern(report: &Report, s: &Section<'_>) -> Option<Rotating> {
     s.need(
@@ -37,23 +37,23 @@ pub(super) fn pattern(report: &Report, s: &Section<'_>) -> Option<Rotating> {
         && let Some(far) = offsets.value.iter().find(|o| o.value.abs() > 360.0)
     {
         let message = format!("an azimuth offset of {} degrees is more than a turn", far.value);
-        report.warning(far.place, message, "in degrees?", None);
+        report.warning(far.span, message, "in degrees?", None);
     }
     if let Some(times) = &times
         && let Some(early) = times.value.iter().find(|t| t.value < 0.0)
     {
         let message = format!("`beam_times_us` has {}", early.value);
         let label = "expected microseconds after the column's own time, 0 or more";
-        report.error(early.place, message, label, None);
+        report.error(early.span, message, label, None);
     }
     if let (Some(beams), Some(columns)) = (beams, columns) {
-        check_rays(report, beams as u64, columns.value, columns.place)?;
+        check_rays(report, beams as u64, columns.value, columns.span)?;
     }
 
     // All that can be said about single keys has been said; what follows needs them all.
     let (elevations, columns, sector, rate) = (elevations?, columns?, sector?, rate?);
     let (origins, shifts) = (origins?, shifts?);
-    let at = |list: &Option<At<Vec<At<f64>>>>, beam: usize| {
+    let at = |list: &Option<Spanned<Vec<Spanned<f64>>>>, beam: usize| {
         list.as_ref().and_then(|list| list.value.get(beam)).map_or(0.0, |at| at.value)
     };
     let list: Vec<Beam> = (0..elevations.value.len())
@@ -83,24 +83,24 @@ pub(super) fn pattern(report: &Report, s: &Section<'_>) -> Option<Rotating> {
             Some(pattern)
         }
         Err(error) => {
-            let of = |key| s.get(key).map_or(s.place, |node| node.place);
-            let place = match error {
-                RotatingError::NoColumns => columns.place,
-                RotatingError::Sector => sector.place,
-                RotatingError::Rate => rate.place,
-                RotatingError::Beam(index) => elevations.value[index].place,
+            let of = |key| s.get(key).map_or(s.span, |node| node.span);
+            let span = match error {
+                RotatingError::NoColumns => columns.span,
+                RotatingError::Sector => sector.span,
+                RotatingError::Rate => rate.span,
+                RotatingError::Beam(index) => elevations.value[index].span,
                 RotatingError::NotFullTurn => of("layout"),
                 RotatingError::RangeOffset => of("range_offset_m"),
-                _ => elevations.place,
+                _ => elevations.span,
             };
-            report.error(place, error.to_string(), "", None);
+            report.error(span, error.to_string(), "", None);
             None
         }
     }
 }
 
 /// Eight beams and more within ±1.6 are a quarter turn each way in radians, and hardly a sensor in degrees.
-fn warn_of_radians(report: &Report, list: &At<Vec<At<f64>>>) {
+fn warn_of_radians(report: &Report, list: &Spanned<Vec<Spanned<f64>>>) {
     let (low, high) = list
         .value
         .iter()
@@ -108,7 +108,7 @@ fn warn_of_radians(report: &Report, list: &At<Vec<At<f64>>>) {
     if list.value.len() >= 8 && high - low > 0.1 && low.abs().max(high.abs()) <= 1.6 {
         let message = format!("all {} elevations lie between {low} and {high} degrees", list.value.len());
         let help = "if they are radians, multiply each by 57.2958";
-        report.warning(list.place, message, "are these radians?", Some(help.into()));
+        report.warning(list.span, message, "are these radians?", Some(help.into()));
     }
 }
 
@@ -123,7 +123,7 @@ fn origins(report: &Report, s: &Section<'_>, beams: Option<usize>) -> Option<Vec
         return Some(vec![DVec3::from_array(one.value); beams?]);
     }
     let list = s.vectors::<3>(key, names)?;
-    check_count(report, s, key, (list.value.len(), list.place), beams?)?;
+    check_count(report, s, key, (list.value.len(), list.span), beams?)?;
     Some(list.value.iter().map(|at| DVec3::from_array(at.value)).collect())
 }
 
@@ -132,7 +132,7 @@ fn shifts(
     report: &Report,
     s: &Section<'_>,
     beams: Option<usize>,
-    columns: Option<At<u64>>,
+    columns: Option<Spanned<u64>>,
     is_destaggered: bool,
 ) -> Option<Vec<usize>> {
     let key = "pixel_shift_by_row";
@@ -140,17 +140,17 @@ fn shifts(
         return Some(Vec::new());
     }
     let list = s.numbers(key)?;
-    check_count(report, s, key, (list.value.len(), list.place), beams?)?;
+    check_count(report, s, key, (list.value.len(), list.span), beams?)?;
     let most = columns?.value as f64;
     let is_shift = |x: f64| x.fract() == 0.0 && x.abs() <= most;
     if let Some(bad) = list.value.iter().find(|at| !is_shift(at.value)) {
         let message = format!("`{key}` has {}", bad.value);
-        report.error(bad.place, message, format!("expected a whole number of columns, at most {most}"), None);
+        report.error(bad.span, message, format!("expected a whole number of columns, at most {most}"), None);
         return None;
     }
     if !is_destaggered {
         let help = "`layout = \"destaggered\"` moves them";
-        report.warning(list.place, format!("`{key}` moves nothing"), "rows stay as fired", Some(help.into()));
+        report.warning(list.span, format!("`{key}` moves nothing"), "rows stay as fired", Some(help.into()));
     }
     Some(list.value.iter().map(|at| at.value.rem_euclid(most) as usize).collect())
 }
@@ -161,9 +161,9 @@ fn per_beam(
     s: &Section<'_>,
     key: &'static str,
     beams: Option<usize>,
-) -> Option<At<Vec<At<f64>>>> {
+) -> Option<Spanned<Vec<Spanned<f64>>>> {
     let list = s.numbers(key)?;
-    check_count(report, s, key, (list.value.len(), list.place), beams?)?;
+    check_count(report, s, key, (list.value.len(), list.span), beams?)?;
     Some(list)
 }
 
@@ -172,16 +172,16 @@ fn check_count(
     report: &Report,
     s: &Section<'_>,
     key: &str,
-    (values, place): (usize, Place),
+    (values, span): (usize, Span),
     beams: usize,
 ) -> Option<()> {
     if values == beams {
         return Some(());
     }
     let message = format!("`{key}` has {} for {}", count(values, "value"), count(beams, "elevation"));
-    let elevations = s.get("elevations_deg").map_or(place, |e| e.place);
-    if report.later(place, elevations) == place {
-        report.error(place, message, format!("expected {beams}: one a beam"), None);
+    let elevations = s.get("elevations_deg").map_or(span, |e| e.span);
+    if report.later(span, elevations) == span {
+        report.error(span, message, format!("expected {beams}: one a beam"), None);
     } else {
         let help = format!("`{key}` stays as it was given before: give one that fits here too");
         report.error(elevations, message, count(beams, "elevation"), Some(help));
@@ -190,9 +190,9 @@ fn check_count(
 }
 
 /// The azimuths of the sector's start and end; the default is a full turn, clockwise from behind.
-fn sector(report: &Report, s: &Section<'_>) -> Option<At<(Angle, Angle)>> {
+fn sector(report: &Report, s: &Section<'_>) -> Option<Spanned<(Angle, Angle)>> {
     if s.get("sector_deg").is_none() {
-        return Some(At { value: (Angle::deg(180.0), Angle::deg(-180.0)), place: s.place });
+        return Some(Spanned { value: (Angle::deg(180.0), Angle::deg(-180.0)), span: s.span });
     }
     let s = s.section("sector_deg", &section::SECTOR)?;
     s.need("from", "`from = 180.0`, the azimuth of the first column in degrees");
@@ -203,13 +203,13 @@ fn sector(report: &Report, s: &Section<'_>) -> Option<At<(Angle, Angle)>> {
     if !(turn > 0.0 && turn <= 360.0) {
         let message = format!("the sector from {} to {} turns by {turn} degrees", from.value, to.value);
         let label = "expected a turn of more than 0 and at most 360 degrees";
-        report.error(report.later(to.place, from.place), message, label, None);
+        report.error(report.later(to.span, from.span), message, label, None);
         return None;
     }
-    Some(At { value: (Angle::deg(from.value), Angle::deg(to.value)), place: s.place })
+    Some(Spanned { value: (Angle::deg(from.value), Angle::deg(to.value)), span: s.span })
 }
 
-fn warn_of_twins(report: &Report, elevations: &At<Vec<At<f64>>>, beams: &[Beam]) {
+fn warn_of_twins(report: &Report, elevations: &Spanned<Vec<Spanned<f64>>>, beams: &[Beam]) {
     let mut order: Vec<usize> = (0..beams.len()).collect();
     let key = |i: usize| (beams[i].elevation.radians(), beams[i].azimuth_offset.radians());
     order.sort_by(|&a, &b| {
@@ -223,13 +223,13 @@ fn warn_of_twins(report: &Report, elevations: &At<Vec<At<f64>>>, beams: &[Beam])
             1 => String::new(),
             n => format!("and {} more such pairs", n - 1),
         };
-        report.warning(elevations.value[first[1]].place, message, label, None);
+        report.warning(elevations.value[first[1]].span, message, label, None);
     }
 }
 
 /// Warns of beams of one elevation whose azimuths are a whole number of columns apart: round a full turn they see the same
 /// points, one after the other.
-fn warn_of_aliases(report: &Report, elevations: &At<Vec<At<f64>>>, pattern: &Rotating) {
+fn warn_of_aliases(report: &Report, elevations: &Spanned<Vec<Spanned<f64>>>, pattern: &Rotating) {
     if !pattern.is_full_turn() {
         return;
     }
@@ -248,12 +248,12 @@ fn warn_of_aliases(report: &Report, elevations: &At<Vec<At<f64>>>, pattern: &Rot
             a.file_index, b.file_index
         );
         let help = "another number of columns, or offsets between the columns, would see other points";
-        let place = elevations.value[b.file_index].place;
-        report.warning(place, message, "round the turn they see the same points", Some(help.into()));
+        let span = elevations.value[b.file_index].span;
+        report.warning(span, message, "round the turn they see the same points", Some(help.into()));
     }
 }
 
-fn warn_of_late_beams(report: &Report, times: &At<Vec<At<f64>>>, pattern: &Rotating) {
+fn warn_of_late_beams(report: &Report, times: &Spanned<Vec<Spanned<f64>>>, pattern: &Rotating) {
     let period_us = pattern.column_s() * 1e6;
     let late = times.value.iter().find(|t| t.value > period_us);
     if let Some(late) = late.filter(|_| period_us > 0.0) {
@@ -262,6 +262,6 @@ fn warn_of_late_beams(report: &Report, times: &At<Vec<At<f64>>>, pattern: &Rotat
             late.value
         );
         let help = "beam times are microseconds from the column's own time, not from the frame's start";
-        report.warning(late.place, message, "later than the next column", Some(help.into()));
+        report.warning(late.span, message, "later than the next column", Some(help.into()));
     }
 }

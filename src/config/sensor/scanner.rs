@@ -3,14 +3,14 @@
 use glam::DVec3;
 
 use super::super::rays::RayFiles;
-use super::super::section::{self, At, Section};
-use super::super::text::Report;
+use super::super::section::{self, Section};
 use super::{angles, check_rays, elevations};
 use crate::angle::Angle;
 use crate::sensor::{
     Axis, Mirror, MirrorError, Motion, Order, Prism, Raster, RayTable, RayTableError, Risley, RisleyError,
     Tilted, direction,
 };
+use crate::source::{Report, Spanned};
 
 pub(super) fn raster(report: &Report, s: &Section<'_>) -> Option<Raster> {
     s.need("azimuths_deg", "`azimuths_deg = { from = 60.0, to = -60.0, count = 600 }`, or a list");
@@ -24,9 +24,10 @@ pub(super) fn raster(report: &Report, s: &Section<'_>) -> Option<Raster> {
         s.need("rate_hz", "`rate_hz = 10.0`, the frames a second, or `pulse_rate_hz`, the pulses a second");
     }
     let (azimuths, elevations) = (azimuths?, elevations?);
-    check_rays(report, elevations.value.len() as u64, azimuths.value.len() as u64, azimuths.place)?;
-    let degrees =
-        |list: &At<Vec<At<f64>>>| list.value.iter().map(|at| Angle::deg(at.value)).collect::<Vec<_>>();
+    check_rays(report, elevations.value.len() as u64, azimuths.value.len() as u64, azimuths.span)?;
+    let degrees = |list: &Spanned<Vec<Spanned<f64>>>| {
+        list.value.iter().map(|at| Angle::deg(at.value)).collect::<Vec<_>>()
+    };
     let order = order.unwrap_or(Order::Lines);
     let rays = (azimuths.value.len() * elevations.value.len()) as f64;
     let pulse_rate_hz = match (pulse_rate, rate) {
@@ -36,7 +37,7 @@ pub(super) fn raster(report: &Report, s: &Section<'_>) -> Option<Raster> {
         (None, None) => return None, // reported above
     };
     Raster::new(&degrees(&azimuths), &degrees(&elevations), order, pulse_rate_hz, rate.map(|r| r.value))
-        .map_err(|error| report.error(s.place, error.to_string(), "", None))
+        .map_err(|error| report.error(s.span, error.to_string(), "", None))
         .ok()
 }
 
@@ -53,14 +54,14 @@ pub(super) fn mirror(report: &Report, s: &Section<'_>) -> Option<Mirror> {
     let (azimuth, elevation, pulse_rate, rate) = (azimuth?, elevation?, pulse_rate?, rate?);
     Mirror::new((azimuth, elevation), beams, pulse_rate.value, rate.value)
         .map_err(|error| {
-            let place = match error {
-                MirrorError::Rate => report.later(pulse_rate.place, rate.place),
+            let span = match error {
+                MirrorError::Rate => report.later(pulse_rate.span, rate.span),
                 MirrorError::Beam(_) => {
-                    s.get("beams_deg").or(s.get("elevation")).map_or(s.place, |node| node.place)
+                    s.get("beams_deg").or(s.get("elevation")).map_or(s.span, |node| node.span)
                 }
-                _ => s.place,
+                _ => s.span,
             };
-            report.error(place, error.to_string(), "", None);
+            report.error(span, error.to_string(), "", None);
         })
         .ok()
 }
@@ -87,26 +88,26 @@ fn axis(s: &Section<'_>) -> Option<Axis> {
 pub(super) fn risley(report: &Report, s: &Section<'_>) -> Option<Risley> {
     s.need("prisms", "`prisms = [{ rate_hz = -121.6, wedge_deg = 18.7, index = 1.51 }]`, in the beam's way");
     let prisms = s.sections("prisms", &section::PRISM);
-    let prisms = prisms.map(|list| At {
-        place: list.place,
-        value: list.value.iter().map(|p| (p.place, prism(p))).collect::<Vec<_>>(),
+    let prisms = prisms.map(|list| Spanned {
+        span: list.span,
+        value: list.value.iter().map(|p| (p.span, prism(p))).collect::<Vec<_>>(),
     });
     let beams = beams(s);
     let (pulse_rate, rate) = rates(s);
     let prisms = prisms?;
-    let places: Vec<_> = prisms.value.iter().map(|(place, _)| *place).collect();
+    let places: Vec<_> = prisms.value.iter().map(|(span, _)| *span).collect();
     let list: Option<Vec<Prism>> = prisms.value.into_iter().map(|(_, prism)| prism).collect();
     let (list, beams, pulse_rate, rate) = (list?, beams?, pulse_rate?, rate?);
     let beams: Vec<DVec3> = beams.into_iter().map(|(az, el)| direction(az, el)).collect();
     Risley::new(list, &beams, pulse_rate.value, rate.value)
         .map_err(|error| {
-            let place = match error {
+            let span = match error {
                 RisleyError::Prism(index) => places[index],
-                RisleyError::NoPrisms => prisms.place,
-                RisleyError::Rate => report.later(pulse_rate.place, rate.place),
-                _ => s.get("beams_deg").map_or(s.place, |node| node.place),
+                RisleyError::NoPrisms => prisms.span,
+                RisleyError::Rate => report.later(pulse_rate.span, rate.span),
+                _ => s.get("beams_deg").map_or(s.span, |node| node.span),
             };
-            report.error(place, error.to_string(), "", None);
+            report.error(span, error.to_string(), "", None);
         })
         .ok()
 }
@@ -137,7 +138,7 @@ fn beams(s: &Section<'_>) -> Option<Vec<(Angle, Angle)>> {
 }
 
 /// `pulse_rate_hz` and `rate_hz`.
-fn rates(s: &Section<'_>) -> (Option<At<f64>>, Option<At<f64>>) {
+fn rates(s: &Section<'_>) -> (Option<Spanned<f64>>, Option<Spanned<f64>>) {
     s.need("pulse_rate_hz", "`pulse_rate_hz = 100000.0`, the pulses of each beam a second");
     s.need("rate_hz", "`rate_hz = 10.0`, the frames a second");
     (s.positive("pulse_rate_hz", false), s.positive("rate_hz", false))
@@ -151,7 +152,7 @@ pub(super) fn rays(report: &Report, s: &Section<'_>, files: &RayFiles) -> Option
     RayTable::new(pulses, rate.map(|r| r.value))
         .map_err(|error| match error {
             RayTableError::Ray(_) | RayTableError::Empty => {}
-            _ => report.error(s.place, error.to_string(), "", None),
+            _ => report.error(s.span, error.to_string(), "", None),
         })
         .ok()
 }

@@ -1,37 +1,15 @@
-//! The texts that a configuration comes from, and what is wrong with them.
+//! The texts that a configuration comes from, and the problems found in them.
 
 use std::cell::RefCell;
-use std::fmt;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::error::{Diagnostic, Severity};
-
-/// A place in one of the texts of a [`Report`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Place {
-    pub source: u32,
-    /// Bytes; texts are shorter than 4 GB.
-    pub start: u32,
-    pub end: u32,
-}
-
-impl Place {
-    /// The bytes `span` of a text.
-    pub fn new(source: u32, span: std::ops::Range<usize>) -> Self {
-        Self { source, start: span.start as u32, end: span.end as u32 }
-    }
-
-    /// The text that it is in.
-    pub fn source(self) -> u32 {
-        self.source
-    }
-}
+use super::{Diagnostic, Severity, Span, Unreadable};
 
 /// Where a text stands in the order of precedence: what is said later wins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Layer {
+pub(crate) enum Layer {
     /// A sensor file that a job names.
     Preset,
     /// The file that the user named.
@@ -49,35 +27,9 @@ struct Source {
 
 /// Every text that was read and every problem found in them.
 #[derive(Debug, Default)]
-pub(super) struct Report {
+pub(crate) struct Report {
     sources: Vec<Source>,
-    found: RefCell<Vec<(Place, Diagnostic)>>,
-}
-
-/// Why a file gives no text.
-#[derive(Debug)]
-pub(super) enum Unreadable {
-    Missing,
-    NotAFile(&'static str),
-    /// Its bytes, and how many are read at most.
-    TooLarge(u64, u64),
-    /// It was read, and what is wrong with it is in the report.
-    Reported,
-    Io(std::io::Error),
-}
-
-impl fmt::Display for Unreadable {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Missing => f.write_str("there is no such file"),
-            Self::NotAFile(kind) => write!(f, "this is {kind}, not a file"),
-            Self::TooLarge(bytes, limit) => {
-                write!(f, "the file has {bytes} bytes, more than the {limit} that are read of such a file")
-            }
-            Self::Reported => f.write_str("the file has errors"),
-            Self::Io(error) => write!(f, "the file can't be read: {error}"),
-        }
-    }
+    found: RefCell<Vec<(Span, Diagnostic)>>,
 }
 
 /// The largest file that is read. A parsed file takes about a hundred times its size.
@@ -94,10 +46,10 @@ impl Report {
 
     /// The folder that paths in a text are relative to: its file's or, for what was said on the command line, the first
     /// file's.
-    pub fn folder(&self, place: Place) -> &Path {
-        let source = match self.sources[place.source as usize].layer {
+    pub fn folder(&self, span: Span) -> &Path {
+        let source = match self.sources[span.source as usize].layer {
             Layer::Override => 0,
-            _ => place.source as usize,
+            _ => span.source as usize,
         };
         self.sources[source].path.parent().unwrap_or(Path::new(""))
     }
@@ -136,9 +88,9 @@ impl Report {
                 let byte = error.as_bytes()[at];
                 let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
                 let source = self.add(path, text, layer);
-                let place = Place::new(source, at..at + char::REPLACEMENT_CHARACTER.len_utf8());
+                let span = Span::new(source, at..at + char::REPLACEMENT_CHARACTER.len_utf8());
                 let message = format!("the file is not UTF-8 text: byte 0x{byte:02x} here");
-                self.error(place, message, "not UTF-8", Some("save the file as UTF-8".to_owned()));
+                self.error(span, message, "not UTF-8", Some("save the file as UTF-8".to_owned()));
                 Err(Unreadable::Reported)
             }
         }
@@ -156,46 +108,46 @@ impl Report {
     }
 
     /// Of two places that contradict each other, the one to point at: what the user said last.
-    pub fn later(&self, a: Place, b: Place) -> Place {
-        let layer = |p: Place| self.sources[p.source as usize].layer;
+    pub fn later(&self, a: Span, b: Span) -> Span {
+        let layer = |p: Span| self.sources[p.source as usize].layer;
         if layer(b) > layer(a) { b } else { a }
     }
 
     /// Records an error.
     pub fn error(
         &self,
-        place: Place,
+        span: Span,
         message: impl Into<String>,
         label: impl Into<String>,
         help: Option<String>,
     ) {
-        self.record(Severity::Error, place, message.into(), label.into(), help);
+        self.record(Severity::Error, span, message.into(), label.into(), help);
     }
 
     /// Records a warning.
     pub fn warning(
         &self,
-        place: Place,
+        span: Span,
         message: impl Into<String>,
         label: impl Into<String>,
         help: Option<String>,
     ) {
-        self.record(Severity::Warning, place, message.into(), label.into(), help);
+        self.record(Severity::Warning, span, message.into(), label.into(), help);
     }
 
-    fn record(&self, severity: Severity, place: Place, message: String, label: String, help: Option<String>) {
+    fn record(&self, severity: Severity, span: Span, message: String, label: String, help: Option<String>) {
         let mut found = self.found.borrow_mut();
         if let Some((_, rest)) = found.get_mut(MAX_PROBLEMS) {
             rest.severity = rest.severity.max(severity);
             return;
         }
-        let source = &self.sources[place.source as usize];
+        let source = &self.sources[span.source as usize];
         let mut diagnostic = Diagnostic {
             severity,
             message,
             path: source.path.clone(),
             source: Arc::clone(&source.text),
-            span: place.start as usize..place.end as usize,
+            span: span.start as usize..span.end as usize,
             label,
             help,
         };
@@ -205,8 +157,8 @@ impl Report {
             diagnostic.help = None;
         }
         // Two sensors that share a file have the same to say about it.
-        if !found.iter().any(|(p, d)| *p == place && d.message == diagnostic.message) {
-            found.push((place, diagnostic));
+        if !found.iter().any(|(p, d)| *p == span && d.message == diagnostic.message) {
+            found.push((span, diagnostic));
         }
     }
 
@@ -218,29 +170,7 @@ impl Report {
     /// Everything found, text by text in the order they were read, from top to bottom.
     pub fn into_diagnostics(self) -> Vec<Diagnostic> {
         let mut found = self.found.into_inner();
-        found.sort_by_key(|(place, _)| (place.source, place.start));
+        found.sort_by_key(|(span, _)| (span.source, span.start));
         found.into_iter().map(|(_, diagnostic)| diagnostic).collect()
-    }
-}
-
-/// A path as the user wrote it or, if that says where on this machine the file is, its name alone.
-pub(super) fn portable(as_written: &str) -> String {
-    let path = Path::new(as_written);
-    match path.file_name() {
-        Some(name) if path.has_root() => name.to_string_lossy().into_owned(),
-        _ => as_written.to_owned(),
-    }
-}
-
-/// What to say about a file that the user named and that gives no text.
-pub(super) fn unreadable(path: &Path, message: String, help: Option<String>) -> Diagnostic {
-    Diagnostic {
-        severity: Severity::Error,
-        message,
-        path: path.to_path_buf(),
-        source: "".into(),
-        span: 0..0,
-        label: String::new(),
-        help,
     }
 }

@@ -1,0 +1,72 @@
+//! One problem in a text that the user wrote.
+
+use std::fmt;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// One problem in a text that the user wrote, with the place to point at.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// Whether it stops the run.
+    pub severity: Severity,
+    /// What is wrong: the key, the value, one sentence.
+    pub message: String,
+    /// The file as the user named it, or what stands for one (`--set`).
+    pub path: PathBuf,
+    /// That file's whole text, shared by all that is said about it. Empty when it could not be read.
+    pub source: Arc<str>,
+    /// The bytes of `source` that are meant; empty for the file as a whole.
+    pub span: Range<usize>,
+    /// What stands under the marked text: short, such as `expected a number of metres`.
+    pub label: String,
+    /// What would be right.
+    pub help: Option<String>,
+}
+
+/// How bad a [`Diagnostic`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// The run goes on, its result is probably not what was meant.
+    Warning,
+    /// Nothing can be run.
+    Error,
+}
+
+impl Diagnostic {
+    /// An error about a file as a whole, whose text is not shown.
+    pub(crate) fn about_file(path: &Path, message: String, help: Option<String>) -> Self {
+        Self {
+            severity: Severity::Error,
+            message,
+            path: path.to_path_buf(),
+            source: "".into(),
+            span: 0..0,
+            label: String::new(),
+            help,
+        }
+    }
+
+    /// Line and column (in characters) of the span's start, both from 1.
+    pub fn line_column(&self) -> (usize, usize) {
+        let before = &self.source[..self.source.floor_char_boundary(self.span.start)];
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
+        (line, column)
+    }
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:", self.path.display())?;
+        if !self.source.is_empty() {
+            let (line, column) = self.line_column();
+            write!(f, "{line}:{column}:")?;
+        }
+        write!(f, " {}", self.message)?;
+        if let Some(help) = &self.help {
+            write!(f, " ({help})")?;
+        }
+        Ok(())
+    }
+}
