@@ -18,6 +18,7 @@ use crate::error::Error;
 use crate::output::{Destination, SensorFrame, encode_png, write_file};
 use crate::scan::Frame;
 use crate::scene::Scene;
+use crate::source::{Unreadable, read_file};
 use crate::trace::AnyTracer;
 use crate::view::{View, page};
 
@@ -341,13 +342,21 @@ fn accept_command(job: &Job) -> String {
     format!("`beamcast check --accept {}` accepts the job as it is now", job.path.display())
 }
 
+/// Whether a file has this content already.
+fn is_unchanged(path: &Path, content: &[u8]) -> bool {
+    read_file(path, content.len() as u64).is_ok_and(|old| old == content)
+}
+
+/// The largest file of a baseline that is read.
+const MAX_BASELINE_BYTES: u64 = 8 << 30;
+
 fn compare_with_baseline(job: &Job, scene: &Scene, taken: &[Taken], folder: &Path, outcome: &mut Outcome) {
     let command = accept_command(job);
     let path = folder.join(Baseline::NAME);
-    let baseline = match fs::read(&path) {
+    let baseline = match read_file(&path, MAX_BASELINE_BYTES) {
         Ok(bytes) => Baseline::decode(&bytes).map_err(|problem| format!("{} {problem}", path.display())),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err(format!("there is no {}", path.display())),
-        Err(e) => Err(format!("{} can't be read: {e}", path.display())),
+        Err(Unreadable::Missing) => Err(format!("there is no {}", path.display())),
+        Err(problem) => Err(format!("{}: {problem}", path.display())),
     };
     let baseline = match baseline {
         Ok(baseline) => baseline,
@@ -366,7 +375,8 @@ fn compare_with_baseline(job: &Job, scene: &Scene, taken: &[Taken], folder: &Pat
         };
         let pixels = folder.join(Baseline::pixels_name(name));
         let kept = || {
-            let read = fs::read(&pixels).map_err(|e| format!("{} can't be read: {e}", pixels.display()))?;
+            let read = read_file(&pixels, MAX_BASELINE_BYTES)
+                .map_err(|problem| format!("{}: {problem}", pixels.display()))?;
             let kept = Kept::unpack(&read, accepted);
             kept.ok_or_else(|| format!("{} is not what was accepted", pixels.display()))
         };
@@ -409,7 +419,7 @@ fn accept(
     let records = taken.iter().map(|taken| taken.record.clone()).collect();
     // Last, so that a baseline is complete if it is there.
     files.push((Baseline::NAME.to_owned(), Baseline::of(&job.resolved, scene, records).encode()));
-    if files.iter().all(|(name, content)| fs::read(folder.join(name)).is_ok_and(|old| old == *content)) {
+    if files.iter().all(|(name, content)| is_unchanged(&folder.join(name), content)) {
         return Ok(false);
     }
     let names = files.iter().map(|(name, _)| name.clone()).collect();

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 
-use crate::source::suggest::is_unprintable;
+use crate::source::suggest::{printable, printable_char};
 use crate::source::{Diagnostic, Severity};
 
 /// How many lines of a marked text are shown; a longer one is marked on its first line only.
@@ -104,7 +104,7 @@ impl Excerpt {
             let mut characters = line.trim_end_matches('\r').char_indices().skip(skipped);
             for (offset, c) in characters.by_ref().take(WIDEST_LINE) {
                 track(line_at + offset, &shown);
-                shown.push(if is_unprintable(c) && c != '\t' { char::REPLACEMENT_CHARACTER } else { c });
+                shown.push(if c == '\t' { c } else { printable_char(c) });
                 track(line_at + offset + c.len_utf8(), &shown);
             }
             if characters.next().is_some() {
@@ -117,11 +117,6 @@ impl Excerpt {
         shown.pop();
         Self { shown, marked, is_cut }
     }
-}
-
-/// A text without what a terminal would act on.
-fn printable(text: &str) -> String {
-    text.chars().map(|c| if is_unprintable(c) { char::REPLACEMENT_CHARACTER } else { c }).collect()
 }
 
 #[cfg(test)]
@@ -178,7 +173,7 @@ error: `max_m` is the string \"far\"
         d.help = Some(hostile.into());
         d.path = PathBuf::from("\u{1b}]0;title\u{7}.toml");
         let text = render(&[d], false);
-        assert!(!text.chars().any(|c| is_unprintable(c) && c != '\n'), "{text:?}");
+        assert!(text.chars().all(|c| printable_char(c) == c || c == '\n'), "{text:?}");
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! `beamcast import`: a unit's calibration → a sensor file.
 
 use std::fs;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::pipeline;
@@ -9,6 +8,7 @@ use super::terminal::Terminal;
 use crate::error::Error;
 use crate::import::{self, Format, MAX_FILE_BYTES, Source};
 use crate::output::write_file;
+use crate::source::read_file;
 
 /// The arguments of `beamcast import`.
 #[derive(Debug, clap::Args)]
@@ -19,7 +19,7 @@ pub struct Args {
     /// Write the sensor file here instead of to stdout
     #[arg(short, long, value_name = "SENSOR.toml")]
     output: Option<PathBuf>,
-    /// What the file is, if its content doesn't tell
+    /// The format of the file, if it is not recognised by its content
     #[arg(long = "as", value_enum, value_name = "FORMAT")]
     format: Option<As>,
     /// Hesai: the unit's firetime correction
@@ -42,7 +42,7 @@ enum As {
     Robosense,
     /// ROS's camera_info or OpenCV's calibration, YAML
     Camera,
-    /// A ray a line, CSV
+    /// A table of rays, CSV
     Rays,
 }
 
@@ -62,7 +62,7 @@ impl From<As> for Format {
 /// Writes the sensor file.
 ///
 /// # Errors
-/// [`Error::Config`] with all that is wrong in the calibration, [`Error::Input`] if it can't be read or is none that is known,
+/// [`Error::Config`] with every problem of the calibration, [`Error::Input`] if it can't be read or is of no known format,
 /// [`Error::Output`] if the sensor file is there already or can't be written.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     if let Some(output) = &args.output {
@@ -73,14 +73,12 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         Some(format) => format.into(),
         None => Format::of(&text).ok_or_else(|| {
             let known: Vec<_> = Format::ALL.map(Format::name).into();
-            let problem = format!(
-                "this is no calibration that is known ({}); --as says what it is meant to be",
-                known.join(", ")
-            );
+            let problem =
+                format!("this is no known calibration ({}); --as gives the format", known.join(", "));
             Error::input(&args.file, problem)
         })?,
     };
-    // A table of rays is named in the sensor file, as that will find it.
+    // The sensor file names the table of rays by its path as seen from the sensor file.
     let name = match (&args.output, format) {
         (Some(output), Format::Rays) => {
             pipeline::seen_from(output.parent().unwrap_or(Path::new("")), &args.file)
@@ -98,13 +96,13 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let Some(output) = &args.output else { return terminal.data(&sensor) };
     write_file(output, sensor.as_bytes())?;
     terminal.say(format_args!(
-        "wrote {}; its first comment says what was used and what was not",
+        "wrote {}; its first comment says which values of the calibration are used",
         output.display()
     ));
     Ok(())
 }
 
-/// Stops if a file that is to be written is there already.
+/// Refuses a file that is to be written and is there already.
 ///
 /// # Errors
 /// [`Error::Output`] if it is.
@@ -115,25 +113,12 @@ pub fn refuse_to_replace(path: &Path, overwrite: bool) -> Result<(), Error> {
     }
 }
 
-/// Reads a text. Never waits for a pipe or a device.
+/// Reads a file as a text.
 fn read(path: &Path) -> Result<String, Error> {
-    let fault = |problem: String| Error::input(path, problem);
-    let kind = fs::metadata(path).map_err(|e| match e.kind() {
-        std::io::ErrorKind::NotFound => fault("there is no such file".into()),
-        _ => fault(format!("can't be read: {e}")),
-    })?;
-    if !kind.is_file() {
-        return Err(fault("is not a file".into()));
-    }
-    let mut bytes = Vec::new();
-    let file = fs::File::open(path).and_then(|file| file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes));
-    file.map_err(|e| fault(format!("can't be read: {e}")))?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
-        return Err(fault(format!("has more than the {MAX_FILE_BYTES} bytes of any calibration")));
-    }
+    let bytes = read_file(path, MAX_FILE_BYTES).map_err(|e| Error::input(path, e))?;
     String::from_utf8(bytes).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
         let line = e.as_bytes()[..at].iter().filter(|b| **b == b'\n').count() + 1;
-        fault(format!("is not UTF-8 text: byte 0x{:02x} in line {line}", e.as_bytes()[at]))
+        Error::input(path, format!("this is not UTF-8 text: byte 0x{:02x} in line {line}", e.as_bytes()[at]))
     })
 }

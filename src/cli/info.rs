@@ -13,7 +13,7 @@ use super::terminal::Terminal;
 use crate::error::Error;
 use crate::output::Samples;
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
-use crate::source::suggest::{is_unprintable, quoted};
+use crate::source::suggest::{escaped, quoted};
 
 /// The arguments of `beamcast info`.
 #[derive(Debug, clap::Args)]
@@ -58,19 +58,12 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         return terminal.data(&format!("{json:#}\n"));
     }
     let kind = json.get("kind").and_then(Value::as_str).unwrap_or_default();
-    terminal.data(&printable(&format!("{}: {kind}\n{text}", plain(&name))))
+    terminal.data(&escaped(&format!("{}: {kind}\n{text}", plain(&name))))
 }
 
 /// A name without the quotes that messages put around it.
 fn plain(name: &str) -> String {
     quoted(name).trim_matches('`').to_owned()
-}
-
-/// Names in files are anything: only line feeds are kept of what a terminal acts on.
-fn printable(text: &str) -> String {
-    text.chars()
-        .map(|c| if c != '\n' && is_unprintable(c) { char::REPLACEMENT_CHARACTER } else { c })
-        .collect()
 }
 
 /// A part of an EXR.

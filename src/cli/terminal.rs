@@ -13,7 +13,7 @@ use super::diagnostics;
 use crate::error::Error;
 use crate::scan::Progress;
 use crate::source::Diagnostic;
-use crate::source::suggest::is_unprintable;
+use crate::source::suggest::escaped;
 
 /// The flags of every subcommand.
 #[derive(Debug, clap::Args)]
@@ -91,19 +91,19 @@ impl Terminal {
     /// Says what there is to know, unless quiet.
     pub fn say(&self, text: impl Display) {
         if !self.quiet {
-            to_stderr(&printable(&text.to_string()));
+            to_stderr(&escaped(&text.to_string()));
         }
     }
 
     /// Says what only the curious want to know.
     pub fn detail(&self, text: impl Display) {
         if self.verbose {
-            to_stderr(&printable(&text.to_string()));
+            to_stderr(&escaped(&text.to_string()));
         }
     }
 
     fn labelled(&self, label: &str, ansi: &str, text: impl Display) {
-        let text = printable(&text.to_string());
+        let text = escaped(&text.to_string());
         if self.color {
             to_stderr(&format!("\x1b[{ansi}m{label}\x1b[0m: {text}"));
         } else {
@@ -128,7 +128,7 @@ impl Terminal {
     /// # Errors
     /// As [`Terminal::data`].
     pub fn print(&self, text: &str) -> Result<(), Error> {
-        self.data(&printable(text))
+        self.data(&escaped(text))
     }
 
     /// Works with a progress bar over `rays`, on a terminal only.
@@ -168,29 +168,4 @@ impl Drop for SetOnDrop<'_> {
 /// A stderr that is closed is no reason to stop.
 fn to_stderr(line: &str) {
     let _ = writeln!(io::stderr().lock(), "{line}");
-}
-
-/// Names in files are anything; what would move the cursor, colour the screen or turn the text around is escaped.
-fn printable(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        if is_unprintable(c) && c != '\n' {
-            out.extend(c.escape_default());
-        } else {
-            out.push(c);
-        }
-    }
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_name_cannot_take_over_the_terminal() {
-        let name = "wall\x1b[2J\r\u{202e}gnp.exe\u{9b}1m\nsecond — ünïcode";
-        let expected = "wall\\u{1b}[2J\\r\\u{202e}gnp.exe\\u{9b}1m\nsecond — ünïcode";
-        assert_eq!(printable(name), expected);
-    }
 }

@@ -1,26 +1,27 @@
-//! A LiDAR with a turning head, as every vendor's calibration comes to it.
+//! A LiDAR with a turning head: the keys of a sensor file that the vendors' calibrations are brought to.
 
 use super::writer::Toml;
 
-/// What a sensor file says of a rotating LiDAR; lists have one entry a beam, in the vendor's order of channels.
+/// The keys of a rotating LiDAR's sensor file. Lists have one entry a beam, in the vendor's order of channels.
 #[derive(Debug)]
 pub(super) struct Lidar {
     pub elevations_deg: Vec<f64>,
     pub azimuth_offsets_deg: Vec<f64>,
     pub beam_times_us: Option<Vec<f64>>,
-    /// Where the beams leave the head, in its own frame: x forward at the head's azimuth, y left, z up from the sensor's
-    /// origin, metres.
+    /// The origins of the beams in the head's frame, in metres: x forward at the head's azimuth, y left, z up, from the sensor's
+    /// origin.
     pub origins_m: Option<Vec<[f64; 3]>>,
-    /// How far before a beam's origin its range begins.
+    /// The distance before a beam's origin from which its range is counted, in metres.
     pub range_offset_m: f64,
     pub columns: u32,
-    /// `None` for the full turn from behind, clockwise.
+    /// `None` for a full turn that starts behind the sensor and goes clockwise.
     pub sector_deg: Option<(f64, f64)>,
     pub rate_hz: f64,
 }
 
 impl Lidar {
-    /// Beams that leave from the origin and all at once, a full turn in the usual columns at the usual rate: 0.2° at 10 Hz.
+    /// Beams that all start at the origin and at the same time, in the usual columns and at the usual rate: a full turn in
+    /// steps of 0.2° at 10 Hz.
     pub fn usual(elevations_deg: Vec<f64>, azimuth_offsets_deg: Vec<f64>) -> Self {
         Self {
             elevations_deg,
@@ -34,7 +35,7 @@ impl Lidar {
         }
     }
 
-    /// The same with firing times, and as many of the usual columns a turn as leave each beam its time.
+    /// The same with firing times, and with the largest of the usual numbers of columns whose time lets every beam fire.
     pub fn firing_at(self, times_us: Vec<f64>) -> Self {
         let last_s = times_us.iter().copied().fold(0.0, f64::max) * 1e-6;
         let fits = |columns: &u32| last_s * f64::from(*columns) * self.rate_hz < 1.0;
@@ -66,7 +67,7 @@ impl Lidar {
         }
         toml.number("rate_hz", self.rate_hz);
         if self.range_offset_m != 0.0 {
-            toml.line("\n# No range is less than the offset that all have.");
+            toml.line("\n# Every range includes the offset, so none is less.");
             toml.line("[range]");
             toml.number("min_m", self.range_offset_m);
         }

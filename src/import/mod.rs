@@ -1,33 +1,36 @@
 //! Calibrations as vendors' tools write them → sensor files.
 //!
 //! ```text
-//! document     YAML and JSON: a tree whose values know where they were written
-//! table        CSV
-//! report       what is wrong with a file, each at its place
-//! writer       the sensor file as text; lidar what it says of one
-//! ouster  velodyne  hesai  robosense  camera  rays      one a format: which of its numbers mean what
+//! file         a vendor's file, as a tree of YAML or JSON or as the rows of a CSV, and the report of its problems
+//! fields       a table of YAML or JSON that is being read
+//! ouster  velodyne  hesai  robosense  camera  rays      one a format: the meaning of its numbers
+//! lidar        the keys of a rotating LiDAR, which four of the formats come to
+//! writer       the sensor file as text
 //! ```
 //!
-//! Files are taken for hostile: no text makes a panic, and what it makes is no longer than a multiple of it. Nothing here
-//! opens a file.
+//! Every file may be hostile: no text makes a panic, and the sensor file's length is bounded by a multiple of the text's.
+//! Nothing here opens a file.
 
 mod camera;
-mod document;
+mod fields;
+mod file;
 mod hesai;
 mod lidar;
 mod ouster;
 mod rays;
-mod report;
 mod robosense;
-mod table;
 mod velodyne;
 mod writer;
 
-use crate::source::Diagnostic;
-use report::Report;
+use std::path::Path;
+
+use crate::source::csv::rows;
+use crate::source::suggest::quoted;
+use crate::source::{Diagnostic, Layer, Report};
+use file::File;
 use writer::Toml;
 
-/// Most bytes of a file that is imported.
+/// The most bytes that are read of a file to import.
 pub const MAX_FILE_BYTES: u64 = 4 << 20;
 
 /// A kind of file that can be imported.
@@ -39,11 +42,11 @@ pub enum Format {
     Velodyne,
     /// Hesai's angle correction: CSV of channel, elevation, azimuth.
     Hesai,
-    /// RoboSense's angles: CSV of elevation, azimuth, without a head.
+    /// RoboSense's angles: CSV of elevation, azimuth, without a header.
     Robosense,
     /// A camera's intrinsics: ROS's camera_info or OpenCV's calibration, YAML.
     Camera,
-    /// A ray a line: CSV.
+    /// A table of rays: CSV with one ray a line.
     Rays,
 }
 
@@ -52,7 +55,7 @@ impl Format {
     pub const ALL: [Self; 6] =
         [Self::Ouster, Self::Velodyne, Self::Hesai, Self::Robosense, Self::Camera, Self::Rays];
 
-    /// What people call it.
+    /// The format's name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ouster => "Ouster metadata",
@@ -64,7 +67,7 @@ impl Format {
         }
     }
 
-    /// What a file is, by its content. `None` if it's nothing known.
+    /// The format of a file, by its content. `None` if no format is recognised.
     pub fn of(text: &str) -> Option<Self> {
         let text = text.trim_start_matches('\u{feff}').trim_start();
         if text.starts_with('{') {
@@ -81,13 +84,13 @@ impl Format {
         if text.starts_with("%YAML") || camera::KEYS.iter().any(|key| has_key(key)) {
             return Some(Self::Camera);
         }
-        let first = table::rows(text).find(|row| !row.cells[0].text.starts_with('#'))?;
-        let head: Vec<String> = first.cells.iter().map(|cell| cell.text.to_lowercase()).collect();
-        if hesai::is_head(&head) {
+        let first = rows(text, 0).find(|row| !row.is_comment() && !row.is_empty())?;
+        let header = first.lowercase();
+        if hesai::is_header(&header) {
             Some(Self::Hesai)
-        } else if rays::is_head(&head) {
+        } else if rays::is_header(&header) {
             Some(Self::Rays)
-        } else if head.len() == 2 && head.iter().all(|cell| cell.parse::<f64>().is_ok()) {
+        } else if header.len() == 2 && header.iter().all(|cell| cell.parse::<f64>().is_ok()) {
             Some(Self::Robosense)
         } else {
             None
@@ -95,7 +98,7 @@ impl Format {
     }
 }
 
-/// A file to import: its name, as messages and the sensor file tell it, and its text.
+/// A file to import: its name in messages and in the sensor file's comments, and its text.
 #[derive(Clone, Copy, Debug)]
 pub struct Source<'a> {
     /// The file's name as the user gave it.
@@ -104,53 +107,40 @@ pub struct Source<'a> {
     pub text: &'a str,
 }
 
-/// The sensor file that a calibration makes. `firetimes` is Hesai's firetime correction, if there is one.
+/// Makes a sensor file of a calibration. `firetimes` is Hesai's firetime correction, if there is one.
 ///
 /// # Errors
-/// Everything that is wrong with the files, each at its place; at least one.
+/// Every problem of the files, each with its place; at least one.
 pub fn import(
     format: Format,
     file: Source<'_>,
     firetimes: Option<Source<'_>>,
 ) -> Result<String, Vec<Diagnostic>> {
-    let report = Report::new(file.name, file.text);
+    let mut report = Report::default();
+    let mut add = |file: Source<'_>| report.add(Path::new(file.name), file.text.to_owned(), Layer::Main);
+    let source = add(file);
+    let of_firetimes = firetimes.map(|firetimes| (firetimes.name, add(firetimes)));
+    let file = File { report: &report, source, name: file.name };
+    let firetimes = of_firetimes.map(|(name, source)| File { report: &report, source, name });
+
     let mut toml = Toml::default();
     toml.line("#:schema sensor.schema.json");
     let made = match (format, firetimes) {
-        (Format::Hesai, Some(firetimes)) => {
-            let times = Report::new(firetimes.name, firetimes.text);
-            let made = hesai::write(&report, Some(&times), &mut toml);
-            let mut found = report.into_diagnostics();
-            found.extend(times.into_diagnostics());
-            return finish(made, toml, found);
-        }
-        (Format::Hesai, None) => hesai::write(&report, None, &mut toml),
+        (Format::Hesai, firetimes) => hesai::write(file, firetimes, &mut toml),
         (_, Some(firetimes)) => {
-            let message = format!("`{}` is of no use here", firetimes.name);
-            report.error(
-                0..0,
-                message,
-                "",
-                format!("firetimes go with a Hesai angle correction; this is {}", format.name()),
-            )
+            let message = format!("{} does not go with {}", quoted(firetimes.name), format.name());
+            let help = "firing times go with a Hesai angle correction".to_owned();
+            file.fail(file.whole(), message, "", help)
         }
-        (Format::Ouster, None) => ouster::write(&report, &mut toml),
-        (Format::Velodyne, None) => velodyne::write(&report, &mut toml),
-        (Format::Robosense, None) => robosense::write(&report, &mut toml),
-        (Format::Camera, None) => camera::write(&report, &mut toml),
-        (Format::Rays, None) => rays::write(&report, &mut toml),
+        (Format::Ouster, None) => ouster::write(file, &mut toml),
+        (Format::Velodyne, None) => velodyne::write(file, &mut toml),
+        (Format::Robosense, None) => robosense::write(file, &mut toml),
+        (Format::Camera, None) => camera::write(file, &mut toml),
+        (Format::Rays, None) => rays::write(file, &mut toml),
     };
-    finish(made, toml, report.into_diagnostics())
-}
-
-fn finish(made: Option<()>, toml: Toml, found: Vec<Diagnostic>) -> Result<String, Vec<Diagnostic>> {
+    let found = report.into_diagnostics();
     match made {
         Some(()) if found.is_empty() => Ok(toml.into_text()),
         _ => Err(found),
     }
-}
-
-/// The last part of a path, for a comment: what a user's folders are called is no one's business.
-fn file_name(path: &str) -> &str {
-    path.rsplit(['/', '\\']).next().unwrap_or(path)
 }

@@ -1,33 +1,29 @@
-//! A ray a line: a table that `[rays]` reads as it is. What is written is the sensor file that names it.
+//! A table of rays, which `[rays]` reads as it is: the import writes the sensor file that names it.
 
-use super::file_name;
-use super::report::Report;
-use super::table::rows;
+use super::file::File;
 use super::writer::Toml;
 
-/// Whether a head names a ray's direction.
-pub(super) fn is_head(head: &[String]) -> bool {
-    let has = |names: &[&str]| names.iter().all(|name| head.iter().any(|column| column == name));
+/// Whether a header in lower case has the columns of a ray's direction.
+pub(super) fn is_header(header: &[String]) -> bool {
+    let has = |names: &[&str]| names.iter().all(|name| header.iter().any(|column| column == name));
     has(&["azimuth_deg", "elevation_deg"]) || has(&["x", "y", "z"])
 }
 
-pub(super) fn write(report: &Report, toml: &mut Toml) -> Option<()> {
-    let mut lines = rows(report.text()).filter(|row| !row.cells[0].text.starts_with('#'));
-    let head = lines.next();
-    let names: Vec<String> =
-        head.iter().flat_map(|row| &row.cells).map(|cell| cell.text.to_lowercase()).collect();
-    if !is_head(&names) {
-        let span = head.map_or(0..0, |row| row.span);
+pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
+    let mut lines = file.rows().filter(|row| !row.is_comment());
+    let header = lines.next();
+    if !header.as_ref().is_some_and(|header| is_header(&header.lowercase())) {
+        let span = header.map_or(file.whole(), |header| header.span);
         let label = "expected azimuth_deg and elevation_deg, or x, y and z, among the columns";
-        return report.error(span, "this is no table of rays", label, None);
+        return file.fail(span, "this is no table of rays", label, None);
     }
     let count = lines.count();
     if count == 0 {
-        return report.error(0..0, "the table has no rays", "", None);
+        return file.fail(file.whole(), "the table has no rays", "", None);
     }
-    toml.comment(&format!("{count} rays, in the order of {}.", file_name(report.name())));
+    toml.comment(&format!("{count} rays, in the order of {}.", file.short_name()));
     toml.comment("\nNot in the file, and to be checked: rate (none), range limits (none).");
     toml.table("rays");
-    toml.text("file", report.name());
+    toml.text("file", file.name);
     Some(())
 }

@@ -1,7 +1,7 @@
-//! The calibration of the ROS driver for Velodyne sensors: YAML with a table a laser, angles in radians, lengths in metres.
+//! The calibration of the ROS driver for Velodyne sensors: YAML with one table a laser, angles in radians, lengths in metres.
 //!
-//! The driver makes points of distances r (velodyne_pointcloud, `unpack`), with the head's azimuth a, clockwise seen from
-//! above from forward, and of each laser rot_correction δ, vert_correction φ, vert_offset_correction v and
+//! The driver (velodyne_pointcloud, `unpack`) computes a point from the distance r, the head's azimuth a, counted clockwise
+//! from forward, seen from above, and of each laser rot_correction δ, vert_correction φ, vert_offset_correction v and
 //! horiz_offset_correction h:
 //!
 //! ```text
@@ -11,19 +11,20 @@
 //! z = r·sin φ + v·cos φ
 //! ```
 //!
-//! A laser's azimuth here is δ − a. Seen along it, it starts v·sin φ behind the axis, h to the left, and v·cos φ up; turned by
-//! δ, that is its origin in the head's frame.
+//! A laser's azimuth in the sensor frame is δ − a. Seen along that azimuth, the laser starts v·sin φ behind the axis, h to
+//! its left and v·cos φ above the sensor's origin; turned by δ, that is the laser's origin in the head's frame.
 
-use super::document::{self, Fields, Value};
-use super::file_name;
+use super::fields::Fields;
+use super::file::File;
 use super::lidar::Lidar;
-use super::report::Report;
 use super::writer::Toml;
+use crate::source::Span;
+use crate::source::tree::Value;
 
 /// Most lasers of a file.
 const MOST_LASERS: u32 = 4096;
 
-/// Corrections of measured ranges and intensities, which simulated ones don't need.
+/// Corrections of measured ranges and intensities. Simulated measurements need none.
 const OF_MEASUREMENTS: [&str; 7] = [
     "dist_correction",
     "dist_correction_x",
@@ -42,18 +43,18 @@ struct Laser {
     horizontal_offset: f64,
 }
 
-pub(super) fn write(report: &Report, toml: &mut Toml) -> Option<()> {
-    let document = document::parse(report)?;
-    let top = Fields::new(report, "", &document)?;
+pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
+    let document = file.document()?;
+    let top = Fields::new(file, "", &document)?;
     let node = top.need("lasers", "the list of the lasers, each a table")?;
-    let Value::List(elements) = &node.value else {
-        let message = format!("`lasers` is {}", document::describe(&node.value));
-        return report.error(node.span.clone(), message, "expected a list of tables", None);
+    let Value::Array(elements) = &node.value else {
+        let message = format!("`lasers` is {}", node.value.describe());
+        return file.fail(node.span, message, "expected a list of tables", None);
     };
     let mut left_out: Vec<&str> = Vec::new();
     let mut lasers = Vec::new();
     for (index, element) in elements.iter().enumerate() {
-        let Some(fields) = Fields::new(report, format!("lasers[{index}]"), element) else { continue };
+        let Some(fields) = Fields::new(file, format!("lasers[{index}]"), element) else { continue };
         let is_used =
             |key: &&str| fields.get(key).is_some_and(|_| fields.number(key).is_some_and(|x| x != 0.0));
         for key in OF_MEASUREMENTS.into_iter().filter(is_used) {
@@ -63,45 +64,48 @@ pub(super) fn write(report: &Report, toml: &mut Toml) -> Option<()> {
         }
         lasers.extend(laser(&fields));
     }
-    if report.has_errors() {
+    if file.has_errors() {
         return None;
     }
     if lasers.is_empty() {
-        return report.error(node.span.clone(), "`lasers` is empty", "expected a table a laser", None);
+        return file.fail(node.span, "`lasers` is empty", "expected one table a laser", None);
     }
     if let Some(expected) = top.integer("num_lasers", 0, MOST_LASERS)
         && expected as usize != lasers.len()
     {
-        let span = top.get("num_lasers").map_or(0..0, |n| n.span.clone());
+        let span = top.span("num_lasers");
         let message = format!("`num_lasers` is {expected}, and {} are listed", lasers.len());
-        return report.error(span, message, format!("expected {}", lasers.len()), None);
+        return file.fail(span, message, format!("expected {}", lasers.len()), None);
     }
     lasers.sort_by_key(|laser| laser.id);
     if let Some(at) = lasers.iter().enumerate().position(|(index, laser)| laser.id as usize != index) {
         let message = format!("the lasers are not numbered from 0 to {}", lasers.len() - 1);
         let label = format!("number {at} is missing, or there twice");
-        return report.error(node.span.start..node.span.start, message, label, None);
+        return file.fail(Span { end: node.span.start, ..node.span }, message, label, None);
     }
 
-    toml.comment(&format!("A Velodyne LiDAR with {} lasers: {}.", lasers.len(), file_name(report.name())));
-    toml.comment("\nUsed: laser_id (the order below), and of each laser vert_correction and rot_correction (radians in the file).");
+    toml.comment(&format!("A Velodyne LiDAR with {} lasers: {}.", lasers.len(), file.short_name()));
+    toml.comment(
+        "\nUsed: laser_id (the order below), vert_correction and rot_correction (radians in the file) of each laser.",
+    );
     let is_offset = lasers.iter().any(|l| (l.vertical_offset, l.horizontal_offset) != (0.0, 0.0));
     if is_offset {
         toml.comment(
-            "Also vert_offset_correction and horiz_offset_correction: where each laser starts, in the turning head's frame.",
+            "Also used: vert_offset_correction and horiz_offset_correction, which give the origin of each laser in the frame of \
+             the turning head.",
         );
     }
     if !left_out.is_empty() {
         toml.comment(&format!(
-            "Left out: {}, which correct what the unit measures; simulated ranges need none.",
+            "Left out: {}, which correct the measurements of the unit; simulated ranges need no correction.",
             left_out.join(", ")
         ));
     }
     toml.comment(
-        "Not in the file, and to be checked: the model and its firing times (none), columns and rate (the usual ones), range \
-         limits (none).",
+        "Not in the file, and to be checked: firing times, which depend on the model (none are set), columns and rate (the \
+         usual values), range limits (none are set).",
     );
-    toml.line("\n# A cloud's ring counts lasers from the lowest, as Velodyne's drivers do.");
+    toml.line("\n# The ring of a cloud counts lasers from the lowest, as in Velodyne's drivers.");
     let degrees = |f: fn(&Laser) -> f64| lasers.iter().map(|l| tidy(f(l).to_degrees())).collect();
     let lidar = Lidar {
         origins_m: is_offset.then(|| lasers.iter().map(origin).collect()),
@@ -119,10 +123,9 @@ fn laser(fields: &Fields<'_>) -> Option<Laser> {
     let angle = |key: &str, most: f64| {
         let value = fields.number(key)?;
         if value.abs() > most {
-            let span = fields.get(key).map_or(0..0, |node| node.span.clone());
             let message = format!("`{}` is {value}", fields.path(key));
-            return fields.report().error(
-                span,
+            return fields.file().fail(
+                fields.span(key),
                 message,
                 format!("expected radians, -{most:.4} to {most:.4}"),
                 None,
@@ -144,7 +147,7 @@ fn laser(fields: &Fields<'_>) -> Option<Laser> {
     })
 }
 
-/// Where a laser starts in the head's frame.
+/// The origin of a laser in the head's frame, in metres.
 fn origin(laser: &Laser) -> [f64; 3] {
     let (sin, cos) = libm::sincos(laser.vertical);
     let (sin_turn, cos_turn) = libm::sincos(laser.rotation);
@@ -152,7 +155,8 @@ fn origin(laser: &Laser) -> [f64; 3] {
     [forward * cos_turn - left * sin_turn, forward * sin_turn + left * cos_turn, laser.vertical_offset * cos]
 }
 
-/// Degrees that were degrees before a file had them in radians: to 12 decimals, a thousandth of what matters.
+/// Rounds degrees to 12 decimals. Vendors measure in degrees and write radians, so this restores the vendor's decimals; the
+/// rounding is a thousandth of what matters.
 fn tidy(degrees: f64) -> f64 {
     (degrees * 1e12).round() / 1e12
 }

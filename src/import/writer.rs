@@ -1,11 +1,11 @@
-//! Sensor files as text: comments that say where each value comes from, and values that are read back to the last bit.
+//! Sensor files as text, with comments that say where the values come from. Numbers are read back as the same bits.
 
 use std::fmt::Write as _;
 
 use crate::config::toml_string;
-use crate::source::suggest::is_unprintable;
+use crate::source::suggest::printable;
 
-/// Longest line that is written, in characters.
+/// The longest line of a comment, in characters.
 const WIDTH: usize = 110;
 
 /// A sensor file that is being written.
@@ -13,15 +13,12 @@ const WIDTH: usize = 110;
 pub(super) struct Toml(String);
 
 impl Toml {
-    /// A line or more of comment, wrapped; empty lines separate paragraphs.
+    /// Comments, wrapped. An empty line separates paragraphs.
     pub fn comment(&mut self, text: &str) {
         for line in text.split('\n') {
             let mut width = 0;
             for word in line.split_whitespace() {
-                let word: String = word
-                    .chars()
-                    .map(|c| if is_unprintable(c) { char::REPLACEMENT_CHARACTER } else { c })
-                    .collect();
+                let word = printable(word);
                 let length = word.chars().count();
                 if width > 0 && width + 1 + length > WIDTH {
                     self.0.push('\n');
@@ -39,13 +36,13 @@ impl Toml {
         }
     }
 
-    /// A line that is neither comment for people nor TOML, such as `#:schema`.
+    /// A line as it is, such as `#:schema …`.
     pub fn line(&mut self, text: &str) {
         self.0.push_str(text);
         self.0.push('\n');
     }
 
-    /// An empty line, then a table's head.
+    /// An empty line, then the header of a table.
     pub fn table(&mut self, name: &str) {
         let _ = writeln!(self.0, "\n[{name}]");
     }
@@ -66,7 +63,7 @@ impl Toml {
         let _ = writeln!(self.0, "{key} = {}", toml_string(value));
     }
 
-    /// A list, in lines of eight.
+    /// A list, eight numbers a line.
     pub fn numbers(&mut self, key: &str, values: &[f64]) {
         let _ = writeln!(self.0, "{key} = [");
         for line in values.chunks(8) {
@@ -76,7 +73,7 @@ impl Toml {
         self.0.push_str("]\n");
     }
 
-    /// A list of positions: one alone if they are all the same, which stands for all.
+    /// A list of positions, or one position if they are all the same.
     pub fn vectors(&mut self, key: &str, values: &[[f64; 3]]) {
         let vector = |[x, y, z]: &[f64; 3]| format!("[{}, {}, {}]", number(*x), number(*y), number(*z));
         match values {
@@ -98,7 +95,7 @@ impl Toml {
     }
 }
 
-/// A number as TOML has it: with a point, and with as many digits as it takes to read the same one back.
+/// A float of TOML: it has a point, and the fewest digits that are read back as the same number.
 fn number(value: f64) -> String {
     // Debug writes the shortest digits, with a point or an exponent.
     if value == 0.0 { "0.0".to_owned() } else { format!("{value:?}") }

@@ -1,19 +1,27 @@
-//! Texts that users write: where a value stands in them, the problems found in them, and suggestions of what was meant.
+//! Texts that users write: files are read here, values get the spans where they were written, and problems are reported at
+//! their place with a suggestion of what was meant.
 //!
 //! ```text
+//! read         the one way to read a file
 //! report       the texts that were read, and every problem found in them
 //! diagnostic   one problem, with the place to point at
-//! suggest      the nearest of the words, or of the files of a folder
+//! suggest      the nearest of the words, or of the files of a folder; the user's own words in messages
+//! tree         values with their spans; yaml (and JSON) makes them of a text
+//! csv          fields with their spans
 //! ```
 
+pub(crate) mod csv;
 mod diagnostic;
+mod read;
 mod report;
 pub(crate) mod suggest;
+pub(crate) mod tree;
+pub(crate) mod yaml;
 
-use std::fmt;
 use std::path::Path;
 
 pub use diagnostic::{Diagnostic, Severity};
+pub(crate) use read::{Unreadable, read_file};
 pub(crate) use report::{Layer, Report};
 
 /// A range of bytes in one of the texts of a [`Report`].
@@ -39,32 +47,6 @@ impl Span {
 pub(crate) struct Spanned<T> {
     pub value: T,
     pub span: Span,
-}
-
-/// Why a file gives no text.
-#[derive(Debug)]
-pub(crate) enum Unreadable {
-    Missing,
-    NotAFile(&'static str),
-    /// Its bytes, and how many are read at most.
-    TooLarge(u64, u64),
-    /// It was read, and what is wrong with it is in the report.
-    Reported,
-    Io(std::io::Error),
-}
-
-impl fmt::Display for Unreadable {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Missing => f.write_str("there is no such file"),
-            Self::NotAFile(kind) => write!(f, "this is {kind}, not a file"),
-            Self::TooLarge(bytes, limit) => {
-                write!(f, "the file has {bytes} bytes, more than the {limit} that are read of such a file")
-            }
-            Self::Reported => f.write_str("the file has errors"),
-            Self::Io(error) => write!(f, "the file can't be read: {error}"),
-        }
-    }
 }
 
 /// A path as the user wrote it or, if that says where on this machine the file is, its name alone.

@@ -1,13 +1,12 @@
 //! The texts that a configuration comes from, and the problems found in them.
 
 use std::cell::RefCell;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::{Diagnostic, Severity, Span, Unreadable};
+use super::{Diagnostic, Severity, Span, Unreadable, read_file};
 
-/// Where a text stands in the order of precedence: what is said later wins.
+/// Where a text stands in the order of precedence: the last layer that gives a key decides its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Layer {
     /// A sensor file that a job names.
@@ -32,20 +31,20 @@ pub(crate) struct Report {
     found: RefCell<Vec<(Span, Diagnostic)>>,
 }
 
-/// The largest file that is read. A parsed file takes about a hundred times its size.
+/// The largest file that is read. A parsed file takes about a hundred times its size in memory.
 const MAX_FILE_BYTES: u64 = 4 << 20;
 
-/// How many problems are kept: no one reads more, and a hostile file must not make more work than that.
+/// Most problems that are kept. No one reads more, and a hostile file must not make more work than that.
 const MAX_PROBLEMS: usize = 200;
 
 impl Report {
-    /// Reads a file. Never waits for a pipe or a device.
+    /// Reads a file as a text, as [`read_file`] does, and gives the text's number.
     pub fn open(&mut self, path: &Path, layer: Layer) -> Result<u32, Unreadable> {
         self.open_up_to(path, layer, MAX_FILE_BYTES)
     }
 
-    /// The folder that paths in a text are relative to: its file's or, for what was said on the command line, the first
-    /// file's.
+    /// The folder that paths in a text are relative to: that of its file or, for an override from the command line, that of
+    /// the first file.
     pub fn folder(&self, span: Span) -> &Path {
         let source = match self.sources[span.source as usize].layer {
             Layer::Override => 0,
@@ -54,33 +53,9 @@ impl Report {
         self.sources[source].path.parent().unwrap_or(Path::new(""))
     }
 
-    /// Reads a file of at most `limit` bytes. Never waits for a pipe or a device.
+    /// The same for a file of at most `limit` bytes.
     pub fn open_up_to(&mut self, path: &Path, layer: Layer, limit: u64) -> Result<u32, Unreadable> {
-        let kind = match std::fs::metadata(path) {
-            Err(e)
-                if matches!(e.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory) =>
-            {
-                return Err(Unreadable::Missing);
-            }
-            Err(e) => return Err(Unreadable::Io(e)),
-            Ok(kind) => kind,
-        };
-        if kind.is_dir() {
-            return Err(Unreadable::NotAFile("a folder"));
-        } else if !kind.is_file() {
-            return Err(Unreadable::NotAFile("a pipe or a device"));
-        } else if kind.len() > limit {
-            return Err(Unreadable::TooLarge(kind.len(), limit));
-        }
-        let mut bytes = Vec::new();
-        let read = std::fs::File::open(path).and_then(|f| f.take(limit + 1).read_to_end(&mut bytes));
-        match read {
-            Err(e) => return Err(Unreadable::Io(e)),
-            Ok(length) if length as u64 > limit => {
-                return Err(Unreadable::TooLarge(length as u64, limit));
-            }
-            Ok(_) => {}
-        }
+        let bytes = read_file(path, limit)?;
         match String::from_utf8(bytes) {
             Ok(text) => Ok(self.add(path, text, layer)),
             Err(error) => {
@@ -96,18 +71,18 @@ impl Report {
         }
     }
 
-    /// Takes in a text that isn't a file's.
+    /// Adds a text under a name that stands for its file, and gives the text's number.
     pub fn add(&mut self, path: &Path, text: String, layer: Layer) -> u32 {
         self.sources.push(Source { path: path.to_path_buf(), text: text.into(), layer });
         (self.sources.len() - 1) as u32
     }
 
-    /// A whole text.
+    /// The whole text of a number.
     pub fn text(&self, source: u32) -> &str {
         &self.sources[source as usize].text
     }
 
-    /// Of two places that contradict each other, the one to point at: what the user said last.
+    /// Of two spans that contradict each other, the one to point at: the one whose layer comes last.
     pub fn later(&self, a: Span, b: Span) -> Span {
         let layer = |p: Span| self.sources[p.source as usize].layer;
         if layer(b) > layer(a) { b } else { a }
@@ -122,6 +97,18 @@ impl Report {
         help: Option<String>,
     ) {
         self.record(Severity::Error, span, message.into(), label.into(), help);
+    }
+
+    /// Records an error. Gives `None`, for the value that can't be had.
+    pub fn fail<T>(
+        &self,
+        span: Span,
+        message: impl Into<String>,
+        label: impl Into<String>,
+        help: Option<String>,
+    ) -> Option<T> {
+        self.error(span, message, label, help);
+        None
     }
 
     /// Records a warning.
@@ -156,7 +143,7 @@ impl Report {
             diagnostic.label = "first of the rest".to_owned();
             diagnostic.help = None;
         }
-        // Two sensors that share a file have the same to say about it.
+        // Two sensors that share a file find the same problems in it.
         if !found.iter().any(|(p, d)| *p == span && d.message == diagnostic.message) {
             found.push((span, diagnostic));
         }

@@ -1,4 +1,4 @@
-//! "Did you mean": the nearest of the words, or of the files of a folder.
+//! "Did you mean": the nearest of the words, or of the files of a folder. The user's own words in messages.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use std::path::Path;
 pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let length = word.chars().count();
     if length > LONGEST_WORD {
-        return None; // nothing that anyone mistyped
+        return None; // no one mistypes a word of that length
     }
     let word = word.to_lowercase();
     candidates
@@ -22,8 +22,8 @@ pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a s
 /// The comparison's cost grows with the square of the length.
 const LONGEST_WORD: usize = 100;
 
-/// What to say about a file that isn't there: the nearest name of its folder, or what that folder holds of its kind, or
-/// how far its path exists. `as_written` is the path that the user gave, `path` the same as it is opened.
+/// The help for a file that is not there: the nearest name in its folder, or else the names of its kind that the folder has,
+/// or else the folder that is missing too. `as_written` is the path that the user gave, `path` the same as it is opened.
 pub(crate) fn missing_file_help(as_written: &str, path: &Path) -> Option<String> {
     let folder = path.parent()?;
     let shown = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
@@ -51,10 +51,11 @@ pub(crate) fn missing_file_help(as_written: &str, path: &Path) -> Option<String>
     Some(format!("the folder {shown} has {}", list(names.iter().map(String::as_str), "and")))
 }
 
-/// How many names of a folder are looked at.
+/// Most names of a folder that are compared.
 const MOST_NAMES: usize = 10_000;
 
-/// The user's own text in a message: between backticks, cut to a readable length, and nothing that a terminal acts on.
+/// The user's own text in a message: between backticks, cut to a readable length, and with the codes of characters that a
+/// terminal acts on.
 pub(crate) fn quoted(text: &str) -> String {
     const LONGEST: usize = 80;
     let mut shown = String::from("`");
@@ -71,9 +72,28 @@ pub(crate) fn quoted(text: &str) -> String {
 
 /// Whether a terminal acts on a character rather than showing it: control characters, and Unicode's invisible ones that
 /// reorder text.
-pub(crate) fn is_unprintable(c: char) -> bool {
+fn is_unprintable(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+}
+
+/// The character as it may be shown: `\u{fffd}` for each one that a terminal acts on.
+pub(crate) fn printable_char(c: char) -> char {
+    if is_unprintable(c) { char::REPLACEMENT_CHARACTER } else { c }
+}
+
+/// The text with as many characters, of which a terminal acts on none.
+pub(crate) fn printable(text: &str) -> String {
+    text.chars().map(printable_char).collect()
+}
+
+/// The text with the codes of characters that a terminal acts on, such as `\u{1b}`. Line feeds are kept.
+pub(crate) fn escaped(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        if is_unprintable(c) && c != '\n' { shown.extend(c.escape_default()) } else { shown.push(c) }
+    }
+    shown
 }
 
 /// `a`, `b` and `c`, each quoted.
@@ -106,6 +126,13 @@ mod tests {
         assert_eq!(quoted("wall é"), "`wall é`");
         assert_eq!(quoted("\u{1b}[31m\u{202e}"), "`\\u{1b}[31m\\u{202e}`");
         assert_eq!(quoted(&"x".repeat(1000)).chars().count(), 83);
+    }
+
+    #[test]
+    fn no_text_takes_over_a_terminal() {
+        let name = "wall\x1b[2J\r\u{202e}gnp.exe\u{9b}1m\nsecond — ünïcode";
+        assert_eq!(escaped(name), "wall\\u{1b}[2J\\r\\u{202e}gnp.exe\\u{9b}1m\nsecond — ünïcode");
+        assert_eq!(printable("a\x1b[2J\té"), "a\u{fffd}[2J\u{fffd}é");
     }
 
     #[test]

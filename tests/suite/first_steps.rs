@@ -136,9 +136,9 @@ fn files_that_are_no_such_files_are_inputs_that_are_wrong() {
     }
     write("latin1.csv", b"Channel,Elevation,Azimuth\n1,2,\xb0\n");
     for (args, problem) in [
-        (vec!["import", "notes.txt"], "this is no calibration that is known"),
+        (vec!["import", "notes.txt"], "this is no known calibration"),
         (vec!["import", "missing.json"], "there is no such file"),
-        (vec!["import", "."], "is not a file"),
+        (vec!["import", "."], "this is a folder, not a file"),
         (vec!["import", "latin1.csv"], "byte 0xb0 in line 2"),
     ] {
         let (code, said) = fails(here, &args);

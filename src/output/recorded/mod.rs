@@ -14,6 +14,7 @@ use serde_json::Value;
 
 use super::Manifest;
 use crate::error::Error;
+use crate::source::read_file;
 
 pub use exr::{Part, read_exr};
 pub use ply::{Cloud, Field, read_ply};
@@ -53,7 +54,7 @@ impl Recorded {
         if path.file_name().is_some_and(|name| name == Manifest::NAME) {
             return Folder::open(path.parent().unwrap_or(Path::new(""))).map(Self::Folder);
         }
-        let bytes = read_file(path)?;
+        let bytes = read(path)?;
         let read = match bytes.get(..4) {
             Some([0x76, 0x2f, 0x31, 0x01]) => read_exr(&bytes).map(Self::Exr),
             Some([b'p', b'l', b'y', b'\n' | b'\r']) => read_ply(&bytes).map(Self::Cloud),
@@ -85,7 +86,7 @@ impl Folder {
                 format!("has no {}, so no scan wrote it, or none that came to its end", Manifest::NAME);
             return Err(Error::input(path, problem));
         }
-        let manifest: Value = serde_json::from_slice(&read_file(&name)?)
+        let manifest: Value = serde_json::from_slice(&read(&name)?)
             .map_err(|e| Error::input(&name, format!("this is not valid JSON: {e}")))?;
         let mut outputs = Vec::new();
         let listed = manifest.get("outputs").and_then(Value::as_array);
@@ -127,17 +128,6 @@ impl Folder {
 /// The largest file that is read.
 const MAX_FILE_BYTES: u64 = 8 << 30;
 
-/// Reads a file. Never waits for a pipe or a device.
-fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
-    let kind = fs::metadata(path).map_err(|e| match e.kind() {
-        std::io::ErrorKind::NotFound => Error::input(path, "there is no such file"),
-        _ => Error::input(path, format!("can't be read: {e}")),
-    })?;
-    if !kind.is_file() {
-        return Err(Error::input(path, "is not a file"));
-    }
-    if kind.len() > MAX_FILE_BYTES {
-        return Err(Error::input(path, format!("has {} bytes, more than {MAX_FILE_BYTES}", kind.len())));
-    }
-    fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))
+fn read(path: &Path) -> Result<Vec<u8>, Error> {
+    read_file(path, MAX_FILE_BYTES).map_err(|e| Error::input(path, e))
 }

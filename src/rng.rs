@@ -1,0 +1,229 @@
+//! Random numbers by counter: a number depends on what it is for, and not on how many were drawn before it.
+//!
+//! The generator is Philox4x32-10 (J. K. Salmon, M. A. Moraes, R. O. Dror and D. E. Shaw, "Parallel random numbers: as easy
+//! as 1, 2, 3", SC 2011): a bijection of 128-bit counters for each 64-bit key. Any number of any stream is computed on its
+//! own, so results are the same on any number of threads and in any order of work.
+//!
+//! A simulation draws from [`FrameStreams`]: the seed, the sensor and the frame make the key; the pulse, the sample and the
+//! effect make the counter.
+//!
+//! ```
+//! use beamcast::rng::FrameStreams;
+//!
+//! const RANGE_NOISE: u32 = 1;
+//! let (seed, sensor, frame) = (7, 0, 42);
+//! let streams = FrameStreams::new(seed, sensor, frame);
+//! let (pulse, sample) = (1800, 0);
+//! let error_m = 0.02 * streams.stream(pulse, sample, RANGE_NOISE).normal();
+//! assert_eq!(error_m, 0.02 * streams.stream(pulse, sample, RANGE_NOISE).normal());
+//! ```
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+/// Philox4x32-10: the 128 random bits of a counter under a key.
+pub fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
+    // The multipliers and the Weyl increments are those of the paper (tables 2 and 3).
+    let multiply = |a: u32, b: u32| {
+        let product = u64::from(a) * u64::from(b);
+        ((product >> 32) as u32, product as u32)
+    };
+    let ([mut c0, mut c1, mut c2, mut c3], [mut k0, mut k1]) = (counter, key);
+    for _ in 0..10 {
+        let (high0, low0) = multiply(0xd251_1f53, c0);
+        let (high1, low1) = multiply(0xcd9e_8d57, c2);
+        (c0, c1, c2, c3) = (high1 ^ c1 ^ k0, low1, high0 ^ c3 ^ k1, low0);
+        (k0, k1) = (k0.wrapping_add(0x9e37_79b9), k1.wrapping_add(0xbb67_ae85));
+    }
+    [c0, c1, c2, c3]
+}
+
+/// The streams of random numbers of one frame of one sensor.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameStreams {
+    key: [u32; 2],
+}
+
+impl FrameStreams {
+    /// The streams of frame number `frame` of the rig's sensor number `sensor` in a job with this seed.
+    ///
+    /// The key is 64 of the 128 bits that Philox gives for the counter (sensor, frame, 0) under the seed. Two of n pairs of
+    /// sensor and frame share a key with a probability of n²/2⁶⁵: 3·10⁻⁸ for a million frames.
+    pub fn new(seed: u64, sensor: u32, frame: u64) -> Self {
+        let [k0, k1, ..] = philox([sensor, frame as u32, (frame >> 32) as u32, 0], words(seed));
+        Self { key: [k0, k1] }
+    }
+
+    /// The stream of an effect, for one sample of a pulse. Each effect has a number of its own, which never changes, so that a
+    /// new effect leaves the numbers of the others as they are. Streams of a frame never overlap.
+    pub fn stream(&self, pulse: u32, sample: u32, effect: u32) -> Rng {
+        Rng { key: self.key, counter: [0, effect, sample, pulse], block: [0; 4], used: 4 }
+    }
+}
+
+/// A stream of random numbers: 2³⁴ words of 32 bits, after which it begins again.
+#[derive(Clone, Debug)]
+pub struct Rng {
+    key: [u32; 2],
+    /// The next block's. Its first word numbers the blocks of the stream, the others name the stream.
+    counter: [u32; 4],
+    block: [u32; 4],
+    /// How many words of the block are used up.
+    used: usize,
+}
+
+impl Rng {
+    /// A stream by its seed alone, for what belongs to no frame.
+    pub fn new(seed: u64) -> Self {
+        FrameStreams { key: words(seed) }.stream(0, 0, 0)
+    }
+
+    /// Uniform over all 32-bit numbers.
+    pub fn u32(&mut self) -> u32 {
+        if self.used == self.block.len() {
+            self.block = philox(self.counter, self.key);
+            self.counter[0] = self.counter[0].wrapping_add(1);
+            self.used = 0;
+        }
+        self.used += 1;
+        self.block[self.used - 1]
+    }
+
+    /// Uniform over all 64-bit numbers: two words, the lower one first.
+    pub fn u64(&mut self) -> u64 {
+        u64::from(self.u32()) | u64::from(self.u32()) << 32
+    }
+
+    /// Uniform in [0, 1): a multiple of 2⁻⁵³.
+    pub fn unit(&mut self) -> f64 {
+        (self.u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Uniform in [−1, 1).
+    pub fn signed(&mut self) -> f64 {
+        2.0 * self.unit() - 1.0
+    }
+
+    /// Uniform among 0 .. `count`, which is not 0. The bias is less than `count`/2⁶⁴.
+    pub fn below(&mut self, count: usize) -> usize {
+        ((u128::from(self.u64()) * count as u128) >> 64) as usize
+    }
+
+    /// Normally distributed with mean 0 and standard deviation 1, by the cosine of G. E. P. Box and M. E. Muller, "A note on
+    /// the generation of random normal deviates" (1958): √(−2 ln u)·cos 2πv with u in (0, 1] and v in [0, 1). No value is
+    /// farther from 0 than √(2 ln 2⁵³) = 8.57.
+    pub fn normal(&mut self) -> f64 {
+        let (u, v) = (1.0 - self.unit(), self.unit());
+        (-2.0 * libm::log(u)).sqrt() * libm::cos(TAU * v)
+    }
+
+    /// Uniform in the cube from −1 to 1.
+    pub fn point(&mut self) -> DVec3 {
+        DVec3::new(self.signed(), self.signed(), self.signed())
+    }
+
+    /// A unit vector, uniform over the sphere: points of the cube are drawn until one is in the unit ball and not so close to
+    /// its centre that normalising it would lose digits.
+    pub fn direction(&mut self) -> DVec3 {
+        loop {
+            let p = self.point();
+            if (0.01..=1.0).contains(&p.length_squared()) {
+                return p.normalize();
+            }
+        }
+    }
+}
+
+/// The lower and the upper half.
+fn words(bits: u64) -> [u32; 2] {
+    [bits as u32, (bits >> 32) as u32]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The known answers for philox4x32-10 of the authors' library, Random123 (tests/kat_vectors).
+    #[test]
+    fn published_vectors() {
+        assert_eq!(philox([0; 4], [0; 2]), [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]);
+        assert_eq!(
+            philox([u32::MAX; 4], [u32::MAX; 2]),
+            [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]
+        );
+        // The digits of π.
+        let counter = [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344];
+        let answer = [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1];
+        assert_eq!(philox(counter, [0xa409_3822, 0x299f_31d0]), answer);
+    }
+
+    #[test]
+    fn a_stream_is_philox_of_successive_counters() {
+        let mut rng = Rng::new(0x299f_31d0_a409_3822);
+        for block in 0..3 {
+            let words: [u32; 4] = std::array::from_fn(|_| rng.u32());
+            assert_eq!(words, philox([block, 0, 0, 0], [0xa409_3822, 0x299f_31d0]));
+        }
+        let (mut halves, mut whole) = (Rng::new(5), Rng::new(5));
+        let (low, high) = (halves.u32(), halves.u32());
+        assert_eq!(whole.u64(), u64::from(high) << 32 | u64::from(low));
+    }
+
+    #[test]
+    fn every_part_of_a_key_makes_another_stream() {
+        let first = |(seed, sensor, frame): (u64, u32, u64), [pulse, sample, effect]: [u32; 3]| {
+            FrameStreams::new(seed, sensor, frame).stream(pulse, sample, effect).u64()
+        };
+        let mut seen = vec![first((0, 0, 0), [0; 3])];
+        for bit in 0..64 {
+            seen.push(first((1 << bit, 0, 0), [0; 3]));
+            seen.push(first((0, 0, 1 << bit), [0; 3]));
+        }
+        for bit in 0..32 {
+            seen.push(first((0, 1 << bit, 0), [0; 3]));
+            for part in 0..3 {
+                let mut parts = [0; 3];
+                parts[part] = 1 << bit;
+                seen.push(first((0, 0, 0), parts));
+            }
+        }
+        let count = seen.len();
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), count);
+    }
+
+    /// Moments of a million draws, each within six standard errors of the distribution's own.
+    #[test]
+    fn distributions_have_their_moments() {
+        const COUNT: usize = 1_000_000;
+        let mut rng = Rng::new(1);
+        let mean = |draw: &mut dyn FnMut() -> f64| (0..COUNT).map(|_| draw()).sum::<f64>() / COUNT as f64;
+        let close = |mean: f64, expected: f64, variance: f64| {
+            let error = (variance / COUNT as f64).sqrt();
+            assert!((mean - expected).abs() < 6.0 * error, "{mean} instead of {expected} ± {error}");
+        };
+        let square = |x: f64| x * x;
+        close(mean(&mut || rng.unit()), 0.5, 1.0 / 12.0);
+        close(mean(&mut || square(rng.unit())), 1.0 / 3.0, 4.0 / 45.0);
+        // The moments of the standard normal distribution are 0, 1, 0, 3, 0, 15, 0, 105.
+        close(mean(&mut || rng.normal()), 0.0, 1.0);
+        close(mean(&mut || square(rng.normal())), 1.0, 3.0 - 1.0);
+        let cube = |x: f64| x * square(x);
+        close(mean(&mut || cube(rng.normal())), 0.0, 15.0);
+        close(mean(&mut || square(square(rng.normal()))), 3.0, 105.0 - 9.0);
+        // A component of a direction is uniform between −1 and 1 (Archimedes).
+        close(mean(&mut || rng.direction().z), 0.0, 1.0 / 3.0);
+        close(mean(&mut || square(rng.direction().x)), 1.0 / 3.0, 4.0 / 45.0);
+        close(mean(&mut || rng.below(7) as f64), 3.0, 4.0);
+    }
+
+    #[test]
+    fn ranges_are_half_open() {
+        let rng = |words: [u32; 2]| Rng { block: [0, 0, words[0], words[1]], used: 2, ..Rng::new(0) };
+        let (mut least, mut most) = (rng([0; 2]), rng([u32::MAX; 2]));
+        assert_eq!((least.clone().unit(), most.clone().unit()), (0.0, 1.0 - f64::EPSILON / 2.0));
+        assert_eq!((least.below(3), most.below(3)), (0, 2));
+    }
+}
