@@ -22,8 +22,6 @@ mod robosense;
 mod velodyne;
 mod writer;
 
-use std::path::Path;
-
 use crate::source::csv::rows;
 use crate::source::suggest::quoted;
 use crate::source::{Diagnostic, Layer, Report};
@@ -117,7 +115,7 @@ pub fn import(
     firetimes: Option<Source<'_>>,
 ) -> Result<String, Vec<Diagnostic>> {
     let mut report = Report::default();
-    let mut add = |file: Source<'_>| report.add(Path::new(file.name), file.text.to_owned(), Layer::Main);
+    let mut add = |file: Source<'_>| report.add(file.name, file.text.to_owned(), Layer::Main);
     let source = add(file);
     let of_firetimes = firetimes.map(|firetimes| (firetimes.name, add(firetimes)));
     let file = File { report: &report, source, name: file.name };

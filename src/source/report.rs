@@ -72,8 +72,8 @@ impl Report {
     }
 
     /// Adds a text under a name that stands for its file, and gives the text's number.
-    pub fn add(&mut self, path: &Path, text: String, layer: Layer) -> u32 {
-        self.sources.push(Source { path: path.to_path_buf(), text: text.into(), layer });
+    pub fn add(&mut self, path: impl AsRef<Path>, text: String, layer: Layer) -> u32 {
+        self.sources.push(Source { path: path.as_ref().to_path_buf(), text: text.into(), layer });
         (self.sources.len() - 1) as u32
     }
 
