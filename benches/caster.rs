@@ -51,7 +51,7 @@ fn main() {
         status("VmHWM:"),
         status("VmRSS:"),
     );
-    let mut caster = Caster { scene: &scene, tracer, origins: vec![], directions: vec![] };
+    let mut caster = Caster { scene, tracer, origins: vec![], directions: vec![] };
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         let (command, argument) = line.split_once(' ').unwrap_or((&line, ""));
         let answer = match command {
@@ -69,14 +69,14 @@ thread_local! {
     static HITS: RefCell<Vec<Option<Hit>>> = const { RefCell::new(Vec::new()) };
 }
 
-struct Caster<'s> {
-    scene: &'s Scene,
-    tracer: Tracer<'s>,
+struct Caster {
+    scene: Scene,
+    tracer: Tracer,
     origins: Vec<DVec3>,
     directions: Vec<DVec3>,
 }
 
-impl Caster<'_> {
+impl Caster {
     fn read(&mut self, path: &Path) -> String {
         let bytes = std::fs::read(path).expect("a file of rays");
         let (head, numbers) = bytes.split_at(16);
@@ -146,7 +146,7 @@ impl Caster<'_> {
         }
         for hit in &hits {
             let id = hit.map_or(u32::MAX, |h| {
-                self.scene.placements[h.placement as usize].first_triangle + h.triangle
+                self.scene.arrangement.placements[h.placement as usize].first_triangle + h.triangle
             });
             bytes.extend(id.to_le_bytes());
         }

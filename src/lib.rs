@@ -36,7 +36,7 @@
 //! ```
 //! use beamcast::angle::Angle;
 //! use beamcast::scan::{Progress, scan};
-//! use beamcast::scene::{Material, Placed, SceneBuilder, SourceMesh, SourcePart};
+//! use beamcast::scene::{Material, SourceInstance, SceneBuilder, SourceMesh, SourcePart};
 //! use beamcast::sensor::{Beam, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 //! use beamcast::trace::Tracer;
 //! use glam::DAffine3;
@@ -45,9 +45,9 @@
 //!     positions: vec![[10.0, -5.0, -5.0], [10.0, 5.0, -5.0], [10.0, 0.0, 5.0]],
 //!     parts: vec![SourcePart { triangles: vec![[0, 1, 2]], material: 0 }],
 //! };
-//! let placed = Placed { mesh: 0, world_from_mesh: DAffine3::IDENTITY, instance: Default::default() };
+//! let instance = SourceInstance { mesh: 0, world_from_mesh: DAffine3::IDENTITY, object: Default::default() };
 //! let materials = vec![Material::default()];
-//! let scene = SceneBuilder { meshes: vec![wall], placed: vec![placed], materials, files: vec![] }.build()?;
+//! let scene = SceneBuilder { meshes: vec![wall], instances: vec![instance], materials, files: vec![] }.build()?;
 //!
 //! let beam = Beam { elevation: Angle::deg(0.0), azimuth_offset: Angle::deg(0.0), time_s: 0.0, file_index: 0 };
 //! let full_turn = (Angle::deg(180.0), Angle::deg(-180.0));

@@ -102,7 +102,7 @@ impl Baseline {
             // Neither what is expected nor what is written changes a frame.
             keys.retain(|key, _| !matches!(key.as_str(), "check" | "expect" | "output"));
         }
-        let files = scene.files.iter().map(|f| (f.name.clone(), f.blake3.clone())).collect();
+        let files = scene.geometry.files.iter().map(|f| (f.name.clone(), f.blake3.clone())).collect();
         let scene = SceneRecord { files, triangles: scene.triangle_count() };
         Self { format: FORMAT, tool: env!("CARGO_PKG_VERSION").to_owned(), job, scene, sensors }
     }
@@ -172,7 +172,7 @@ impl Taken {
                 let mut seen: Vec<u32> = seen.collect();
                 seen.sort_unstable();
                 seen.dedup();
-                let name = |id: u32| scene.instances.get(id as usize).map(|i| (id, i.name.clone()));
+                let name = |id: u32| scene.geometry.objects.get(id as usize).map(|i| (id, i.name.clone()));
                 seen.into_iter().filter_map(name).collect()
             }
             None => BTreeMap::new(),

@@ -159,17 +159,23 @@ impl Target {
 
     fn is_hit(&self, hit: &Return, scene: &Scene) -> bool {
         self.label.is_none_or(|label| label == hit.label)
-            && (self.object.is_none() || self.names(&scene.instances[hit.instance as usize].name))
+            && (self.object.is_none() || self.names(&scene.geometry.objects[hit.instance as usize].name))
     }
 
     /// If the scene has nothing of the target's name: what to say about it.
     fn missing(&self, scene: &Scene) -> Option<String> {
         let object = self.object.as_ref()?;
-        if scene.instances.iter().any(|instance| self.names(&instance.name)) {
+        if scene.geometry.objects.iter().any(|instance| self.names(&instance.name)) {
             return None;
         }
-        let names: BTreeSet<&str> =
-            scene.instances.iter().map(|i| i.name.as_str()).filter(|n| !n.is_empty()).take(10_000).collect();
+        let names: BTreeSet<&str> = scene
+            .geometry
+            .objects
+            .iter()
+            .map(|i| i.name.as_str())
+            .filter(|n| !n.is_empty())
+            .take(10_000)
+            .collect();
         let near = names.into_iter().min_by_key(|name| strsim::osa_distance(name, object));
         let help = near.map_or_else(String::new, |name| format!(": the nearest name is {name:?}"));
         Some(format!("the scene has no object {object:?}{help}"))

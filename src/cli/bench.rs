@@ -11,7 +11,7 @@ use super::terminal::Terminal;
 use crate::error::Error;
 use crate::scan::Progress;
 use crate::trace::AnyTracer;
-use crate::trace::{Cast, Hit, Rays, Tracer, TraversalStats};
+use crate::trace::{Cast, Hit, Rays, TraversalStats};
 
 /// The arguments of `beamcast bench`.
 #[derive(Debug, clap::Args)]
@@ -52,12 +52,12 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
                 pipeline::cast(&job, sensor, &scene, &tracer, &progress);
             }
             casts.push(start.elapsed().as_secs_f64());
-            if let (AnyTracer::Exact(tracer), None) = (&tracer, effort) {
-                let counting = Counting { tracer, effort: Mutex::default() };
+            if effort.is_none() {
+                let counting = Counting { tracer: &tracer, effort: Mutex::default() };
                 for sensor in &job.sensors {
                     pipeline::cast(&job, sensor, &scene, &counting, &Progress::default());
                 }
-                effort = counting.effort.into_inner().ok();
+                effort = counting.effort.into_inner().ok().flatten();
             }
         }
     });
@@ -66,7 +66,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let rays_per_s = plan.rays as f64 / cast_s;
     let threads = rayon::current_num_threads();
     let triangles = scene.triangle_count();
-    let bytes_per_triangle = tracer_bytes as f64 / scene.stored_triangle_count() as f64;
+    let bytes_per_triangle = tracer_bytes as f64 / scene.geometry.stored_triangle_count() as f64;
     let peak_rss_bytes = pipeline::peak_memory();
     if args.json {
         let report = json!({
@@ -112,17 +112,17 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     ))
 }
 
-/// A tracer that adds up what its casts take.
+/// Adds up the statistics of a tracer's casts, if it counts any.
 struct Counting<'t> {
-    tracer: &'t Tracer<'t>,
-    effort: Mutex<TraversalStats>,
+    tracer: &'t AnyTracer,
+    effort: Mutex<Option<TraversalStats>>,
 }
 
 impl Cast for Counting<'_> {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
         let effort = self.tracer.cast_counted(rays, hits);
-        if let Ok(mut sum) = self.effort.lock() {
-            *sum += effort;
+        if let (Some(effort), Ok(mut sum)) = (effort, self.effort.lock()) {
+            *sum.get_or_insert_default() += effort;
         }
     }
 }

@@ -379,9 +379,10 @@ const BYTES_PER_TRIANGLE: u64 = 100;
 
 impl SceneFacts {
     fn new(path: &str, scene: &Scene) -> Self {
-        let mut labels: Vec<u32> = (0..scene.placements.len())
+        let mut labels: Vec<u32> = (0..scene.arrangement.placements.len())
             .flat_map(|placement| {
-                let parts = &scene.meshes[scene.placements[placement].mesh as usize].parts;
+                let parts =
+                    &scene.geometry.meshes[scene.arrangement.placements[placement].mesh as usize].parts;
                 parts.iter().map(move |part| scene.surface(placement as u32, part.first_triangle))
             })
             .map(|surface| scene.label(surface))
@@ -392,14 +393,14 @@ impl SceneFacts {
         Self {
             path: path.to_owned(),
             triangles: scene.triangle_count(),
-            stored_triangles: scene.stored_triangle_count(),
-            skipped_triangles: scene.skipped_triangles,
-            instances: scene.instances.len(),
-            materials: scene.materials.len(),
+            stored_triangles: scene.geometry.stored_triangle_count(),
+            skipped_triangles: scene.geometry.skipped_triangles,
+            instances: scene.geometry.objects.len(),
+            materials: scene.geometry.materials.len(),
             labels,
             extent_m,
             centre_m: extent_m.map(|[low, high]| (low + high) / 2.0),
-            memory_bytes: scene.stored_triangle_count() * BYTES_PER_TRIANGLE,
+            memory_bytes: scene.geometry.stored_triangle_count() * BYTES_PER_TRIANGLE,
         }
     }
 }
@@ -410,16 +411,16 @@ fn extent(scene: &Scene) -> [[f64; 2]; 3] {
         let positions = mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from)));
         positions.fold((nothing, everything), |(low, high), p| (low.min(p), high.max(p)))
     };
-    let own: Vec<_> = scene.meshes.iter().map(own).collect();
+    let own: Vec<_> = scene.geometry.meshes.iter().map(own).collect();
     let (mut low, mut high) = (nothing, everything);
-    for placement in &scene.placements {
+    for placement in &scene.arrangement.placements {
         let (a, b) = own[placement.mesh as usize];
         if a.x > b.x {
             continue; // mesh 0 may be empty
         }
         for corner in 0..8 {
             let p = DVec3::from_array([0, 1, 2].map(|i| if corner >> i & 1 == 0 { a[i] } else { b[i] }));
-            let p = placement.scene_from_mesh.transform_point3(p) + scene.centre;
+            let p = placement.scene_from_mesh().transform_point3(p) + scene.geometry.centre;
             (low, high) = (low.min(p), high.max(p));
         }
     }

@@ -67,7 +67,7 @@ pub fn load_scene(job: &Job, terminal: &Terminal) -> Result<Scene, Error> {
     for warning in warnings {
         terminal.warn(warning);
     }
-    for file in &scene.files {
+    for file in &scene.geometry.files {
         terminal.detail(format_args!("read {} ({}, BLAKE3 {})", file.name, Bytes(file.bytes), file.blake3));
     }
     Ok(scene)

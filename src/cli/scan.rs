@@ -277,7 +277,7 @@ fn print_plan(
         let _ = writeln!(text, "{}: {rows} × {columns} = {} rays", s.name, pattern.rays());
     }
     let triangles = scene.triangle_count();
-    let _ = writeln!(text, "scene: {triangles} triangles, {} instances", scene.instances.len());
+    let _ = writeln!(text, "scene: {triangles} triangles, {} instances", scene.geometry.objects.len());
     let _ = writeln!(text, "memory for frames: at most {}", Bytes(plan.bytes));
     let _ = writeln!(text, "would write:");
     for output in outputs {

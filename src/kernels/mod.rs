@@ -6,7 +6,6 @@ mod random;
 pub mod test_scene;
 
 use std::hint::black_box;
-use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -120,8 +119,8 @@ pub type Stopwatch = dyn Fn(&mut dyn FnMut()) -> f64 + Sync;
 /// [`Error::Usage`] if a sensor in the scene's middle, or 1.8 m above the world's origin, sees nothing of it.
 pub fn measure(scene: &Scene, rays: u64, stopwatch: &Stopwatch) -> Result<Vec<Figures>, Error> {
     let sensor = sensor();
-    let tracer = Arc::new(Tracer::build(scene));
-    let (pose, targets) = [DVec3::Z * 1.8, scene.centre]
+    let tracer = Tracer::build(scene);
+    let (pose, targets) = [DVec3::Z * 1.8, scene.geometry.centre]
         .map(|at| (Pose { translation: at, ..Pose::IDENTITY }, targets(scene, &tracer, &sensor, at)))
         .into_iter()
         .find(|(_, targets)| !targets.is_empty())
@@ -189,9 +188,9 @@ fn targets(scene: &Scene, tracer: &Tracer, sensor: &Sensor, at: DVec3) -> Vec<Ta
         &mut hits,
     );
     let seen = hits.into_iter().flatten().map(|hit: Hit| {
-        let placement = &scene.placements[hit.placement as usize];
-        let mesh = &scene.meshes[placement.mesh as usize];
-        let ray = LocalRay { origin: at - scene.centre, direction: DVec3::X }.carried(placement);
+        let placement = &scene.arrangement.placements[hit.placement as usize];
+        let mesh = &scene.geometry.meshes[placement.mesh as usize];
+        let ray = LocalRay { origin: at - scene.geometry.centre, direction: DVec3::X }.carried(placement);
         Target {
             origin: ray.origin.as_vec3(),
             corners: mesh.triangles[hit.triangle as usize].map(|v| mesh.positions[v as usize].into()),
@@ -356,12 +355,12 @@ fn around(random: &mut Random, middle: DVec3, normal: DVec3) -> [Vec3; 3] {
 fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
     // From within, what culls backs sees a mesh that is turned inside out.
     let scenes = [false, true].map(test_scene::closed);
-    let tracers = scenes.each_ref().map(|scene| Arc::new(Tracer::build(scene)));
+    let tracers = scenes.each_ref().map(Tracer::build);
     let of_subject = |subject: &Subject| {
         let side = usize::from(subject.culling() == Culling::Back);
         let (scene, exact) = (&scenes[side], &tracers[side]);
         let method = subject.0.map(|m| m.tracer(exact));
-        let mesh = &scene.meshes[0];
+        let mesh = &scene.geometry.meshes[0];
         let cast = |random: &mut Random, count: u64| {
             let mut leaks = 0;
             let (mut directions, mut hits) = (Vec::new(), Vec::new());
@@ -372,7 +371,7 @@ fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
                     let triangle = mesh.triangles[random.below(mesh.triangles.len())];
                     let corners = triangle.map(|v| mesh.positions[v as usize].into());
                     // In the scene's space, which is the world but for its centre.
-                    let ray = aimed(aim, (origin - scene.centre).as_vec3(), corners, random);
+                    let ray = aimed(aim, (origin - scene.geometry.centre).as_vec3(), corners, random);
                     ray.direction.as_dvec3()
                 }));
                 hits.clear();
@@ -490,7 +489,7 @@ impl ScanTimer<'_> {
 /// By row: the least seconds of a scan, on one thread.
 fn scan_times(
     subjects: &[Subject],
-    exact: &Arc<Tracer>,
+    exact: &Tracer,
     scan_timer: &ScanTimer,
     scans: usize,
 ) -> Result<Vec<f64>, Error> {
@@ -500,7 +499,7 @@ fn scan_times(
     for _ in 0..scans {
         for (subject, samples) in subjects.iter().zip(&mut samples) {
             samples.push(match subject.0 {
-                None => pool.install(|| scan_timer.seconds(exact.as_ref())),
+                None => pool.install(|| scan_timer.seconds(exact)),
                 Some(method) => {
                     let tracer = AnyTracer::Method(method.tracer(exact));
                     pool.install(|| scan_timer.seconds(&tracer))

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::random::Random;
-use crate::scene::{Instance, Material, Placed, Scene, SceneBuilder, SourceMesh, SourcePart};
+use crate::scene::{Material, Object, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 
 /// Uneven ground, 200 m square, with houses and round trees on it; about 90,000 triangles. At the world's origin there is
 /// room for a sensor 1.8 m above the ground.
@@ -46,10 +46,11 @@ pub fn closed(inside_out: bool) -> Scene {
 }
 
 fn alone(shape: SourceMesh) -> Scene {
-    let placed = Placed { mesh: 0, world_from_mesh: glam::DAffine3::IDENTITY, instance: Instance::default() };
+    let placed =
+        SourceInstance { mesh: 0, world_from_mesh: glam::DAffine3::IDENTITY, object: Object::default() };
     let builder = SceneBuilder {
         meshes: vec![shape],
-        placed: vec![placed],
+        instances: vec![placed],
         materials: vec![Material::default()],
         files: Vec::new(),
     };

@@ -27,7 +27,7 @@ impl Manifest<'_> {
     /// The file's content: JSON, the keys in a fixed order. Paths are as the user wrote them or relative to the manifest.
     pub fn encode(&self) -> Vec<u8> {
         let file = |f: &SourceFile| json!({ "name": f.name, "bytes": f.bytes, "blake3": f.blake3 });
-        let inputs: Vec<_> = self.inputs.iter().chain(&self.scene.files).map(file).collect();
+        let inputs: Vec<_> = self.inputs.iter().chain(&self.scene.geometry.files).map(file).collect();
         let outputs: Vec<_> = self
             .outputs
             .iter()
@@ -49,21 +49,23 @@ impl Manifest<'_> {
 /// material, else the file's for the instance, else 0.
 fn scene(scene: &Scene) -> Value {
     let instances: Vec<_> = scene
-        .instances
+        .geometry
+        .objects
         .iter()
         .enumerate()
-        .map(|(id, i)| json!({ "id": id, "name": i.name, "job_label": i.job_label, "file_label": i.file_label }))
+        .map(|(id, o)| json!({ "id": id, "name": o.name, "job_label": o.job_label, "file_label": o.file_label }))
         .collect();
     let materials: Vec<_> = scene
+        .geometry
         .materials
         .iter()
         .enumerate()
         .map(|(id, m)| json!({ "id": id, "name": m.name, "job_label": m.job_label }))
         .collect();
     json!({
-        "centre_m": scene.centre.to_array(),
+        "centre_m": scene.geometry.centre.to_array(),
         "triangles": scene.triangle_count(),
-        "skipped_triangles": scene.skipped_triangles,
+        "skipped_triangles": scene.geometry.skipped_triangles,
         "instances": instances,
         "materials": materials,
     })
@@ -72,33 +74,24 @@ fn scene(scene: &Scene) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Instance, Material, Mesh, Placement};
-    use glam::{DAffine3, DVec3};
+    use crate::scene::{Arrangement, Geometry, Material, Mesh, Object, Placement};
+    use glam::DVec3;
+    use std::sync::Arc;
 
     #[test]
     fn it_says_what_went_in_and_what_came_out_in_a_fixed_order() {
-        let placement = Placement {
-            mesh: 0,
-            scene_from_mesh: DAffine3::IDENTITY,
-            mesh_from_scene: DAffine3::IDENTITY,
-            first_triangle: 0,
-            first_instance: 0,
-        };
         let mesh = Mesh { triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
         let input = |name: &str| SourceFile { name: name.into(), bytes: 5, blake3: "abc".into() };
-        let scene = Scene {
+        let geometry = Geometry {
             centre: DVec3::new(1.0, 2.0, 3.0),
             meshes: vec![mesh],
-            placements: vec![placement],
-            instances: vec![Instance {
-                name: "a \"wall\"\u{202e}".into(),
-                job_label: Some(4),
-                file_label: None,
-            }],
+            objects: vec![Object { name: "a \"wall\"\u{202e}".into(), job_label: Some(4), file_label: None }],
             materials: vec![Material::default()],
             skipped_triangles: 7,
             files: vec![input("../scenes/wall.glb")],
         };
+        let arrangement = Arrangement { placements: vec![Placement::FIXED] };
+        let scene = Scene { geometry: Arc::new(geometry), arrangement: Arc::new(arrangement) };
         let output = WrittenFile { path: "top/000000.exr".into(), bytes: 9, blake3: "def".into() };
         let manifest = Manifest {
             job: &json!({ "seed": 3, "scene": "../scenes/wall.glb" }),
@@ -118,7 +111,7 @@ mod tests {
         assert_eq!(read["scene"]["triangles"], 2);
         assert_eq!(read["scene"]["skipped_triangles"], 7);
         assert_eq!(read["scene"]["centre_m"], json!([1.0, 2.0, 3.0]));
-        assert_eq!(read["scene"]["instances"][0]["name"], scene.instances[0].name);
+        assert_eq!(read["scene"]["instances"][0]["name"], scene.geometry.objects[0].name);
         assert_eq!(read["scene"]["instances"][0]["job_label"], 4);
         assert_eq!(read["outputs"], json!([{ "path": "top/000000.exr", "bytes": 9, "blake3": "def" }]));
         assert_eq!(text, String::from_utf8(manifest.encode()).unwrap());

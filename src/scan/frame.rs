@@ -91,7 +91,7 @@ columns! {
     intensity: f32,
     /// Unit geometric normal of the surface in the sensor's body frame at the pulse's own time, towards the sensor.
     normal: [f32; 3],
-    /// Index into [`Scene::instances`](crate::scene::Scene::instances).
+    /// Index into [`Geometry::objects`](crate::scene::Geometry::objects).
     instance: u32,
     /// Semantic label.
     label: u32,

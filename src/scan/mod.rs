@@ -174,14 +174,14 @@ impl<C: Cast> Scanner<'_, C> {
         let along = hit.normal.dot(direction);
         let towards_sensor = if along > 0.0 { -hit.normal } else { hit.normal };
         let normal = sensor_from_world.direction(towards_sensor);
-        let reflectivity = f64::from(self.scene.materials[surface.material as usize].reflectivity());
+        let reflectivity = f64::from(self.scene.geometry.materials[surface.material as usize].reflectivity());
         Return {
             range_m: hit.t,
             normal: normal.as_vec3().to_array(),
             intensity: (reflectivity * along.abs().min(1.0)) as f32,
-            instance: surface.instance,
+            instance: surface.object,
             label: self.scene.label(surface),
-            triangle: self.scene.placements[hit.placement as usize].first_triangle + hit.triangle,
+            triangle: self.scene.arrangement.placements[hit.placement as usize].first_triangle + hit.triangle,
         }
     }
 }
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
     use crate::angle::Angle;
     use crate::motion::Trajectory;
-    use crate::scene::{Instance, Material, Placed, SceneBuilder, SourceMesh, SourcePart};
+    use crate::scene::{Object, Material, SourceInstance, SceneBuilder, SourceMesh, SourcePart};
     use crate::sensor::{Camera, Pattern, RangeLimits, RingOrder, Sensor};
     use crate::trace::Tracer;
     use glam::Vec3;
@@ -228,10 +228,10 @@ mod tests {
         let material =
             Material { base_color: [0.5, 0.5, 0.5, 1.0], job_label: Some(7), ..Material::default() };
         let placed =
-            Placed { mesh: 0, world_from_mesh: glam::DAffine3::IDENTITY, instance: Instance::default() };
+            SourceInstance { mesh: 0, world_from_mesh: glam::DAffine3::IDENTITY, object: Object::default() };
         let builder = SceneBuilder {
             meshes: vec![wall],
-            placed: vec![placed],
+            instances: vec![placed],
             materials: vec![material],
             files: vec![],
         };

@@ -1,28 +1,33 @@
-//! From placed meshes to a [`Scene`]: one space, one numbering.
+//! From meshes and where they are placed to a [`Scene`]: one space, one numbering.
 
-use glam::{DAffine3, DMat3, DVec3};
+use std::sync::Arc;
 
-use super::{Instance, Material, Mesh, Part, Placement, Scene, SourceFile};
+use glam::{DAffine3, DVec3};
 
-/// Meshes and where they stand, in document order; [`SceneBuilder::build`] makes the scene of them.
+use super::arrangement::Scene;
+use super::arrangement::{Arrangement, Placement, crushes_to_a_line, is_invertible};
+use super::geometry::{Geometry, Mesh, Object, Part, SourceFile};
+use super::material::Material;
+
+/// Meshes and where they are placed, in document order; [`SceneBuilder::build`] makes a scene of them.
 #[derive(Clone, Debug, Default)]
 pub struct SceneBuilder {
     /// The meshes, each in its own space.
     pub meshes: Vec<SourceMesh>,
-    /// Where they are placed, in document order.
-    pub placed: Vec<Placed>,
+    /// The places of the meshes, in document order.
+    pub instances: Vec<SourceInstance>,
     /// The materials.
     pub materials: Vec<Material>,
-    /// The files that all of it came from.
+    /// The files that all of it was read from.
     pub files: Vec<SourceFile>,
 }
 
 /// A mesh as its file gives it.
 #[derive(Clone, Debug, Default)]
 pub struct SourceMesh {
-    /// Vertices, metres; those that triangles use must be finite.
+    /// Vertices, metres. The vertices that triangles use must be finite.
     pub positions: Vec<[f32; 3]>,
-    /// Its triangles, by material.
+    /// The triangles, by material.
     pub parts: Vec<SourcePart>,
 }
 
@@ -37,32 +42,32 @@ pub struct SourcePart {
 
 /// A mesh at a place.
 #[derive(Clone, Debug)]
-pub struct Placed {
+pub struct SourceInstance {
     /// Index into [`SceneBuilder::meshes`].
     pub mesh: usize,
-    /// Any affine map; a mirroring one keeps fronts in front.
+    /// Any affine map. A mirroring map keeps the fronts of triangles in front.
     pub world_from_mesh: DAffine3,
-    /// What the instance is called.
-    pub instance: Instance,
+    /// The object that the mesh is at this place.
+    pub object: Object,
 }
 
-/// Why placed meshes make no scene.
+/// The reason why meshes and their places make no scene.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneBuildError {
     /// There is nothing to hit.
     #[error("the scene has no triangles")]
     Empty {
-        /// Zero-area triangles that were left out.
+        /// The number of triangles that were left out because their area is zero.
         skipped: u64,
     },
-    /// Ids are 32-bit.
+    /// There are more triangles than 32-bit ids.
     #[error(
         "the scene has {count} triangles (each counted as often as it is placed), more than {}",
         u32::MAX
     )]
     TooManyTriangles {
-        /// How many.
+        /// The number of triangles.
         count: u64,
     },
     /// A vertex lies at infinity, or further out than [`SceneBuilder::MAX_COORDINATE_M`].
@@ -72,125 +77,121 @@ pub enum SceneBuildError {
         SceneBuilder::MAX_COORDINATE_M
     )]
     TooFar {
-        /// Index into [`SceneBuilder::placed`].
-        placed: usize,
-        /// Where it lies.
+        /// Index into [`SceneBuilder::instances`].
+        instance: usize,
+        /// The vertex's position.
         position: DVec3,
     },
 }
 
 impl SceneBuilder {
-    /// The largest coordinate, in the scene's space and in each mesh's own. Products of three of them still have room in
-    /// f64 and products of two (areas, which the BVH's builder compares) in f32.
+    /// The largest coordinate, in the scene's space and in each mesh's own. The product of three such coordinates does not
+    /// overflow f64, and the product of two (an area, which the BVH's builder compares) does not overflow f32.
     pub const MAX_COORDINATE_M: f64 = 1e12;
 
-    /// Makes the scene: finds its centre, flattens what is placed once, rounds to f32, leaves out zero-area triangles.
+    /// Makes the scene: finds its centre, flattens the meshes that are placed once into mesh 0, rounds to f32, and leaves
+    /// out triangles of zero area.
     pub fn build(mut self) -> Result<Scene, SceneBuildError> {
         let mut uses = vec![0_u32; self.meshes.len()];
-        for placed in &self.placed {
-            uses[placed.mesh] = uses[placed.mesh].saturating_add(1);
+        for instance in &self.instances {
+            uses[instance.mesh] = uses[instance.mesh].saturating_add(1);
         }
-        // A placement that can't be undone (a scale of zero along an axis) has no space of its own to trace in.
-        let is_shared = |p: &Placed| uses[p.mesh] > 1 && can_be_undone(&p.world_from_mesh);
+        // A map without a precise inverse (a scale of zero along an axis) leaves no space of its own to trace in.
+        let is_shared = |i: &SourceInstance| uses[i.mesh] > 1 && is_invertible(&i.world_from_mesh);
 
         let centre = self.centre(&is_shared)?;
-        let mut scene = Scene { centre, ..Scene::default() };
+        let mut skipped_triangles = 0;
         let mut flat = Mesh::default();
         let mut shared = Vec::new();
-        for (index, placed) in self.placed.iter().enumerate() {
-            if crushes_to_a_line(&placed.world_from_mesh) {
-                // A way to hide what is placed: nothing is left of it, however often it is done.
-                scene.skipped_triangles += self.meshes[placed.mesh].triangle_count();
-            } else if is_shared(placed) {
+        for (index, instance) in self.instances.iter().enumerate() {
+            if crushes_to_a_line(&instance.world_from_mesh) {
+                // Scaling to nothing is a way to hide an object. It costs no memory, however many objects are hidden so.
+                skipped_triangles += self.meshes[instance.mesh].triangle_count();
+            } else if is_shared(instance) {
                 shared.push(index);
             } else {
-                let source = &mut self.meshes[placed.mesh];
-                let from_mesh = DAffine3::from_translation(-centre) * placed.world_from_mesh;
-                scene.skipped_triangles += flatten(source, &from_mesh, index, &mut flat)?;
-                if uses[placed.mesh] == 1 {
-                    *source = SourceMesh::default(); // its memory is not needed again
+                let source = &mut self.meshes[instance.mesh];
+                let from_mesh = DAffine3::from_translation(-centre) * instance.world_from_mesh;
+                skipped_triangles += flatten(source, &from_mesh, index, &mut flat)?;
+                if uses[instance.mesh] == 1 {
+                    *source = SourceMesh::default(); // Frees its memory, which is not needed again.
                 }
             }
         }
         let mut next_triangle = flat.triangles.len() as u64;
-        scene.meshes.push(flat);
-        scene.placements.push(Placement {
-            mesh: 0,
-            scene_from_mesh: DAffine3::IDENTITY,
-            mesh_from_scene: DAffine3::IDENTITY,
-            first_triangle: 0,
-            first_instance: 0,
-        });
+        let mut meshes = vec![flat];
+        let mut placements = vec![Placement::FIXED];
 
+        // The stored mesh of each source mesh that is shared, and the number of triangles that were left out of it.
         let mut stored = vec![None; self.meshes.len()];
         for index in shared {
-            let placed = &self.placed[index];
-            let (mesh, skipped) = match stored[placed.mesh] {
+            let instance = &self.instances[index];
+            let (mesh, skipped) = match stored[instance.mesh] {
                 Some(known) => known,
                 None => {
                     let mut mesh = Mesh::default();
-                    let source = std::mem::take(&mut self.meshes[placed.mesh]);
+                    let source = std::mem::take(&mut self.meshes[instance.mesh]);
                     let skipped = keep(source, index, &mut mesh)?;
-                    scene.meshes.push(mesh);
-                    *stored[placed.mesh].insert(((scene.meshes.len() - 1) as u32, skipped))
+                    meshes.push(mesh);
+                    *stored[instance.mesh].insert(((meshes.len() - 1) as u32, skipped))
                 }
             };
-            scene.skipped_triangles += skipped;
-            let count = scene.meshes[mesh as usize].triangles.len() as u64;
+            skipped_triangles += skipped;
+            let count = meshes[mesh as usize].triangles.len() as u64;
             if count == 0 {
                 continue;
             }
             if next_triangle + count > u64::from(u32::MAX) {
                 return Err(SceneBuildError::TooManyTriangles { count: next_triangle + count });
             }
-            let scene_from_mesh = DAffine3::from_translation(-centre) * placed.world_from_mesh;
-            scene.placements.push(Placement {
-                mesh,
-                scene_from_mesh,
-                mesh_from_scene: scene_from_mesh.inverse(),
-                first_triangle: next_triangle as u32,
-                first_instance: index as u32,
-            });
+            let scene_from_mesh = DAffine3::from_translation(-centre) * instance.world_from_mesh;
+            placements.push(Placement::new(mesh, next_triangle as u32, index as u32, scene_from_mesh));
             next_triangle += count;
         }
         if next_triangle > u64::from(u32::MAX) {
             return Err(SceneBuildError::TooManyTriangles { count: next_triangle });
         }
         if next_triangle == 0 {
-            return Err(SceneBuildError::Empty { skipped: scene.skipped_triangles });
+            return Err(SceneBuildError::Empty { skipped: skipped_triangles });
         }
-        scene.instances = self.placed.into_iter().map(|p| p.instance).collect();
-        scene.materials = self.materials;
-        scene.files = self.files;
-        Ok(scene)
+        let geometry = Geometry {
+            centre,
+            meshes,
+            objects: self.instances.into_iter().map(|instance| instance.object).collect(),
+            materials: self.materials,
+            skipped_triangles,
+            files: self.files,
+        };
+        Ok(Scene { geometry: Arc::new(geometry), arrangement: Arc::new(Arrangement { placements }) })
     }
 
-    /// The middle of the bounds of all triangles (of a shared mesh: of its own bounds' corners), rounded to a multiple of
-    /// a power of two no larger than a sixteenth of the largest half extent: then vertices with short coordinates, as
-    /// people and exporters write them, stay exactly what they are, and so does a scene centred on its own origin.
-    fn centre(&self, is_shared: &dyn Fn(&Placed) -> bool) -> Result<DVec3, SceneBuildError> {
+    /// The middle of the bounds of all triangles (for a shared mesh: of the corners of its own bounds), rounded to a
+    /// multiple of a power of two that is at most a sixteenth of the largest half extent. So vertices with short
+    /// coordinates, as people and exporters write them, are stored exactly, and a scene that is centred on its own origin
+    /// stays there.
+    fn centre(&self, is_shared: &dyn Fn(&SourceInstance) -> bool) -> Result<DVec3, SceneBuildError> {
         let mut own_bounds = vec![None; self.meshes.len()];
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (mut farthest, mut farthest_placed) = (DVec3::ZERO, 0);
-        for (index, placed) in self.placed.iter().enumerate() {
-            if crushes_to_a_line(&placed.world_from_mesh) {
+        let (mut farthest, mut farthest_instance) = (DVec3::ZERO, 0);
+        for (index, instance) in self.instances.iter().enumerate() {
+            if crushes_to_a_line(&instance.world_from_mesh) {
                 continue;
             }
-            let mesh = &self.meshes[placed.mesh];
+            let mesh = &self.meshes[instance.mesh];
             let mut include = |p: DVec3| {
-                let p = placed.world_from_mesh.transform_point3(p);
+                let p = instance.world_from_mesh.transform_point3(p);
                 (low, high) = (low.min(p), high.max(p));
                 if p.abs().max_element() > farthest.abs().max_element() {
-                    (farthest, farthest_placed) = (p, index);
+                    (farthest, farthest_instance) = (p, index);
                 }
                 if p.is_finite() {
                     Ok(())
                 } else {
-                    Err(SceneBuildError::TooFar { placed: index, position: p })
+                    Err(SceneBuildError::TooFar { instance: index, position: p })
                 }
             };
-            if is_shared(placed) {
-                let (a, b) = *own_bounds[placed.mesh].get_or_insert_with(|| mesh.bounds());
+            if is_shared(instance) {
+                let (a, b) = *own_bounds[instance.mesh].get_or_insert_with(|| mesh.bounds());
                 if a.x <= b.x {
                     for corner in 0..8 {
                         let side = |axis: usize| if corner >> axis & 1 == 0 { a[axis] } else { b[axis] };
@@ -208,7 +209,7 @@ impl SceneBuilder {
         }
         let half_extent = ((high - low) / 2.0).max_element();
         if half_extent > Self::MAX_COORDINATE_M {
-            return Err(SceneBuildError::TooFar { placed: farthest_placed, position: farthest });
+            return Err(SceneBuildError::TooFar { instance: farthest_instance, position: farthest });
         }
         let grid = power_of_two_below(half_extent) / 16.0;
         let middle = low / 2.0 + high / 2.0;
@@ -221,7 +222,7 @@ impl SourceMesh {
         self.parts.iter().map(|part| part.triangles.len() as u64).sum()
     }
 
-    /// The triangles' corners, one after the other.
+    /// The positions of the triangles' corners, triangle by triangle.
     fn corners(&self) -> impl Iterator<Item = DVec3> + '_ {
         let triangles = self.parts.iter().flat_map(|part| part.triangles.iter());
         triangles.flatten().map(|&v| f64_from(self.positions[v as usize]))
@@ -242,37 +243,24 @@ fn f64_from(p: [f32; 3]) -> DVec3 {
     DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))
 }
 
-/// Whether rays can be carried into the mesh's space and keep their precision: the condition number of the linear part
-/// (in the largest-row-sum norm) is at most 2¹², as it is for anything but a mesh that is all but crushed flat.
-pub(super) fn can_be_undone(map: &DAffine3) -> bool {
-    let norm = |m: DMat3| (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
-    norm(map.matrix3) * norm(map.matrix3.inverse()) <= 4096.0 && map.inverse().is_finite()
-}
-
-/// Whether the map leaves no triangle an area: it scales by zero along two axes or all three.
-pub(super) fn crushes_to_a_line(map: &DAffine3) -> bool {
-    let [x, y, z] = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis];
-    [x.cross(y), y.cross(z), z.cross(x)] == [DVec3::ZERO; 3]
-}
-
-/// Whether the triangle has no area. Differences of f32 are exact in f64 unless their exponents are 29 apart, and then so
-/// are the products; so this finds the exact zeros.
+/// Whether the triangle has no area. The difference of two f32 is exact in f64 unless their exponents are 29 or more apart,
+/// and the products of exact differences are exact too, so this finds the triangles whose area is exactly zero.
 fn is_degenerate(positions: &[[f32; 3]], triangle: [u32; 3]) -> bool {
     let [a, b, c] = triangle.map(|v| f64_from(positions[v as usize]));
     (b - a).cross(c - a) == DVec3::ZERO
 }
 
-/// Adds `source`, moved by `from_mesh`, to `flat`. Gives the number of triangles left out.
+/// Adds `source`, transformed by `from_mesh`, to `flat`. Returns the number of triangles that were left out.
 fn flatten(
     source: &SourceMesh,
     from_mesh: &DAffine3,
-    placed: usize,
+    instance: usize,
     flat: &mut Mesh,
 ) -> Result<u64, SceneBuildError> {
     let base = flat.positions.len();
     let vertices = base + source.positions.len();
     if vertices > u32::MAX as usize {
-        // Ids of vertices are 32-bit too; a mesh has no more of them than it has triangles' corners.
+        // Vertex indices are 32-bit too, and a mesh has at most as many vertices as its triangles have corners.
         return Err(SceneBuildError::TooManyTriangles { count: vertices as u64 });
     }
     flat.positions.extend(
@@ -285,7 +273,7 @@ fn flatten(
         for &triangle in &part.triangles {
             let [a, b, c] = triangle.map(|v| v + base as u32);
             let triangle = if mirrored { [a, c, b] } else { [a, b, c] };
-            check(&flat.positions, triangle, placed)?;
+            check(&flat.positions, triangle, instance)?;
             if is_degenerate(&flat.positions, triangle) {
                 skipped += 1;
             } else if flat.triangles.len() as u64 == u64::from(u32::MAX) {
@@ -295,20 +283,20 @@ fn flatten(
             }
         }
         if flat.triangles.len() as u32 > first_triangle {
-            flat.parts.push(Part { first_triangle, material: part.material, instance: placed as u32 });
+            flat.parts.push(Part { first_triangle, material: part.material, object: instance as u32 });
         }
     }
     Ok(skipped)
 }
 
-/// Makes `mesh` of `source` as it is. Gives the number of triangles left out.
-fn keep(source: SourceMesh, placed: usize, mesh: &mut Mesh) -> Result<u64, SceneBuildError> {
+/// Makes `mesh` of `source` without transforming it. Returns the number of triangles that were left out.
+fn keep(source: SourceMesh, instance: usize, mesh: &mut Mesh) -> Result<u64, SceneBuildError> {
     let mut skipped = 0;
     mesh.positions = source.positions;
     for part in &source.parts {
         let first_triangle = mesh.triangles.len() as u32;
         for &triangle in &part.triangles {
-            check(&mesh.positions, triangle, placed)?;
+            check(&mesh.positions, triangle, instance)?;
             if is_degenerate(&mesh.positions, triangle) {
                 skipped += 1;
             } else {
@@ -316,18 +304,20 @@ fn keep(source: SourceMesh, placed: usize, mesh: &mut Mesh) -> Result<u64, Scene
             }
         }
         if mesh.triangles.len() as u32 > first_triangle {
-            mesh.parts.push(Part { first_triangle, material: part.material, instance: 0 });
+            mesh.parts.push(Part { first_triangle, material: part.material, object: 0 });
         }
     }
     Ok(skipped)
 }
 
-fn check(positions: &[[f32; 3]], triangle: [u32; 3], placed: usize) -> Result<(), SceneBuildError> {
+/// Checks that the triangle's corners are within [`SceneBuilder::MAX_COORDINATE_M`].
+fn check(positions: &[[f32; 3]], triangle: [u32; 3], instance: usize) -> Result<(), SceneBuildError> {
     for v in triangle {
         let position = f64_from(positions[v as usize]);
-        let in_reach = |c: f64| c.abs() <= SceneBuilder::MAX_COORDINATE_M; // which NaN is not
+        // The comparison is false for NaN.
+        let in_reach = |c: f64| c.abs() <= SceneBuilder::MAX_COORDINATE_M;
         if !position.to_array().into_iter().all(in_reach) {
-            return Err(SceneBuildError::TooFar { placed, position });
+            return Err(SceneBuildError::TooFar { instance, position });
         }
     }
     Ok(())
@@ -344,12 +334,12 @@ mod tests {
         }
     }
 
-    fn at(mesh: usize, world_from_mesh: DAffine3) -> Placed {
-        Placed { mesh, world_from_mesh, instance: Instance::default() }
+    fn at(mesh: usize, world_from_mesh: DAffine3) -> SourceInstance {
+        SourceInstance { mesh, world_from_mesh, object: Object::default() }
     }
 
-    fn builder(meshes: Vec<SourceMesh>, placed: Vec<Placed>) -> SceneBuilder {
-        SceneBuilder { meshes, placed, materials: vec![Material::default()], files: vec![] }
+    fn builder(meshes: Vec<SourceMesh>, instances: Vec<SourceInstance>) -> SceneBuilder {
+        SceneBuilder { meshes, instances, materials: vec![Material::default()], files: vec![] }
     }
 
     fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
@@ -360,44 +350,45 @@ mod tests {
     fn placed_once_is_flattened_around_the_centre() {
         let far = DVec3::new(4.5e5, 5.4e6, 200.0);
         let scene = builder(vec![square()], vec![at(0, DAffine3::from_translation(far))]).build().unwrap();
-        assert_eq!((scene.meshes.len(), scene.placements.len()), (1, 1));
-        assert_eq!(scene.skipped_triangles, 1);
+        assert_eq!((scene.geometry.meshes.len(), scene.arrangement.placements.len()), (1, 1));
+        assert_eq!(scene.geometry.skipped_triangles, 1);
         assert_eq!(scene.triangle_count(), 2);
         // No metre of the offset is left to be lost in f32: corners are exact.
-        let corner = scene.meshes[0].positions[2];
-        assert_eq!(scene.centre + f64_from(corner), far + DVec3::new(1.0, 1.0, 0.0));
+        let corner = scene.geometry.meshes[0].positions[2];
+        assert_eq!(scene.geometry.centre + f64_from(corner), far + DVec3::new(1.0, 1.0, 0.0));
         assert!(corner.iter().all(|c| c.abs() <= 0.6));
     }
 
     #[test]
     fn a_scene_about_its_origin_is_left_where_it_is() {
         let scene = builder(vec![square()], vec![at(0, moved(-0.5, -0.5, 0.0))]).build().unwrap();
-        assert_eq!(scene.centre, DVec3::ZERO);
+        assert_eq!(scene.geometry.centre, DVec3::ZERO);
     }
 
     #[test]
     fn placed_twice_is_stored_once() {
-        let placed =
+        let instances =
             vec![at(0, moved(0.0, 0.0, 0.0)), at(1, moved(9.0, 0.0, 0.0)), at(0, moved(0.0, 5.0, 0.0))];
-        let scene = builder(vec![square(), square()], placed).build().unwrap();
-        assert_eq!(scene.meshes.len(), 2);
-        assert_eq!(scene.stored_triangle_count(), 4);
+        let scene = builder(vec![square(), square()], instances).build().unwrap();
+        assert_eq!(scene.geometry.meshes.len(), 2);
+        assert_eq!(scene.geometry.stored_triangle_count(), 4);
         assert_eq!(scene.triangle_count(), 6);
-        let firsts: Vec<_> = scene.placements.iter().map(|p| (p.first_triangle, p.first_instance)).collect();
+        let firsts: Vec<_> =
+            scene.arrangement.placements.iter().map(|p| (p.first_triangle, p.first_object)).collect();
         // What is placed once comes first; instances keep the document's order.
         assert_eq!(firsts, [(0, 0), (2, 0), (4, 2)]);
-        assert_eq!(scene.surface(0, 1).instance, 1);
-        assert_eq!(scene.surface(1, 1).instance, 0);
-        assert_eq!(scene.surface(2, 0).instance, 2);
+        assert_eq!(scene.surface(0, 1).object, 1);
+        assert_eq!(scene.surface(1, 1).object, 0);
+        assert_eq!(scene.surface(2, 0).object, 2);
         // One zero-area triangle each time that the mesh is placed.
-        assert_eq!(scene.skipped_triangles, 3);
+        assert_eq!(scene.geometry.skipped_triangles, 3);
     }
 
     #[test]
     fn mirroring_keeps_fronts_in_front() {
         let mirror = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
         let scene = builder(vec![square()], vec![at(0, mirror)]).build().unwrap();
-        let mesh = &scene.meshes[0];
+        let mesh = &scene.geometry.meshes[0];
         let [a, b, c] = mesh.triangles[0].map(|v| f64_from(mesh.positions[v as usize]));
         assert!((b - a).cross(c - a).z > 0.0, "the square still faces up");
     }
@@ -407,8 +398,8 @@ mod tests {
         let crushed = DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0));
         let scene =
             builder(vec![square()], vec![at(0, crushed), at(0, moved(0.0, 0.0, 3.0))]).build().unwrap();
-        assert_eq!(scene.placements.len(), 2);
-        assert_eq!(scene.meshes[0].triangles.len(), 2);
+        assert_eq!(scene.arrangement.placements.len(), 2);
+        assert_eq!(scene.geometry.meshes[0].triangles.len(), 2);
         assert_eq!(scene.triangle_count(), 4);
         let nothing = DAffine3::from_scale(DVec3::ZERO);
         let error = builder(vec![square()], vec![at(0, nothing), at(0, nothing)]).build().unwrap_err();
@@ -420,14 +411,14 @@ mod tests {
         // Hidden far away, often: neither the centre nor the memory knows of it.
         let mut hidden = moved(1e6, 0.0, 0.0) * DAffine3::from_scale(DVec3::new(0.0, 1.0, 0.0));
         hidden.matrix3.z_axis = hidden.matrix3.y_axis;
-        let mut placed = vec![at(0, hidden); 1000];
-        placed.push(at(0, moved(-0.5, -0.5, 0.0)));
-        let scene = builder(vec![square()], placed).build().unwrap();
-        assert_eq!(scene.centre, DVec3::ZERO);
-        assert_eq!((scene.triangle_count(), scene.skipped_triangles), (2, 3001));
-        assert_eq!((scene.instances.len(), scene.placements.len()), (1001, 2));
-        assert!(scene.meshes[0].positions.is_empty());
-        assert_eq!(scene.surface(1, 0).instance, 1000);
+        let mut instances = vec![at(0, hidden); 1000];
+        instances.push(at(0, moved(-0.5, -0.5, 0.0)));
+        let scene = builder(vec![square()], instances).build().unwrap();
+        assert_eq!(scene.geometry.centre, DVec3::ZERO);
+        assert_eq!((scene.triangle_count(), scene.geometry.skipped_triangles), (2, 3001));
+        assert_eq!((scene.geometry.objects.len(), scene.arrangement.placements.len()), (1001, 2));
+        assert!(scene.geometry.meshes[0].positions.is_empty());
+        assert_eq!(scene.surface(1, 0).object, 1000);
     }
 
     #[test]
@@ -435,7 +426,7 @@ mod tests {
         let mut far = square();
         far.positions[2][0] = 1e13;
         let error = builder(vec![far], vec![at(0, DAffine3::IDENTITY)]).build().unwrap_err();
-        assert!(matches!(error, SceneBuildError::TooFar { placed: 0, .. }), "{error}");
+        assert!(matches!(error, SceneBuildError::TooFar { instance: 0, .. }), "{error}");
         let overflow = DAffine3::from_scale(DVec3::splat(f64::MAX)) * moved(9.0, 9.0, 9.0);
         let error = builder(vec![square()], vec![at(0, overflow)]).build().unwrap_err();
         assert!(matches!(error, SceneBuildError::TooFar { .. }), "{error}");
@@ -446,11 +437,11 @@ mod tests {
         let mut scene = builder(vec![square()], vec![at(0, DAffine3::IDENTITY)]).build().unwrap();
         let surface = scene.surface(0, 0);
         assert_eq!(scene.label(surface), 0);
-        scene.instances[0].file_label = Some(1);
+        Arc::make_mut(&mut scene.geometry).objects[0].file_label = Some(1);
         assert_eq!(scene.label(surface), 1);
-        scene.materials[0].job_label = Some(2);
+        Arc::make_mut(&mut scene.geometry).materials[0].job_label = Some(2);
         assert_eq!(scene.label(surface), 2);
-        scene.instances[0].job_label = Some(3);
+        Arc::make_mut(&mut scene.geometry).objects[0].job_label = Some(3);
         assert_eq!(scene.label(surface), 3);
     }
 }

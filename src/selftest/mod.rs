@@ -30,7 +30,7 @@ use crate::motion::Trajectory;
 use crate::output::{CloudFrame, SensorFrame};
 use crate::scan::{Frame, Progress, scan};
 use crate::scene::{
-    Instance, Material, Placed, Scene, SceneBuildError, SceneBuilder, SourceMesh, SourcePart,
+    Material, Object, Scene, SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart,
 };
 use crate::sensor::{Capture, Lens, Pattern, RangeLimits, Sensor};
 use crate::trace::AnyTracer;
@@ -248,15 +248,16 @@ impl Stage {
         let world_from_model = world_from_sensor * *sensor_from_model;
         let part = SourcePart { triangles: model.triangles.clone(), material: 0 };
         let mesh = SourceMesh { positions: model.positions(), parts: vec![part] };
-        let placed = Placed { mesh: 0, world_from_mesh: world_from_model, instance: Instance::default() };
+        let placed = SourceInstance { mesh: 0, world_from_mesh: world_from_model, object: Object::default() };
         let builder = SceneBuilder {
             meshes: vec![mesh],
-            placed: vec![placed],
+            instances: vec![placed],
             materials: vec![Material::default()],
             files: vec![],
         };
         let scene = builder.build()?;
-        let largest = scene.meshes[0].positions.iter().flatten().fold(0.0_f32, |most, x| most.max(x.abs()));
+        let largest =
+            scene.geometry.meshes[0].positions.iter().flatten().fold(0.0_f32, |most, x| most.max(x.abs()));
         let half_last_place = f64::from(largest.next_up() - largest) / 2.0;
         let size =
             sensor_from_model.matrix3.to_cols_array().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -268,14 +269,14 @@ impl Stage {
 
     /// The plane of a stored triangle in world axes about `origin`: its normal, and its distance along that.
     fn plane(&self, triangle: u32, origin: DVec3) -> (DVec3, f64) {
-        let mesh = &self.scene.meshes[0];
+        let mesh = &self.scene.geometry.meshes[0];
         let corner = |v: u32| {
             let [x, y, z] = mesh.positions[v as usize].map(f64::from);
             DVec3::new(x, y, z)
         };
         let [a, b, c] = mesh.triangles[triangle as usize].map(corner);
         let n = (b - a).cross(c - a).normalize();
-        (n, n.dot(a - (origin - self.scene.centre)))
+        (n, n.dot(a - (origin - self.scene.geometry.centre)))
     }
 }
 

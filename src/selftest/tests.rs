@@ -1,5 +1,6 @@
 //! The self-test has to pass what is right, and must not pass what is wrong.
 
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::*;
@@ -124,9 +125,12 @@ fn a_wrong_frame_or_scene_is_caught() {
                 *hit = None;
             }
         }),
-        ("a scene moved by 0.1 mm", |s, _| s.centre.x += if s.meshes.is_empty() { 0.0 } else { 1e-4 }),
+        ("a scene moved by 0.1 mm", |s, _| {
+            let moved = !s.geometry.meshes.is_empty();
+            Arc::make_mut(&mut s.geometry).centre.x += if moved { 1e-4 } else { 0.0 };
+        }),
         ("a triangle lost", |s, _| {
-            if let Some(mesh) = s.meshes.first_mut() {
+            if let Some(mesh) = Arc::make_mut(&mut s.geometry).meshes.first_mut() {
                 mesh.triangles[11] = mesh.triangles[10];
             }
         }),

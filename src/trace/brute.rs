@@ -22,17 +22,17 @@ impl Cast for BruteForce<'_> {
             .directions
             .iter()
             .enumerate()
-            .map(|(ray, &direction)| LocalRay { origin: rays.origin(ray) - scene.centre, direction })
+            .map(|(ray, &direction)| LocalRay { origin: rays.origin(ray) - scene.geometry.centre, direction })
             .collect();
         let mut nearest: Vec<Option<Candidate>> = vec![None; hits.len()];
-        for (index, placement) in scene.placements.iter().enumerate() {
+        for (index, placement) in scene.arrangement.placements.iter().enumerate() {
             let local: Vec<_> = all
                 .iter()
                 .map(|ray| ray.carried(placement))
                 .map(|ray| (ray, ray.direction.try_normalize().unwrap_or(DVec3::NAN)))
                 .collect();
             let farthest = local.iter().map(|(ray, _)| ray.origin.abs().max_element()).fold(0.0, f64::max);
-            let mesh = &scene.meshes[placement.mesh as usize];
+            let mesh = &scene.geometry.meshes[placement.mesh as usize];
             for triangle in 0..mesh.triangles.len() as u32 {
                 let sphere = Sphere::around(&Corners::of(mesh, triangle, DVec3::ZERO), farthest);
                 for (&(ray, unit), best) in local.iter().zip(&mut nearest) {
@@ -54,8 +54,8 @@ impl Cast for BruteForce<'_> {
         }
         for ((ray, best), hit) in all.into_iter().zip(nearest).zip(hits) {
             *hit = best.map(|found| {
-                let placement = &scene.placements[found.placement as usize];
-                let mesh = &scene.meshes[placement.mesh as usize];
+                let placement = &scene.arrangement.placements[found.placement as usize];
+                let mesh = &scene.geometry.meshes[placement.mesh as usize];
                 let local = ray.carried(placement);
                 found.finish(&Corners::of(mesh, found.triangle, local.origin), local.direction, placement)
             });

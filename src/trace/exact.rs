@@ -224,7 +224,7 @@ impl LocalRay {
     /// Carries a ray of the scene's space into a placement's. Depths keep their meaning.
     #[inline]
     pub fn carried(self, placement: &Placement) -> Self {
-        let map = &placement.mesh_from_scene;
+        let map = placement.mesh_from_scene();
         if *map == DAffine3::IDENTITY {
             return self;
         }
@@ -257,7 +257,7 @@ pub(super) fn carry<'o>(
     carried: &mut Vec<DVec3>,
     room: &'o mut Vec<DVec3>,
 ) -> Origins<'o> {
-    let map = &placement.mesh_from_scene;
+    let map = placement.mesh_from_scene();
     carried.clear();
     if *map == DAffine3::IDENTITY {
         carried.extend_from_slice(directions);
@@ -440,7 +440,7 @@ impl Candidate {
 /// mirroring map turns the winding over.
 #[inline(always)]
 pub(super) fn out_of<R: Real>(placement: &Placement, normal: Xyz<R>) -> Xyz<R> {
-    let map = &placement.mesh_from_scene;
+    let map = placement.mesh_from_scene();
     if *map == DAffine3::IDENTITY {
         return normal;
     }

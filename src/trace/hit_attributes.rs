@@ -12,7 +12,7 @@ use super::simd::{F32x8, F64x8, Mask8, U32x8};
 use super::tracer::{Batch, Tracer};
 use super::{Hit, Origins};
 
-impl Tracer<'_> {
+impl Tracer {
     /// The whole hits of a batch of at most a packet's rays.
     #[inline(always)]
     pub(super) fn write_hits<S: F32x8>(&self, rays: &Batch, nearest: &NearestHits, hits: &mut [Option<Hit>]) {
@@ -107,11 +107,11 @@ impl Tracer<'_> {
                 S::U32x8::load(slots).bitcast(),
                 S::U32x8::splat(slots[first]).bitcast(),
             );
-            let place = &self.scene.placements[placement as usize];
+            let place = &self.scene.arrangement.placements[placement as usize];
             let (mut d, mut o) = (scene_d, scene_o);
-            if placement != 0 && place.mesh_from_scene != DAffine3::IDENTITY {
-                d = exact::carried_direction(&place.mesh_from_scene, d);
-                o = exact::carried_point(&place.mesh_from_scene, o);
+            if placement != 0 && *place.mesh_from_scene() != DAffine3::IDENTITY {
+                d = exact::carried_direction(place.mesh_from_scene(), d);
+                o = exact::carried_point(place.mesh_from_scene(), o);
             }
             let bvh = self.bvh(placement);
             let (corners, ids) = if *slots == [slots[first]; 8] {

@@ -100,7 +100,7 @@ pub struct Hit {
     pub v: f64,
     /// Unit normal in the world, on the side from which the corners are counter-clockwise.
     pub normal: DVec3,
-    /// Index into [`Scene::placements`](crate::scene::Scene::placements).
+    /// Index into [`Arrangement::placements`](crate::scene::Arrangement::placements).
     pub placement: u32,
     /// Index into the placement's mesh's triangles.
     pub triangle: u32,

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 
@@ -14,20 +15,21 @@ use super::simd::{self, F32x8, F64x8, PortableF32x8, SimdTask};
 use super::single::{SingleRay, Stack};
 use super::stream::RayStream;
 use super::{Cast, Hit, Origins, Rays, TraversalStats};
-use crate::scene::{Mesh, Placement, Scene};
+use crate::scene::{Arrangement, Mesh, Placement, Scene};
 
 /// Finds the hits that [`BruteForce`](super::BruteForce) finds, bit for bit, and fast.
 ///
-/// Rays are taken 128 at a time as they come: a batch's neighbours should be neighbours in space.
-#[derive(Debug)]
-pub struct Tracer<'s> {
-    pub(super) scene: &'s Scene,
-    /// One a mesh.
-    pub(super) meshes: Vec<Bvh8>,
-    /// Of each mesh, in its space.
-    bounds: Vec<Bounds>,
-    /// Over the placements; without nodes if all there is is mesh 0.
-    pub(super) top: Bvh8,
+/// A tracer owns all that it needs and shares it with its clones, so a clone costs four reference counts. Rays are taken 128
+/// at a time as they come: a batch's neighbours should be neighbours in space.
+#[derive(Clone, Debug)]
+pub struct Tracer {
+    pub(super) scene: Scene,
+    /// The hierarchy over the triangles of each mesh.
+    pub(super) meshes: Arc<[Bvh8]>,
+    /// The bounds of each mesh in its own space.
+    bounds: Arc<[Bounds]>,
+    /// The hierarchy over the placements; without nodes if mesh 0 is the only mesh.
+    pub(super) top: Arc<Bvh8>,
     instructions: Instructions,
     packets: bool,
 }
@@ -45,27 +47,34 @@ pub enum Instructions {
     Scalar,
 }
 
-impl<'s> Tracer<'s> {
+impl Tracer {
     /// Builds the hierarchies over a scene.
-    pub fn build(scene: &'s Scene) -> Self {
-        let meshes = scene.meshes.iter().map(bvh::build).collect();
-        let bounds: Vec<_> = scene.meshes.iter().map(bounds_of).collect();
-        let top = over_placements(scene, &bounds);
-        Self { scene, meshes, bounds, top, instructions: Instructions::Best, packets: true }
+    pub fn build(scene: &Scene) -> Self {
+        let meshes = &scene.geometry.meshes;
+        let bounds: Arc<[Bounds]> = meshes.iter().map(bounds_of).collect();
+        Self {
+            meshes: meshes.iter().map(bvh::build).collect(),
+            top: Arc::new(over_placements(scene, &bounds)),
+            bounds,
+            scene: scene.clone(),
+            instructions: Instructions::Best,
+            packets: true,
+        }
     }
 
-    /// A tracer of the same meshes placed otherwise: only the hierarchy over the placements is built again, in milliseconds
-    /// for tens of thousands. `scene` has this one's meshes; its maps are no more skewed than
-    /// [`SceneBuilder`](crate::scene::SceneBuilder) lets through.
+    /// A tracer of the same geometry, arranged otherwise. Only the hierarchy over the placements is built again, which takes
+    /// milliseconds for tens of thousands of them; the meshes and their hierarchies are shared with this tracer.
     ///
     /// # Panics
-    /// If the scenes' meshes differ in number or in how many triangles they have.
-    pub fn moved<'t>(self, scene: &'t Scene) -> Tracer<'t> {
-        let triangles = |scene: &Scene| scene.meshes.iter().map(|m| m.triangles.len()).collect::<Vec<_>>();
-        assert_eq!(triangles(self.scene), triangles(scene), "only placements move");
-        let top = over_placements(scene, &self.bounds);
-        let Self { meshes, bounds, instructions, packets, .. } = self;
-        Tracer { scene, meshes, bounds, top, instructions, packets }
+    /// If the arrangement is not one of the scene's geometry: see [`Scene::rearranged`].
+    pub fn rearranged(&self, arrangement: Arc<Arrangement>) -> Self {
+        let scene = self.scene.rearranged(arrangement);
+        Self { top: Arc::new(over_placements(&scene, &self.bounds)), scene, ..self.clone() }
+    }
+
+    /// The scene that rays are cast against.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
     }
 
     /// The same with other instructions.
@@ -78,7 +87,7 @@ impl<'s> Tracer<'s> {
         Self { packets: false, ..self }
     }
 
-    /// Bytes held beside the scene.
+    /// The bytes held in addition to the scene.
     pub fn bytes(&self) -> usize {
         self.top.bytes() + self.meshes.iter().map(Bvh8::bytes).sum::<usize>()
     }
@@ -150,7 +159,7 @@ impl<'s> Tracer<'s> {
     /// Some of the rays, in the scene's space; `room` is for their origins.
     #[inline(always)]
     fn batch<'r>(&self, rays: &Rays<'r>, range: Range<usize>, room: &'r mut Vec<DVec3>) -> Batch<'r> {
-        let centre = self.scene.centre;
+        let centre = self.scene.geometry.centre;
         let origins = match rays.origins {
             Origins::Common(origin) => Origins::Common(origin - centre),
             Origins::Each(all) => {
@@ -282,7 +291,7 @@ impl<'s> Tracer<'s> {
         top.enter_root::<S>(stack);
         while let Some(leaf) = top.next_leaf::<S>(stack) {
             let index = leaf.number;
-            let placement = &self.scene.placements[index as usize];
+            let placement = &self.scene.arrangement.placements[index as usize];
             let origins = exact::carry(placement, rays.origins, rays.directions, carried, carried_origins);
             let bvh = &self.meshes[placement.mesh as usize];
             if let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
@@ -377,7 +386,11 @@ impl<'s> Tracer<'s> {
         best: &mut Option<NearestHit>,
         stack: &mut Stack,
     ) {
-        let ray = if placement == 0 { ray } else { ray.carried(&self.scene.placements[placement as usize]) };
+        let ray = if placement == 0 {
+            ray
+        } else {
+            ray.carried(&self.scene.arrangement.placements[placement as usize])
+        };
         let bvh = self.bvh(placement);
         let Some(mut single) = SingleRay::new::<S>(ray, bvh.largest, limits) else {
             return self.nearest_in(placement, ray, limits, best, &mut Vec::new());
@@ -398,8 +411,10 @@ impl<'s> Tracer<'s> {
     fn cast_all_in_f64(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
         let mut room = ScalarScratch::default();
         for (ray, hit) in hits.iter_mut().enumerate() {
-            let ray =
-                LocalRay { origin: rays.origin(ray) - self.scene.centre, direction: rays.directions[ray] };
+            let ray = LocalRay {
+                origin: rays.origin(ray) - self.scene.geometry.centre,
+                direction: rays.directions[ray],
+            };
             let mut best: Option<NearestHit> = None;
             self.cast_in_f64(ray, (rays.t_min, rays.t_max), &mut best, &mut room);
             *hit = best.map(|best| self.finish(ray, &best));
@@ -420,7 +435,7 @@ impl<'s> Tracer<'s> {
             return self.nearest_in(0, ray, limits, best, mesh);
         }
         self.top.traverse(&ray, limits, top, |index| {
-            let local = ray.carried(&self.scene.placements[index as usize]);
+            let local = ray.carried(&self.scene.arrangement.placements[index as usize]);
             self.nearest_in(index, local, limits, best, mesh);
             best.map_or(limits.1, |b| b.t)
         });
@@ -456,7 +471,7 @@ impl<'s> Tracer<'s> {
     }
 
     pub(super) fn bvh(&self, placement: u32) -> &Bvh8 {
-        &self.meshes[self.scene.placements[placement as usize].mesh as usize]
+        &self.meshes[self.scene.arrangement.placements[placement as usize].mesh as usize]
     }
 
     fn candidate(&self, best: &NearestHit) -> Candidate {
@@ -466,7 +481,7 @@ impl<'s> Tracer<'s> {
 
     /// The whole hit of a ray in the scene's space.
     fn finish(&self, ray: LocalRay, best: &NearestHit) -> Hit {
-        let placement = &self.scene.placements[best.placement as usize];
+        let placement = &self.scene.arrangement.placements[best.placement as usize];
         let local = ray.carried(placement);
         let block = LeafBlock::at(&self.bvh(best.placement).blocks, best.slot.block_offset());
         let corners = Corners::from_positions(block.positions(best.slot.lane()), local.origin);
@@ -474,7 +489,7 @@ impl<'s> Tracer<'s> {
     }
 }
 
-impl Cast for Tracer<'_> {
+impl Cast for Tracer {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
         self.cast_counted(rays, hits);
     }
@@ -488,13 +503,13 @@ impl Cast for Tracer<'_> {
 }
 
 /// [`Cast::cast`].
-struct All<'a, 's, 'r> {
-    tracer: &'a Tracer<'s>,
+struct All<'a, 'r> {
+    tracer: &'a Tracer,
     rays: &'a Rays<'r>,
     hits: &'a mut [Option<Hit>],
 }
 
-impl SimdTask for All<'_, '_, '_> {
+impl SimdTask for All<'_, '_> {
     type Output = TraversalStats;
 
     #[inline(always)]
@@ -504,18 +519,18 @@ impl SimdTask for All<'_, '_, '_> {
 }
 
 /// [`Cast::blocked`].
-struct Any<'a, 's, 'r> {
-    tracer: &'a Tracer<'s>,
+struct Any<'a, 'r> {
+    tracer: &'a Tracer,
     rays: &'a Rays<'r>,
     blocked: &'a mut [bool],
 }
 
-impl Any<'_, '_, '_> {
+impl Any<'_, '_> {
     fn run_in_f64(self) {
         let Self { tracer, rays, blocked } = self;
         let mut room = ScalarScratch::default();
         for (ray, blocked) in blocked.iter_mut().enumerate() {
-            let origin = rays.origin(ray) - tracer.scene.centre;
+            let origin = rays.origin(ray) - tracer.scene.geometry.centre;
             let ray = LocalRay { origin, direction: rays.directions[ray] };
             let mut best = None;
             tracer.cast_in_f64(ray, (rays.t_min, rays.t_max), &mut best, &mut room);
@@ -524,7 +539,7 @@ impl Any<'_, '_, '_> {
     }
 }
 
-impl SimdTask for Any<'_, '_, '_> {
+impl SimdTask for Any<'_, '_> {
     type Output = ();
 
     #[inline(always)]
@@ -665,12 +680,13 @@ struct ScalarScratch {
 
 /// The hierarchy over a scene's placements; without nodes if there is one.
 fn over_placements(scene: &Scene, bounds: &[Bounds]) -> Bvh8 {
-    let size = scene.placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
+    let size = scene.arrangement.placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
     let size = size.filter(|b| b.low.x <= b.high.x).fold(Bounds::EMPTY, Bounds::union).largest();
     let boxes: Vec<_> = scene
+        .arrangement
         .placements
         .iter()
-        .map(|p| match scene.meshes[p.mesh as usize].triangles.is_empty() {
+        .map(|p| match scene.geometry.meshes[p.mesh as usize].triangles.is_empty() {
             // An empty mesh 0 is placed all the same; its box is a point, where a ray finds nothing.
             true => Bounds { low: DVec3::ZERO, high: DVec3::ZERO },
             false => carried_bounds(&bounds[p.mesh as usize], p, size),
@@ -694,7 +710,7 @@ fn bounds_of(mesh: &Mesh) -> Bounds {
 /// enough for origins a million scene sizes away and for maps as skewed as [`SceneBuilder`](crate::scene::SceneBuilder)
 /// lets through (their condition is at most 2¹²).
 fn carried_bounds(mesh: &Bounds, placement: &Placement, size: f64) -> Bounds {
-    let map = &placement.mesh_from_scene;
+    let map = placement.mesh_from_scene();
     if *map == DAffine3::IDENTITY || mesh.low.x > mesh.high.x {
         return *mesh;
     }
@@ -704,6 +720,6 @@ fn carried_bounds(mesh: &Bounds, placement: &Placement, size: f64) -> Bounds {
     let (low, high) = (mesh.low - pad, mesh.high + pad);
     (0..8).fold(Bounds::EMPTY, |all, index| {
         let side = |axis: usize| if index >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        all.with(placement.scene_from_mesh.transform_point3(DVec3::new(side(0), side(1), side(2))))
+        all.with(placement.scene_from_mesh().transform_point3(DVec3::new(side(0), side(1), side(2))))
     })
 }

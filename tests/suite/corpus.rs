@@ -46,7 +46,8 @@ fn valid_files_load_with_all_their_triangles() {
         let correction = CORRECTIONS.iter().find(|(corrected, _)| corrected == name);
         let expected = correction.map_or_else(|| Ok(row[1].parse().unwrap()), |(_, expected)| *expected);
         // Zero-area triangles are left out, but were there.
-        let found = open(&folder.join(name)).map(|l| l.scene.triangle_count() + l.scene.skipped_triangles);
+        let found =
+            open(&folder.join(name)).map(|l| l.scene.triangle_count() + l.scene.geometry.skipped_triangles);
         match (found, expected) {
             (Ok(found), Ok(expected)) if found == expected => {}
             (Err(error), Err(expected)) if error.to_string().contains(expected) => {}
@@ -61,7 +62,7 @@ fn the_strip_has_zero_area_triangles_to_join_its_sides() {
     let Some(corpus) = corpus() else { return };
     let path = corpus.join("valid/cesium-native/CesiumGltfContent/test/data/cubeStrip.glb");
     let scene = open(&path).unwrap().scene;
-    assert_eq!((scene.triangle_count(), scene.skipped_triangles), (12, 6));
+    assert_eq!((scene.triangle_count(), scene.geometry.skipped_triangles), (12, 6));
 }
 
 /// Files of malformed/handmade whose faults are in names, images, or in nothing that geometry depends on.

@@ -106,16 +106,20 @@ fn buffers_below_the_folder_are_read_and_told_of() {
         let scene = canary.open(uri).unwrap().scene;
         assert_eq!(scene.triangle_count(), 1);
         let own = std::fs::read(canary.path("scene/scene.gltf")).unwrap();
-        let files: Vec<_> =
-            scene.files.into_iter().map(|file| (file.name, file.bytes, file.blake3)).collect();
+        let files: Vec<_> = scene
+            .geometry
+            .files
+            .iter()
+            .map(|file| (file.name.clone(), file.bytes, file.blake3.clone()))
+            .collect();
         let expected =
             [("scene".to_owned(), own.len() as u64, hash(&own)), (uri.to_owned(), 44, hash(&buffer()))];
         assert_eq!(files, expected);
     }
     // Another content has another hash, even past what the buffer uses.
-    let before = canary.open("sub/a b.bin").unwrap().scene.files;
+    let before = canary.open("sub/a b.bin").unwrap().scene.geometry.files.clone();
     std::fs::write(canary.path("scene/sub/a b.bin"), [buffer(), vec![1]].concat()).unwrap();
-    let after = canary.open("sub/a b.bin").unwrap().scene.files;
+    let after = canary.open("sub/a b.bin").unwrap().scene.geometry.files.clone();
     assert_eq!(before[0], after[0]);
     assert_ne!(before[1].blake3, after[1].blake3);
     std::fs::write(canary.path("scene/sub/a b.bin"), &buffer()[..43]).unwrap();
@@ -199,7 +203,7 @@ fn a_binary_file_needs_no_other() {
     let path = folder.path().join("scene.glb");
     std::fs::write(&path, glb(&triangle(None), &buffer())).unwrap();
     let scene = open(&path).unwrap().scene;
-    assert_eq!((scene.triangle_count(), scene.files.len()), (1, 1));
+    assert_eq!((scene.triangle_count(), scene.geometry.files.len()), (1, 1));
     std::fs::write(&path, glb(&triangle(None), &buffer()[..40])).unwrap();
     let error = open(&path).unwrap_err();
     assert!(
@@ -379,7 +383,7 @@ fn check(bytes: &[u8]) {
         Err(error) => assert!(!error.problem.contains("error in beamcast"), "{error}"),
         Ok(Loaded { scene, .. }) => {
             assert!(scene.triangle_count() > 0);
-            for mesh in &scene.meshes {
+            for mesh in &scene.geometry.meshes {
                 let vertices = mesh.positions.len() as u32;
                 assert!(mesh.triangles.as_flattened().iter().all(|&vertex| vertex < vertices));
             }
@@ -391,7 +395,7 @@ fn check(bytes: &[u8]) {
 fn everything_is_right_before_it_is_broken() {
     let (json, binary) = everything();
     let scene = open_bytes(&glb(&json, &binary)).unwrap().scene;
-    assert_eq!((scene.triangle_count(), scene.instances.len()), (5, 5));
+    assert_eq!((scene.triangle_count(), scene.geometry.objects.len()), (5, 5));
 }
 
 #[test]

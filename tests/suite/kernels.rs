@@ -2,7 +2,6 @@
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::sync::Arc;
 
 use beamcast::angle::Angle;
 use beamcast::config::load_job;
@@ -347,8 +346,8 @@ fn leaks(method: &Method, rays: usize) -> [usize; 3] {
     // Turned, so that no coordinate is special.
     let turn = Pose::from_rpy(DVec3::ZERO, Angle::deg(20.0), Angle::deg(31.0), Angle::deg(47.0));
     let scene = placed(vec![shape], vec![(0, DAffine3::from_mat3(turn.rotation))]);
-    let tracer = method.tracer(&Arc::new(Tracer::build(&scene)));
-    let mesh = &scene.meshes[0];
+    let tracer = method.tracer(&Tracer::build(&scene));
+    let mesh = &scene.geometry.meshes[0];
     let mut random = Random(3);
     let mut leaks = [0; 3];
     for _ in 0..rays / 32 {
@@ -360,7 +359,7 @@ fn leaks(method: &Method, rays: usize) -> [usize; 3] {
                 let [a, b, c] = triangle.map(|v| Vec3::from(mesh.positions[v as usize]).as_dvec3());
                 let w = random.unit();
                 let p = [a + (b - a) * w, a, a * 0.3 + b * (0.1 + 0.5 * w) + c * (0.6 - 0.5 * w)][kind];
-                (p + scene.centre - origin).normalize()
+                (p + scene.geometry.centre - origin).normalize()
             })
             .collect();
         // The second time from the same origin is by what was worked out for it: nothing changes.
@@ -403,8 +402,8 @@ fn watertight_at_every_scale_and_from_afar() {
     let mut random = Random(8);
     for radius in [1e-3, 1.0, 1e3, 1e6] {
         let scene = alone(sphere(radius, DVec3::ZERO, 3));
-        let tracer = method.tracer(&Arc::new(Tracer::build(&scene)));
-        let mesh = &scene.meshes[0];
+        let tracer = method.tracer(&Tracer::build(&scene));
+        let mesh = &scene.geometry.meshes[0];
         for distance in [0.5, 3.0, 100.0, 3e4] {
             for _ in 0..3000 {
                 let origin = random.direction() * (radius * distance);
@@ -413,7 +412,7 @@ fn watertight_at_every_scale_and_from_afar() {
                 // A little within the silhouette, if seen from outside: f32 can't see its last bits from far away.
                 let p = (at(0) + (at(1) - at(0)) * [0.0, random.unit()][random.below(2)]) * 0.9;
                 let rays = Rays {
-                    origins: Origins::Common(origin + scene.centre),
+                    origins: Origins::Common(origin + scene.geometry.centre),
                     directions: &[(p - origin).normalize()],
                     t_min: 0.0,
                     t_max: f64::INFINITY,
@@ -466,7 +465,7 @@ fn scans_by_any_method_differ_from_the_exact_one_by_rounding_only() {
     }
     let shapes = vec![cuboid([-20.0, -20.0, -2.0], [20.0, 20.0, 8.0]), sphere(1.0, DVec3::ZERO, 2)];
     let scene = placed(shapes, placements);
-    assert_eq!(scene.placements.len(), 31);
+    assert_eq!(scene.arrangement.placements.len(), 31);
     let pose = Pose::from_rpy(DVec3::new(0.3, -0.2, 0.1), Angle::deg(1.0), Angle::deg(2.0), Angle::deg(3.0));
     let exact = see(&scene, None, &pose);
     assert_eq!(exact.return_count(), exact.pixels());
@@ -529,13 +528,14 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
         Culled,
     }
     let why = |method: &Method, direction: DVec3, triangle: u32| {
-        let from = scene.placements.iter().rev().find(|p| {
-            let count = scene.meshes[p.mesh as usize].triangles.len() as u32;
+        let from = scene.arrangement.placements.iter().rev().find(|p| {
+            let count = scene.geometry.meshes[p.mesh as usize].triangles.len() as u32;
             (p.first_triangle..p.first_triangle + count).contains(&triangle)
         });
         let placement = from.unwrap();
-        let mesh = &scene.meshes[placement.mesh as usize];
-        let local = LocalRay { origin: pose.translation - scene.centre, direction }.carried(placement);
+        let mesh = &scene.geometry.meshes[placement.mesh as usize];
+        let local =
+            LocalRay { origin: pose.translation - scene.geometry.centre, direction }.carried(placement);
         let ray = Ray { origin: local.origin.as_vec3(), direction: local.direction.as_vec3() };
         let corners = mesh.triangles[(triangle - placement.first_triangle) as usize];
         let corners = corners.map(|v| Vec3::from(mesh.positions[v as usize]));

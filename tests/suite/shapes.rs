@@ -3,7 +3,7 @@
 use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
 use beamcast::scan::{Frame, Progress, scan};
-use beamcast::scene::{Instance, Material, Placed, Scene, SceneBuilder, SourceMesh, SourcePart};
+use beamcast::scene::{Object, Material, SourceInstance, Scene, SceneBuilder, SourceMesh, SourcePart};
 use beamcast::sensor::{Capture, Sensor};
 use beamcast::trace::Cast;
 use glam::{DAffine3, DVec3};
@@ -61,13 +61,13 @@ pub fn seen_from(scene: &Scene, tracer: &impl Cast, sensor: &Sensor, world_from_
 
 /// A scene of meshes, each placed wherever the pairs (mesh, world_from_mesh) say.
 pub fn placed(meshes: Vec<SourceMesh>, placements: Vec<(usize, DAffine3)>) -> Scene {
-    let placed = placements.into_iter().map(|(mesh, world_from_mesh)| Placed {
+    let instances = placements.into_iter().map(|(mesh, world_from_mesh)| SourceInstance {
         mesh,
         world_from_mesh,
-        instance: Instance::default(),
+        object: Object::default(),
     });
-    let placed = placed.collect();
-    SceneBuilder { meshes, placed, materials: vec![Material::default()], files: vec![] }.build().unwrap()
+    let instances = instances.collect();
+    SceneBuilder { meshes, instances, materials: vec![Material::default()], files: vec![] }.build().unwrap()
 }
 
 /// A scene of one mesh that stands as it is.

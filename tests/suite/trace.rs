@@ -1,19 +1,21 @@
 //! Every tracer finds the hit that brute force finds, bit for bit, and closed meshes have no leaks.
 
 use std::path::Path;
+use std::sync::Arc;
 
-use beamcast::scene::{Scene, SourceMesh};
-use beamcast::trace::{BruteForce, Cast, Hit, Instructions, Origins, Rays, Tracer};
+use beamcast::scene::{Arrangement, Scene, SourceMesh};
+use beamcast::trace::methods::Method;
+use beamcast::trace::{AnyTracer, BruteForce, Cast, Hit, Instructions, Origins, Rays, Tracer};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
 use crate::hostile_scenes::open;
 use crate::shapes::{Random, alone, cuboid, mesh, placed, quad, soup, sphere};
 
-type Tracers<'s> = Vec<(&'static str, Tracer<'s>)>;
+type Tracers = Vec<(&'static str, Tracer)>;
 
 /// The tracers under test.
-fn tracers(scene: &Scene) -> Tracers<'_> {
+fn tracers(scene: &Scene) -> Tracers {
     let tracer = |kind| Tracer::build(scene).with_instructions(kind);
     vec![
         ("packets", tracer(Instructions::Best)),
@@ -46,10 +48,11 @@ fn target(scene: &Scene, random: &mut Random) -> DVec3 {
 
 /// The same, of a triangle that `near` picks or one of those after it in its mesh.
 fn target_near(scene: &Scene, random: &mut Random, near: u64) -> DVec3 {
-    let placement = &scene.placements[(near % scene.placements.len() as u64) as usize];
-    let mesh = &scene.meshes[placement.mesh as usize];
+    let placement =
+        &scene.arrangement.placements[(near % scene.arrangement.placements.len() as u64) as usize];
+    let mesh = &scene.geometry.meshes[placement.mesh as usize];
     if mesh.triangles.is_empty() {
-        return scene.centre;
+        return scene.geometry.centre;
     }
     let first = ((near >> 20) % mesh.triangles.len() as u64) as usize;
     let triangle = mesh.triangles[(first + random.below(8)) % mesh.triangles.len()];
@@ -60,7 +63,7 @@ fn target_near(scene: &Scene, random: &mut Random, near: u64) -> DVec3 {
     };
     let along = [0.0, 0.5, random.unit()][random.below(3)];
     let p = at(corner) + (at(corner + 1) - at(corner)) * along;
-    placement.scene_from_mesh.transform_point3(p) + scene.centre
+    placement.scene_from_mesh().transform_point3(p) + scene.geometry.centre
 }
 
 /// Rays in batches from points near the scene: random ones and ones aimed at vertices and edges, neighbours in a
@@ -82,10 +85,10 @@ fn batch_size(batch: usize) -> usize {
 
 fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Random, spread: f64) -> usize {
     let origin = match batch % 4 {
-        0 => scene.centre + random.point() * spread,
-        1 => scene.centre + random.point() * spread * 10.0,
+        0 => scene.geometry.centre + random.point() * spread,
+        1 => scene.geometry.centre + random.point() * spread * 10.0,
         2 => target(scene, random) + random.point() * spread * 1e-3,
-        _ => (scene.centre + random.point() * spread).as_vec3().as_dvec3(),
+        _ => (scene.geometry.centre + random.point() * spread).as_vec3().as_dvec3(),
     };
     let rays = batch_size(batch);
     // Where each ray starts, from the common point.
@@ -200,20 +203,51 @@ fn placed_meshes_agree_with_brute_force() {
         placements.push((0, rotated(random.direction(), 6.0 * random.unit(), scale, random.point() * 5.0)));
     }
     let scene = placed(vec![sphere(1.0, DVec3::ZERO, 2), cuboid([-9.0; 3], [9.0, 9.0, 1.0])], placements);
-    assert_eq!(scene.placements.len(), 41);
+    assert_eq!(scene.arrangement.placements.len(), 41);
     assert!(agrees(&scene, 400, 13, 4.0) > 10_000);
 
-    // The same meshes placed otherwise.
-    let mut moved = scene.clone();
-    for placement in &mut moved.placements[1..] {
-        placement.scene_from_mesh.translation += random.point() * 3.0;
-        placement.mesh_from_scene = placement.scene_from_mesh.inverse();
+    // The same geometry, arranged otherwise: everything has moved, and some of it is gone.
+    let mut arrangement = Arrangement::clone(&scene.arrangement);
+    for placement in &mut arrangement.placements[1..] {
+        let by = DAffine3::from_translation(random.point() * 3.0);
+        *placement = placement.at(by * *placement.scene_from_mesh()).unwrap();
     }
-    let tracers: Tracers =
-        tracers(&scene).into_iter().map(|(name, tracer)| (name, tracer.moved(&moved))).collect();
+    arrangement.placements.remove(20);
+    arrangement.placements.remove(7);
+    let moved = scene.rearranged(Arc::new(arrangement));
+    assert!(Arc::ptr_eq(&moved.geometry, &scene.geometry));
+    let rearranged = |(name, tracer): (_, Tracer)| (name, tracer.rearranged(moved.arrangement.clone()));
+    let tracers: Tracers = tracers(&scene).into_iter().map(rearranged).collect();
     let hits: usize =
         (0..60).map(|batch| batch_agrees(&moved, &tracers, batch, &mut Random(batch as u64), 4.0)).sum();
     assert!(hits > 1000, "{hits}");
+
+    // A published method answers as if it were built for the new arrangement, and its shadow rays as its hits.
+    let directions: Vec<_> = (0..500).map(|_| random.direction()).collect();
+    let origins = Origins::Common(scene.geometry.centre);
+    let rays = Rays { origins, directions: &directions, t_min: 0.0, t_max: 5.0 };
+    for method in ["moller-trumbore", "segura-feito-precomputed"].map(Method::named) {
+        let rearranged = AnyTracer::build(&scene, method).rearranged(moved.arrangement.clone());
+        let built = AnyTracer::build(&moved, method);
+        let (mut hits, mut expected, mut blocked) = (vec![None; 500], vec![None; 500], vec![false; 500]);
+        rearranged.cast(&rays, &mut hits);
+        built.cast(&rays, &mut expected);
+        rearranged.blocked(&rays, &mut blocked);
+        assert_eq!(hits, expected);
+        assert_eq!(blocked, hits.iter().map(Option::is_some).collect::<Vec<_>>());
+        let count = blocked.iter().filter(|&&b| b).count();
+        assert!((100..=400).contains(&count), "{count}");
+    }
+}
+
+#[test]
+#[should_panic(expected = "the ids of placement 2 do not rise")]
+fn an_arrangement_of_another_order_is_refused() {
+    let places = [DVec3::X, DVec3::Y].map(|at| (0, DAffine3::from_translation(at)));
+    let scene = placed(vec![sphere(0.5, DVec3::ZERO, 1)], places.to_vec());
+    let mut arrangement = Arrangement::clone(&scene.arrangement);
+    arrangement.placements.swap(1, 2);
+    Tracer::build(&scene).rearranged(Arc::new(arrangement));
 }
 
 /// Near-coincident layers a few ulps apart: only the exact order of depths tells them apart.
@@ -390,18 +424,18 @@ fn shipped_scenes_agree_with_brute_force() {
 #[test]
 fn traversal_statistics_are_counted() {
     let scene = alone(sphere(1.0, DVec3::ZERO, 4));
-    let mesh = &scene.meshes[0];
-    let at = |v: usize| DVec3::from(mesh.positions[v].map(f64::from)) + scene.centre;
-    let vertices: Vec<_> = (0..300).map(|k| at(k % mesh.positions.len()) - scene.centre).collect();
+    let mesh = &scene.geometry.meshes[0];
+    let at = |v: usize| DVec3::from(mesh.positions[v].map(f64::from)) + scene.geometry.centre;
+    let vertices: Vec<_> = (0..300).map(|k| at(k % mesh.positions.len()) - scene.geometry.centre).collect();
     for (name, tracer) in tracers(&scene).into_iter().filter(|(name, _)| *name != "scalar") {
         let mut hits = vec![None; 300];
-        let inside = from(Origins::Common(scene.centre), &vertices);
+        let inside = from(Origins::Common(scene.geometry.centre), &vertices);
         let effort = tracer.cast_counted(&inside, &mut hits);
         assert_eq!(hits, cast(&tracer, &inside), "{name}");
         assert!(effort.nodes > 0 && effort.leaves > 0, "{name}: {effort:?}");
         assert!(effort.tests >= effort.in_f64 && effort.in_f64 >= effort.exactly, "{name}: {effort:?}");
         assert!(effort.exactly >= 300, "{name}: {effort:?}");
-        let away = from(Origins::Common(scene.centre + DVec3::X * 3.0), &[DVec3::X]);
+        let away = from(Origins::Common(scene.geometry.centre + DVec3::X * 3.0), &[DVec3::X]);
         assert_eq!(tracer.cast_counted(&away, &mut hits[..1]).tests, 0, "{name}");
     }
 }

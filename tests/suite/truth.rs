@@ -75,8 +75,11 @@ fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
     let shape = quad(local.map(|(a, b)| DVec3::new(a, b, 0.0)));
     let axes = glam::DMat3::from_cols(u * target.half, v * target.half, target.normal * target.half);
     let scene = placed(vec![shape], vec![(0, DAffine3::from_mat3_translation(axes, target.middle))]);
-    let stored: Vec<DVec3> =
-        scene.meshes[0].positions.iter().map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into())).collect();
+    let stored: Vec<DVec3> = scene.geometry.meshes[0]
+        .positions
+        .iter()
+        .map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()))
+        .collect();
     let largest = stored.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
     // World coordinates themselves are f64: near 10⁶ m a pose or a corner is good to 1.2e-10 m.
     let world =
@@ -115,9 +118,9 @@ fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
                     found.range_m
                 );
                 let [a, b, c] =
-                    scene.meshes[0].triangles[found.triangle as usize].map(|v| stored[v as usize]);
+                    scene.geometry.meshes[0].triangles[found.triangle as usize].map(|v| stored[v as usize]);
                 let n = (b - a).cross(c - a).normalize();
-                let origin = pose.translation - scene.centre;
+                let origin = pose.translation - scene.geometry.centre;
                 let through_stored = n.dot(a - origin) / n.dot(d);
                 // What the reference itself loses: a few ulps of its operands, over the cosine.
                 assert!(
@@ -312,14 +315,14 @@ fn a_tessellated_sphere() {
     let levels = 4;
     let centre = DVec3::new(5.0, 0.5, -0.25);
     let scene = alone(sphere(radius, centre, levels));
-    let mesh = &scene.meshes[0];
+    let mesh = &scene.geometry.meshes[0];
     let facets: Vec<[DVec3; 3]> = mesh
         .triangles
         .iter()
         .map(|t| {
             t.map(|v| {
                 let p = mesh.positions[v as usize];
-                DVec3::new(p[0].into(), p[1].into(), p[2].into()) + scene.centre
+                DVec3::new(p[0].into(), p[1].into(), p[2].into()) + scene.geometry.centre
             })
         })
         .collect();

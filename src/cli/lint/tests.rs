@@ -6,7 +6,7 @@ use glam::{DAffine3, DVec3};
 
 use super::*;
 use crate::angle::Angle;
-use crate::scene::{Instance, Material, Placed, SceneBuilder, SourceMesh, SourcePart};
+use crate::scene::{Material, Object, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 use crate::sensor::{Beam, RangeLimits, RingOrder};
 
 fn lidar(elevations: &[f64], columns: usize, sector: (f64, f64)) -> Sensor {
@@ -71,14 +71,14 @@ fn facts_of_a_camera() {
 fn facts_of_a_scene() {
     let part = SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3]], material: 0 };
     let square = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
-    let placed = |label, x| Placed {
+    let placed = |label, x| SourceInstance {
         mesh: 0,
         world_from_mesh: DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)),
-        instance: Instance { job_label: Some(label), ..Instance::default() },
+        object: Object { job_label: Some(label), ..Object::default() },
     };
     let builder = SceneBuilder {
         meshes: vec![SourceMesh { positions: square, parts: vec![part] }],
-        placed: vec![placed(7, 0.0), placed(3, 2.0), placed(7, 4.0)],
+        instances: vec![placed(7, 0.0), placed(3, 2.0), placed(7, 4.0)],
         materials: vec![Material::default()],
         files: vec![],
     };

@@ -55,7 +55,7 @@ pub struct Loaded {
     pub warnings: Vec<String>,
 }
 
-/// Loads a `.gltf` or `.glb` file with the buffers it names. `display_name` is what [`Scene::files`] calls it.
+/// Loads a `.gltf` or `.glb` file with the buffers it names. `display_name` is what [`Geometry::files`](super::Geometry::files) calls it.
 ///
 /// Geometry is as glTF 2.0 defines it: all triangle modes, node transforms (composed in f64), sparse and normalised
 /// accessors, skins at the pose of their nodes, morph targets at their default weights, and the extensions
@@ -80,10 +80,10 @@ pub fn load(path: &Path, display_name: &str, options: &Options) -> Result<Loaded
 
 fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<Loaded, Fault> {
     let mut warnings = Vec::new();
-    let Read { builder, placed_elements, left_out } = read(path, display_name, options, &mut warnings)?;
+    let Read { builder, instance_elements, left_out } = read(path, display_name, options, &mut warnings)?;
     let scene = builder.build().map_err(|error| match &error {
-        SceneBuildError::TooFar { placed, .. } => {
-            let element = placed_elements(*placed);
+        SceneBuildError::TooFar { instance, .. } => {
+            let element = instance_elements(*instance);
             Fault::new(element, error.to_string()).help("is a coordinate or a scale not in metres?")
         }
         SceneBuildError::Empty { skipped } => {
@@ -100,8 +100,8 @@ fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<
 /// A file's content, its bytes no longer needed.
 struct Read<F> {
     builder: SceneBuilder,
-    /// Names the node and mesh of a placement.
-    placed_elements: F,
+    /// Names the node of an instance.
+    instance_elements: F,
     /// Warnings about what was left out.
     left_out: Vec<String>,
 }
@@ -125,7 +125,7 @@ fn read(
     let hierarchy = Hierarchy::new(&document, warnings)?;
     let scene = nodes::choose_scene(&document, options.scene_name)?;
     let placements = nodes::place(&document, &data, &hierarchy, scene, options, warnings)?;
-    if placements.placed.is_empty() {
+    if placements.instances.is_empty() {
         return Err(nothing_to_hit(&document, scene, &placements));
     }
     warn_of_unknown_labels(&document, options.labels, warnings);
@@ -137,13 +137,17 @@ fn read(
     let left_out = placements.left_out.warnings();
     let mut sources = vec![files::source_file(display_name, &file)];
     sources.extend(data.into_files());
-    let builder =
-        SceneBuilder { meshes: placements.meshes, placed: placements.placed, materials, files: sources };
+    let builder = SceneBuilder {
+        meshes: placements.meshes,
+        instances: placements.instances,
+        materials,
+        files: sources,
+    };
     let labels: BTreeMap<u32, String> =
         placements.nodes.iter().map(|&node| (node, document.node_label(node))).collect();
     let nodes = placements.nodes;
-    let placed_elements = move |placed: usize| labels.get(&nodes[placed]).cloned().unwrap_or_default();
-    Ok(Read { builder, placed_elements, left_out })
+    let instance_elements = move |instance: usize| labels.get(&nodes[instance]).cloned().unwrap_or_default();
+    Ok(Read { builder, instance_elements, left_out })
 }
 
 fn material(material: &document::Material, options: &Options) -> Material {

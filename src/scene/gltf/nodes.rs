@@ -10,8 +10,8 @@ use super::data::{Data, Layout};
 use super::document::{Document, Node};
 use super::fault::{Fault, counted, missing, quoted};
 use super::mesh::{LeftOut, MeshReader, Pose, SkinPose};
-use crate::scene::build::{can_be_undone, crushes_to_a_line};
-use crate::scene::{Instance, Placed, SourceMesh};
+use crate::scene::arrangement::{crushes_to_a_line, is_invertible};
+use crate::scene::{Object, SourceInstance, SourceMesh};
 
 use ComponentType::{F32, I8, I16};
 
@@ -174,8 +174,8 @@ pub(super) fn similar<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> O
 /// What the walk through a scene's nodes finds.
 pub(super) struct Placements {
     pub meshes: Vec<SourceMesh>,
-    pub placed: Vec<Placed>,
-    /// The node of each of `placed`.
+    pub instances: Vec<SourceInstance>,
+    /// The node of each of `instances`.
     pub nodes: Vec<u32>,
     /// Nodes that were seen, visible or not.
     pub visited: u64,
@@ -201,7 +201,7 @@ struct Walk<'d, 'a, 'o> {
     warnings: &'d mut Vec<String>,
     reader: MeshReader<'d, 'a>,
     meshes: Vec<SourceMesh>,
-    placed: Vec<Placed>,
+    instances: Vec<SourceInstance>,
     nodes: Vec<u32>,
     visited: u64,
     /// Values of `extras.label` that were warned of.
@@ -227,7 +227,7 @@ pub(super) fn place(
         warnings,
         reader: MeshReader::new(document, data),
         meshes: Vec::new(),
-        placed: Vec::new(),
+        instances: Vec::new(),
         nodes: Vec::new(),
         visited: 0,
         strange_labels: BTreeSet::new(),
@@ -236,7 +236,7 @@ pub(super) fn place(
     walk.run(scene)?;
     Ok(Placements {
         meshes: walk.meshes,
-        placed: walk.placed,
+        instances: walk.instances,
         nodes: walk.nodes,
         visited: walk.visited,
         left_out: walk.reader.left_out,
@@ -328,7 +328,7 @@ impl Walk<'_, '_, '_> {
         let meshes = &self.document.meshes;
         let name = [node.name.as_deref(), meshes.get(mesh as usize).and_then(|mesh| mesh.name.as_deref())];
         let name = name.into_iter().flatten().find(|name| !name.is_empty()).unwrap_or_default();
-        let instance = Instance { name: name.to_owned(), job_label: labels.job, file_label: labels.file };
+        let object = Object { name: name.to_owned(), job_label: labels.job, file_label: labels.file };
 
         if let Some(skin) = node.skin {
             if node.extensions.instancing.is_some() {
@@ -339,7 +339,7 @@ impl Walk<'_, '_, '_> {
             let weights = node.weights.as_deref();
             self.meshes.push(self.reader.read(mesh, &Pose { weights, skin: Some(&pose) })?);
             let gltf_from_mesh = DAffine3::from_translation(pose.origin);
-            return self.add(index, self.meshes.len() - 1, gltf_from_mesh, instance);
+            return self.add(index, self.meshes.len() - 1, gltf_from_mesh, object);
         }
 
         let weights = node.weights.as_deref();
@@ -352,41 +352,39 @@ impl Walk<'_, '_, '_> {
             }
         };
         let Some(instancing) = &node.extensions.instancing else {
-            return self.add(index, source, world_from_node, instance);
+            return self.add(index, source, world_from_node, object);
         };
         let transforms = instances(self.data, &instancing.attributes)
             .map_err(|fault| fault.within("EXT_mesh_gpu_instancing"))?;
         for node_from_instance in transforms {
-            self.add(index, source, world_from_node * node_from_instance?, instance.clone())?;
+            self.add(index, source, world_from_node * node_from_instance?, object.clone())?;
         }
         Ok(())
     }
 
-    fn add(
-        &mut self,
-        node: u32,
-        mesh: usize,
-        gltf_from_mesh: DAffine3,
-        instance: Instance,
-    ) -> Result<(), Fault> {
+    fn add(&mut self, node: u32, mesh: usize, gltf_from_mesh: DAffine3, object: Object) -> Result<(), Fault> {
         if !gltf_from_mesh.is_finite() {
             return Err(Fault::new("", "its place in the world is not finite")
                 .help("the transforms of it and its ancestors multiply to more than f64 can hold"));
         }
         // A placement, and what of it stays in the scene.
-        self.data.spend(1, 2 * size_of::<Placed>() + instance.name.len())?;
+        self.data.spend(1, 2 * size_of::<SourceInstance>() + object.name.len())?;
         let source = &self.meshes[mesh];
         if source.parts.is_empty() {
             return Ok(());
         }
-        if !can_be_undone(&gltf_from_mesh) && !crushes_to_a_line(&gltf_from_mesh) {
+        if !is_invertible(&gltf_from_mesh) && !crushes_to_a_line(&gltf_from_mesh) {
             // The builder can't share it; it stores it each time.
             let triangles = source.parts.iter().map(|part| part.triangles.len()).sum();
             self.data.spend(source.positions.len(), size_of::<[f32; 3]>())?;
             self.data.spend(triangles, size_of::<[u32; 3]>())?;
         }
         let world_from_gltf = DAffine3::from_mat3(self.options.up.world_from_gltf());
-        self.placed.push(Placed { mesh, world_from_mesh: world_from_gltf * gltf_from_mesh, instance });
+        self.instances.push(SourceInstance {
+            mesh,
+            world_from_mesh: world_from_gltf * gltf_from_mesh,
+            object,
+        });
         self.nodes.push(node);
         Ok(())
     }

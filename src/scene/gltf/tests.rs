@@ -121,12 +121,12 @@ fn load_bytes(bytes: &[u8], options: &Options) -> Result<Loaded, SceneError> {
 fn world(loaded: &Loaded) -> Vec<[DVec3; 3]> {
     let scene = &loaded.scene;
     let mut triangles = Vec::new();
-    for placement in &scene.placements {
-        let mesh = &scene.meshes[placement.mesh as usize];
+    for placement in &scene.arrangement.placements {
+        let mesh = &scene.geometry.meshes[placement.mesh as usize];
         triangles.extend(mesh.triangles.iter().map(|triangle| {
             triangle.map(|vertex| {
                 let [x, y, z] = mesh.positions[vertex as usize].map(f64::from);
-                placement.scene_from_mesh.transform_point3(DVec3::new(x, y, z)) + scene.centre
+                placement.scene_from_mesh().transform_point3(DVec3::new(x, y, z)) + scene.geometry.centre
             })
         }));
     }
@@ -189,7 +189,7 @@ fn points_and_lines_are_counted() {
     }
     let loaded = asset.load();
     assert_eq!(loaded.warnings, ["4 primitives with points or lines, which beams don't hit: left out"]);
-    assert_eq!(loaded.scene.instances.len(), 1);
+    assert_eq!(loaded.scene.geometry.objects.len(), 1);
     asset.json["nodes"].as_array_mut().unwrap().remove(0);
     assert!(asset.error().starts_with("the file has only points and lines (beams hit triangles"));
 }
@@ -325,7 +325,7 @@ fn primitives_share_and_compact_their_vertices() {
     close(&triangles[..1], &[UNIT], 0.0);
     close(&triangles[201..], &[unit_at(5.0, 0.0, 0.0)], 0.0);
     // Three for the first mesh, the accessor once for the second.
-    assert_eq!(loaded.scene.meshes[0].positions.len(), 1003);
+    assert_eq!(loaded.scene.geometry.meshes[0].positions.len(), 1003);
 
     // Unused vertices may be anything, used ones not; in both ways of storing them.
     for (at, mesh) in [(0, sparse), (1, shared)] {
@@ -398,7 +398,7 @@ fn order_is_depth_first() {
         { "name": "b", "mesh": 0 },
     ]);
     asset.json["scenes"] = json!([{ "nodes": [1, 0] }]);
-    let names: Vec<_> = asset.load().scene.instances.into_iter().map(|i| i.name).collect();
+    let names: Vec<_> = asset.load().scene.geometry.objects.iter().map(|o| o.name.clone()).collect();
     assert_eq!(names, ["a", "b", "c", "d"]);
 }
 
@@ -408,7 +408,9 @@ fn scenes() {
     asset.json["nodes"] = json!([{ "mesh": 0, "name": "a" }, { "mesh": 0, "name": "b" }, { "name": "c" }]);
     let names = |asset: &Asset, scene_name| {
         let loaded = asset.load_with(&Options { scene_name, ..plain() }).map_err(|e| e.to_string())?;
-        Ok::<_, String>(loaded.scene.instances.into_iter().map(|i| i.name).collect::<Vec<_>>().concat())
+        Ok::<_, String>(
+            loaded.scene.geometry.objects.iter().map(|o| o.name.as_str()).collect::<Vec<_>>().concat(),
+        )
     };
     assert_eq!(names(&asset, None).unwrap(), "ab", "without scenes, all nodes");
     asset.json["scenes"] =
@@ -474,7 +476,7 @@ fn hidden_nodes() {
         { "mesh": 0, "extensions": { "KHR_node_visibility": { "visible": true } } },
     ]);
     let loaded = asset.load();
-    assert_eq!(loaded.scene.instances.len(), 1);
+    assert_eq!(loaded.scene.geometry.objects.len(), 1);
     assert_eq!(loaded.warnings, ["1 node left out with what is below: KHR_node_visibility hides it"]);
 }
 
@@ -496,9 +498,9 @@ fn instancing() {
     let loaded = asset.load();
     let turned = [[2.0, 10.0, 0.0], [2.0, 12.0, 0.0], [0.0, 10.0, 0.0]];
     close(&world(&loaded), &[unit_at(1.0, 10.0, 0.0), turned, unit_at(3.0, 10.0, 0.0)], 1e-6);
-    assert_eq!(loaded.scene.stored_triangle_count(), 1);
-    assert!(loaded.scene.instances.iter().all(|instance| instance.name == "tree"));
-    assert_eq!(loaded.scene.instances.len(), 3);
+    assert_eq!(loaded.scene.geometry.stored_triangle_count(), 1);
+    assert!(loaded.scene.geometry.objects.iter().all(|object| object.name == "tree"));
+    assert_eq!(loaded.scene.geometry.objects.len(), 3);
 
     asset.json["accessors"][scales]["count"] = json!(2);
     assert!(asset.error().contains("EXT_mesh_gpu_instancing, SCALE, accessor"), "{}", asset.error());
@@ -561,7 +563,7 @@ fn morph_targets_at_their_default_weights() {
     triangles.sort_by(|a, b| a[0].x.total_cmp(&b[0].x));
     close(&triangles, &[unit_at(0.0, 0.0, 0.5), unit_at(0.0, 0.0, 0.5), unit_at(3.0, 0.0, 0.0)], 0.0);
     assert_eq!(
-        loaded.scene.stored_triangle_count(),
+        loaded.scene.geometry.stored_triangle_count(),
         2,
         "the node without weights of its own shares its mesh"
     );
@@ -592,7 +594,7 @@ fn labels_of_file_and_job() {
     ]);
     let loaded = asset.load_with(&Options { labels: &labels, ..plain() }).unwrap();
     let found: Vec<_> =
-        loaded.scene.instances.iter().map(|i| (i.name.as_str(), i.job_label, i.file_label)).collect();
+        loaded.scene.geometry.objects.iter().map(|o| (o.name.as_str(), o.job_label, o.file_label)).collect();
     assert_eq!(
         found,
         [
@@ -603,7 +605,7 @@ fn labels_of_file_and_job() {
             ("body", None, None),
         ]
     );
-    assert_eq!(loaded.scene.materials[0].job_label, Some(3));
+    assert_eq!(loaded.scene.geometry.materials[0].job_label, Some(3));
     assert_eq!(
         loaded.warnings,
         [
@@ -640,9 +642,9 @@ fn materials() {
     asset.json["meshes"][0]["primitives"].as_array_mut().unwrap().push(second);
     asset.json["meshes"][0]["primitives"][1]["material"] = json!(1);
     let scene = asset.load().scene;
-    let colors: Vec<_> = scene.materials.iter().map(|m| m.base_color).collect();
+    let colors: Vec<_> = scene.geometry.materials.iter().map(|m| m.base_color).collect();
     assert_eq!(colors, [[0.5, 0.5, 0.5, 1.0], [0.1, 0.2, 0.3, 0.4], [1.0, 0.0, 1.0, 1.0], [1.0; 4]]);
-    assert_eq!(scene.materials[0].name, "grey");
+    assert_eq!(scene.geometry.materials[0].name, "grey");
     assert_eq!(scene.surface(0, 0).material, 3, "the default material comes after the file's");
     assert_eq!(scene.surface(0, 1).material, 1);
     asset.json["meshes"][0]["primitives"][0]["material"] = json!(3);

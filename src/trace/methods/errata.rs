@@ -188,7 +188,7 @@ fn badouel_the_axis_is_that_of_the_largest_magnitude() {
         1
     };
     assert_eq!(n[printed], 0.0);
-    assert_eq!(super::Axes::around_largest(n.as_vec3()).dropped(n.as_vec3()), -1.0);
+    assert_eq!(super::kernel::Axes::around_largest(n.as_vec3()).dropped(n.as_vec3()), -1.0);
 }
 
 #[test]

@@ -8,7 +8,7 @@
 
 use glam::Vec3;
 
-use super::{About, Axes, Crossing, Culling, Edges, Kernel, Ray, depth};
+use super::kernel::{About, Axes, Crossing, Culling, Edges, Kernel, Ray, depth};
 
 /// See the [module](self).
 #[derive(Debug)]

@@ -11,7 +11,7 @@
 
 use glam::Vec3;
 
-use super::{About, Crossing, Culling, Edges, Kernel, Ray, depth};
+use super::kernel::{About, Crossing, Culling, Edges, Kernel, Ray, depth};
 
 /// See the [module](self). Keeps the corners.
 #[derive(Debug)]

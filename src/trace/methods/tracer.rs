@@ -1,23 +1,41 @@
 //! A published method at the leaves of the exact tracer's hierarchies.
 
+use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::Vec3;
 
-use super::{Kernel, Ray};
-use crate::trace::bvh::{Bvh8, Child, LeafBlock, TriangleRef};
+use super::kernel::{Kernel, Ray};
+use crate::scene::{Arrangement, Scene};
+use crate::trace::bvh::{BLOCK_OFFSET_WORDS, Bvh8, Child, LeafBlock, TriangleRef};
 use crate::trace::exact::{Candidate, Corners, LocalRay};
 use crate::trace::{Cast, Hit, Rays, Tracer};
 
-/// Casts rays one by one and decides by `K`. The hierarchy is walked conservatively in f64: what is missed is missed by the
-/// method, and what it finds is found (a depth that is off by more than the boxes are padded may change the order).
+/// A [`KernelTracer`] of any method.
+pub trait MethodTracer: Cast + Debug + Send {
+    /// As [`Tracer::rearranged`].
+    ///
+    /// # Panics
+    /// As [`Tracer::rearranged`].
+    fn rearranged(&self, arrangement: Arc<Arrangement>) -> Arc<dyn MethodTracer>;
+
+    /// The scene that rays are cast against.
+    fn scene(&self) -> &Scene;
+
+    /// The bytes held in addition to the scene.
+    fn bytes(&self) -> usize;
+}
+
+/// Casts rays one by one and decides by `K`. The hierarchy is traversed conservatively in f64, so every miss is the method's
+/// own, and every triangle that the method hits is found. (A depth that is off by more than the boxes are padded may change
+/// the order of hits.)
 ///
-/// Rays are rounded to f32 in the space of each mesh. t, u and v are the method's, the normal is the triangle's.
+/// Rays are rounded to f32 in the space of each mesh. t, u and v are the method's; the normal is the triangle's.
 #[derive(Debug)]
-pub struct KernelTracer<'s, K: Kernel> {
-    exact: Arc<Tracer<'s>>,
-    /// One a mesh; empty if `K` needs to know the origin.
-    prepared: Vec<Prepared<K>>,
+pub struct KernelTracer<K: Kernel> {
+    exact: Tracer,
+    /// The triangles of each mesh; empty if `K` needs to know the origin.
+    prepared: Arc<[Prepared<K>]>,
     /// Mesh 0, if `K` needs to know the origin.
     seen: Mutex<Seen<K>>,
 }
@@ -25,12 +43,12 @@ pub struct KernelTracer<'s, K: Kernel> {
 /// A mesh's triangles in the order of their blocks.
 #[derive(Debug)]
 struct Prepared<K: Kernel> {
-    /// By a block's offset: the place of its first triangle.
+    /// The index of each block's first triangle, by the block's offset.
     first: Vec<u32>,
     triangles: Vec<K::Triangle>,
 }
 
-/// Mesh 0 as seen from the origin of the latest rays, once two batches in a row came from there.
+/// Mesh 0 as seen from the origin of the latest rays; prepared once two batches in a row came from there.
 #[derive(Debug)]
 struct Seen<K: Kernel> {
     origin: Option<Vec3>,
@@ -39,7 +57,7 @@ struct Seen<K: Kernel> {
 
 impl<K: Kernel> Prepared<K> {
     fn new(bvh: &Bvh8, origin: Vec3) -> Self {
-        let block_offsets = bvh.blocks.len() / crate::trace::bvh::BLOCK_OFFSET_WORDS;
+        let block_offsets = bvh.blocks.len() / BLOCK_OFFSET_WORDS;
         let mut all = Self { first: vec![0; block_offsets], triangles: Vec::new() };
         let leaves = bvh.nodes.iter().flat_map(|n| n.child).filter(|c| *c != Child::NONE);
         for block_offset in leaves.filter_map(|c| c.get().ok()) {
@@ -68,15 +86,15 @@ struct MethodHit {
     v: f32,
 }
 
-impl<'s, K: Kernel> KernelTracer<'s, K> {
+impl<K: Kernel> KernelTracer<K> {
     /// Prepares every triangle of the scene of `exact`.
-    pub fn new(exact: Arc<Tracer<'s>>) -> Self {
-        let meshes = if K::ABOUT.common_origin { &[] } else { exact.meshes.as_slice() };
+    pub fn new(exact: &Tracer) -> Self {
+        let meshes = if K::ABOUT.common_origin { &[] } else { &exact.meshes[..] };
         let prepared = meshes.iter().map(|bvh| Prepared::new(bvh, Vec3::ZERO)).collect();
-        Self { exact, prepared, seen: Mutex::new(Seen { origin: None, prepared: None }) }
+        Self { exact: exact.clone(), prepared, seen: Mutex::default() }
     }
 
-    /// Mesh 0 as seen from an origin, if it's worth it.
+    /// Mesh 0 as seen from an origin, if enough rays come from there to make preparing it worthwhile.
     fn seen_from(&self, origin: Vec3) -> Option<Arc<Prepared<K>>> {
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         if seen.origin == Some(origin) {
@@ -87,17 +105,20 @@ impl<'s, K: Kernel> KernelTracer<'s, K> {
         None
     }
 
-    /// Betters `best` by what a ray, in the placement's space, hits there.
+    /// Replaces `best` by the ray's hit in a placement, in whose space the ray is, if that one is nearer. With `any`, the
+    /// first hit that is found ends the search.
+    #[expect(clippy::too_many_arguments, reason = "the state of one ray's traversal")]
     fn nearest_in(
         &self,
         placement: u32,
         ray: LocalRay,
         limits: (f64, f64),
+        any: bool,
         mesh_0: Option<&Prepared<K>>,
         best: &mut Option<MethodHit>,
         stack: &mut Vec<(Child, f64)>,
     ) {
-        let mesh = self.exact.scene.placements[placement as usize].mesh;
+        let mesh = self.exact.scene.arrangement.placements[placement as usize].mesh;
         let bvh = &self.exact.meshes[mesh as usize];
         let prepared = self.prepared.get(mesh as usize).or(mesh_0.filter(|_| placement == 0));
         let ray = Ray { origin: ray.origin.as_vec3(), direction: ray.direction.as_vec3() };
@@ -120,13 +141,40 @@ impl<'s, K: Kernel> KernelTracer<'s, K> {
                     *best = Some(MethodHit { candidate, slot, u: crossing.u, v: crossing.v });
                 }
             }
-            best.map_or(limits.1, |b| b.candidate.t)
+            far_limit(best, limits, any)
         });
     }
 
+    /// Casts rays one by one. Calls `found` with the number of each ray, the ray in the scene's space, and its nearest hit, or
+    /// with `any` a hit.
+    fn cast_each(&self, rays: &Rays, any: bool, mut found: impl FnMut(usize, LocalRay, Option<MethodHit>)) {
+        let scene = &self.exact.scene;
+        let limits = (rays.t_min, rays.t_max);
+        let (mut top_stack, mut stack) = (Vec::new(), Vec::new());
+        for (run, origin) in rays.runs() {
+            let origin = origin - scene.geometry.centre;
+            let seen = if K::ABOUT.common_origin { self.seen_from(origin.as_vec3()) } else { None };
+            let seen = seen.as_deref();
+            for number in run {
+                let ray = LocalRay { origin, direction: rays.directions[number] };
+                let mut best = None;
+                if self.exact.top.nodes.is_empty() {
+                    self.nearest_in(0, ray, limits, any, seen, &mut best, &mut stack);
+                } else {
+                    self.exact.top.traverse_padded(&ray, limits, SLACK, &mut top_stack, |index| {
+                        let local = ray.carried(&scene.arrangement.placements[index as usize]);
+                        self.nearest_in(index, local, limits, any, seen, &mut best, &mut stack);
+                        far_limit(&best, limits, any)
+                    });
+                }
+                found(number, ray, best);
+            }
+        }
+    }
+
     /// The whole hit of a ray in the scene's space.
-    fn finish(&self, ray: LocalRay, best: &MethodHit) -> Hit {
-        let placement = &self.exact.scene.placements[best.candidate.placement as usize];
+    fn whole_hit(&self, ray: LocalRay, best: &MethodHit) -> Hit {
+        let placement = &self.exact.scene.arrangement.placements[best.candidate.placement as usize];
         let local = ray.carried(placement);
         let blocks = &self.exact.meshes[placement.mesh as usize].blocks;
         let positions = LeafBlock::at(blocks, best.slot.block_offset()).positions(best.slot.lane());
@@ -136,48 +184,53 @@ impl<'s, K: Kernel> KernelTracer<'s, K> {
     }
 }
 
-/// How much farther than in f64 boxes may be off, for 1 as the largest coordinate of the ray's origin and of the mesh:
-/// rounding the ray to f32 and a corner's distance from its origin costs a few 2⁻²⁴.
-const SLACK: f64 = 1.0 / (1 << 20) as f64;
-
-impl<K: Kernel> Cast for KernelTracer<'_, K> {
-    fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        rays.check(hits.len());
-        let scene = self.exact.scene;
-        let limits = (rays.t_min, rays.t_max);
-        let (mut top_stack, mut stack) = (Vec::new(), Vec::new());
-        for (run, origin) in rays.runs() {
-            let origin = origin - scene.centre;
-            let seen = if K::ABOUT.common_origin { self.seen_from(origin.as_vec3()) } else { None };
-            let seen = seen.as_deref();
-            for (&direction, hit) in rays.directions[run.clone()].iter().zip(&mut hits[run]) {
-                let ray = LocalRay { origin, direction };
-                let mut best = None;
-                if self.exact.top.nodes.is_empty() {
-                    self.nearest_in(0, ray, limits, seen, &mut best, &mut stack);
-                } else {
-                    self.exact.top.traverse_padded(&ray, limits, SLACK, &mut top_stack, |index| {
-                        let local = ray.carried(&scene.placements[index as usize]);
-                        self.nearest_in(index, local, limits, seen, &mut best, &mut stack);
-                        best.map_or(limits.1, |b| b.candidate.t)
-                    });
-                }
-                *hit = best.map(|best| self.finish(ray, &best));
-            }
-        }
+/// The depth beyond which the traversal need not look any more.
+fn far_limit(best: &Option<MethodHit>, (_, t_max): (f64, f64), any: bool) -> f64 {
+    match best {
+        None => t_max,
+        Some(_) if any => -1.0, // less than the depth of every box, which is at least 0
+        Some(best) => best.candidate.t,
     }
 }
 
-impl<K: Kernel> MethodTracer for KernelTracer<'_, K> {
+/// How far boxes may be off in addition to the error of f64, relative to the largest coordinate of the ray's origin and of the
+/// mesh: rounding the ray to f32, and a corner's distance from its origin, costs a few 2⁻²⁴.
+const SLACK: f64 = 1.0 / (1 << 20) as f64;
+
+impl<K: Kernel> Default for Seen<K> {
+    fn default() -> Self {
+        Self { origin: None, prepared: None }
+    }
+}
+
+impl<K: Kernel> Cast for KernelTracer<K> {
+    fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
+        rays.check(hits.len());
+        self.cast_each(rays, false, |number, ray, best| {
+            hits[number] = best.map(|best| self.whole_hit(ray, &best));
+        });
+    }
+
+    fn blocked(&self, rays: &Rays, blocked: &mut [bool]) {
+        rays.check(blocked.len());
+        self.cast_each(rays, true, |number, _, best| blocked[number] = best.is_some());
+    }
+}
+
+impl<K: Kernel> MethodTracer for KernelTracer<K> {
+    fn rearranged(&self, arrangement: Arc<Arrangement>) -> Arc<dyn MethodTracer> {
+        // Mesh 0 does not move, but forgetting what is prepared for one origin costs little.
+        let exact = self.exact.rearranged(arrangement);
+        Arc::new(Self { exact, prepared: self.prepared.clone(), seen: Mutex::default() })
+    }
+
+    fn scene(&self) -> &Scene {
+        self.exact.scene()
+    }
+
     fn bytes(&self) -> usize {
         let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let seen = seen.prepared.as_ref().map_or(0, |p| p.bytes());
         self.exact.bytes() + self.prepared.iter().map(Prepared::bytes).sum::<usize>() + seen
     }
-}
-
-/// A [`KernelTracer`] of whichever method.
-pub trait MethodTracer: Cast {
-    /// Bytes held beside the scene.
-    fn bytes(&self) -> usize;
 }

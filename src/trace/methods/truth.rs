@@ -6,7 +6,7 @@
 use glam::Vec3;
 use num_bigint::{BigInt, Sign};
 
-use super::{About, Edges, Ray};
+use super::kernel::{About, Edges, Ray};
 
 /// What exact arithmetic says of a ray and a triangle.
 #[derive(Clone, Debug)]

@@ -15,7 +15,7 @@
 
 use glam::Vec3;
 
-use super::{About, Crossing, Culling, Edges, Kernel, Ray, depth, same_sign};
+use super::kernel::{About, Crossing, Culling, Edges, Kernel, Ray, depth, same_sign};
 
 /// See the [module](self).
 #[derive(Debug)]

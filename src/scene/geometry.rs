@@ -1,0 +1,75 @@
+//! The half of a scene that no time changes: its meshes, its materials, and the names and labels of its objects.
+
+use glam::DVec3;
+
+use super::material::Material;
+
+/// Everything in a scene that no time changes.
+#[derive(Clone, Debug, Default)]
+pub struct Geometry {
+    /// The world position (metres) of the scene space's origin.
+    pub centre: DVec3,
+    /// Mesh 0 holds every mesh that is placed once, in the scene's space; it may be empty. Every other mesh is in its own
+    /// space.
+    pub meshes: Vec<Mesh>,
+    /// One object for each time that a mesh is placed, in document order. An object's id is its index.
+    pub objects: Vec<Object>,
+    /// A material's id is its index.
+    pub materials: Vec<Material>,
+    /// The number of triangles that were left out because their area is zero.
+    pub skipped_triangles: u64,
+    /// Every file that was read to make the scene.
+    pub files: Vec<SourceFile>,
+}
+
+/// Triangles that share a space.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Vertices, metres.
+    pub positions: Vec<[f32; 3]>,
+    /// Vertex indices, counter-clockwise seen from the front. No triangle has zero area.
+    pub triangles: Vec<[u32; 3]>,
+    /// Runs of triangles of one material (and, in mesh 0, of one object), in order and without gaps.
+    pub parts: Vec<Part>,
+}
+
+/// A run of triangles, which ends before the next part's first triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// The run's first triangle in its mesh.
+    pub first_triangle: u32,
+    /// Index into [`Geometry::materials`].
+    pub material: u32,
+    /// The object's id, counted from the placement's [`Placement::first_object`](super::Placement::first_object): 0 in
+    /// every mesh but mesh 0.
+    pub object: u32,
+}
+
+/// A mesh's presence at a node of the scene's file. Outputs call its id `id.instance`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Object {
+    /// The node's name as the file gives it, or empty. It is never used as a file name.
+    pub name: String,
+    /// The semantic label that the job's `[labels]` gives the node or one of its ancestors by name.
+    pub job_label: Option<u32>,
+    /// The label of the file: `extras.label` of the node, else of its nearest ancestor that has one.
+    pub file_label: Option<u32>,
+}
+
+/// A file that the scene was read from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceFile {
+    /// The file's name as the user or the scene wrote it; it is never made absolute.
+    pub name: String,
+    /// The file's length in bytes.
+    pub bytes: u64,
+    /// BLAKE3 of the file's content, in hexadecimal.
+    pub blake3: String,
+}
+
+impl Geometry {
+    /// The number of triangles in memory, each counted once.
+    pub fn stored_triangle_count(&self) -> u64 {
+        self.meshes.iter().map(|mesh| mesh.triangles.len() as u64).sum()
+    }
+}
