@@ -69,7 +69,7 @@ impl Error {
 }
 
 /// A scene that can't be used: the file, the element in it, what is wrong and what would be right.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 pub struct SceneError {
     /// The scene's file as the user named it.
     pub path: PathBuf,
@@ -79,6 +79,8 @@ pub struct SceneError {
     pub problem: String,
     /// What would be right.
     pub help: Option<String>,
+    /// The error of the operating system that is behind it, if there is one.
+    pub source: Option<std::io::Error>,
 }
 
 impl fmt::Display for SceneError {

@@ -191,7 +191,7 @@ mod tests {
     use super::*;
     use crate::angle::Angle;
     use crate::motion::Trajectory;
-    use crate::scene::{Object, Material, SourceInstance, SceneBuilder, SourceMesh, SourcePart};
+    use crate::scene::{Material, Object, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
     use crate::sensor::{Camera, Pattern, RangeLimits, RingOrder, Sensor};
     use crate::trace::Tracer;
     use glam::Vec3;

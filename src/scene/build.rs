@@ -347,13 +347,13 @@ mod tests {
     }
 
     #[test]
-    fn placed_once_is_flattened_around_the_centre() {
+    fn a_mesh_placed_once_is_flattened_around_the_centre() {
         let far = DVec3::new(4.5e5, 5.4e6, 200.0);
         let scene = builder(vec![square()], vec![at(0, DAffine3::from_translation(far))]).build().unwrap();
         assert_eq!((scene.geometry.meshes.len(), scene.arrangement.placements.len()), (1, 1));
         assert_eq!(scene.geometry.skipped_triangles, 1);
         assert_eq!(scene.triangle_count(), 2);
-        // No metre of the offset is left to be lost in f32: corners are exact.
+        // The offset is not rounded to f32, so corners are exact.
         let corner = scene.geometry.meshes[0].positions[2];
         assert_eq!(scene.geometry.centre + f64_from(corner), far + DVec3::new(1.0, 1.0, 0.0));
         assert!(corner.iter().all(|c| c.abs() <= 0.6));
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn placed_twice_is_stored_once() {
+    fn a_mesh_placed_twice_is_stored_once() {
         let instances =
             vec![at(0, moved(0.0, 0.0, 0.0)), at(1, moved(9.0, 0.0, 0.0)), at(0, moved(0.0, 5.0, 0.0))];
         let scene = builder(vec![square(), square()], instances).build().unwrap();
@@ -375,12 +375,12 @@ mod tests {
         assert_eq!(scene.triangle_count(), 6);
         let firsts: Vec<_> =
             scene.arrangement.placements.iter().map(|p| (p.first_triangle, p.first_object)).collect();
-        // What is placed once comes first; instances keep the document's order.
+        // Meshes that are placed once come first; objects keep the document's order.
         assert_eq!(firsts, [(0, 0), (2, 0), (4, 2)]);
         assert_eq!(scene.surface(0, 1).object, 1);
         assert_eq!(scene.surface(1, 1).object, 0);
         assert_eq!(scene.surface(2, 0).object, 2);
-        // One zero-area triangle each time that the mesh is placed.
+        // The mesh has one zero-area triangle, which counts each time that it is placed.
         assert_eq!(scene.geometry.skipped_triangles, 3);
     }
 
@@ -407,8 +407,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_scaled_to_nothing_takes_no_part() {
-        // Hidden far away, often: neither the centre nor the memory knows of it.
+    fn an_instance_scaled_to_nothing_takes_no_part() {
+        // A thousand hidden instances far away change neither the centre nor the memory.
         let mut hidden = moved(1e6, 0.0, 0.0) * DAffine3::from_scale(DVec3::new(0.0, 1.0, 0.0));
         hidden.matrix3.z_axis = hidden.matrix3.y_axis;
         let mut instances = vec![at(0, hidden); 1000];
@@ -422,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_far_is_refused() {
+    fn a_vertex_too_far_away_is_refused() {
         let mut far = square();
         far.positions[2][0] = 1e13;
         let error = builder(vec![far], vec![at(0, DAffine3::IDENTITY)]).build().unwrap_err();

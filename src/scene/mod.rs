@@ -3,7 +3,9 @@
 //! A [`Scene`] has two halves. Its [`Geometry`] holds everything that no time changes: vertices, triangles, materials, the
 //! names and labels of objects. Its [`Arrangement`] says where the meshes of the geometry are at one time. Both are shared,
 //! so a scene is cheap to clone, and two scenes that differ only in time share every vertex. An animation is a function from
-//! time to an arrangement; the tracer takes an arrangement and builds only its top level again.
+//! time to an arrangement; the tracer takes an arrangement and builds only its top level again. (Animations are not read from
+//! glTF yet. An object that one moves will need a placement of its own, where [`SceneBuilder`] now flattens every mesh that is
+//! placed once.)
 //!
 //! The scene's space is the world, translated (in f64) so that the scene's own centre is near its origin; only then are
 //! vertices rounded to f32. A mesh that is placed once is stored in that space, in mesh 0. A mesh that is placed more than

@@ -1,17 +1,17 @@
-//! The definition of a hit. Everything else in this room only avoids calling it.
+//! The definition of a hit. All other code of the tracer only avoids calling it.
 //!
-//! All of it is in f64, multiplications and additions only (never fused), in one fixed order, so that every machine gives
-//! the same bits. The decision is exact: a filter with a proven error bound answers nearly always, and the adaptive
-//! predicate of Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates" (1997), the
-//! rest.
+//! The arithmetic is in f64, multiplications and additions only (never fused), in one fixed order, so that every machine
+//! gives the same bits. The decision is exact: a filter with a proven error bound answers nearly always, and the adaptive
+//! predicate of Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates" (1997),
+//! answers the rest.
 
 use glam::{DAffine3, DVec3};
 
 use super::{Hit, Origins, TraversalStats};
 use crate::scene::{Mesh, Placement};
 
-/// A number or several side by side, with the operations of IEEE 754 f64, whose results are fixed to the bit. The
-/// definition is written once over it, for one ray and for eight.
+/// One f64 or several side by side, with operations of IEEE 754, whose results are fixed to the bit. The definition is written
+/// once over this trait, for one ray and for eight.
 pub trait Real: Copy {
     /// The same number in every lane.
     fn splat(x: f64) -> Self;
@@ -27,11 +27,11 @@ pub trait Real: Copy {
     fn sqrt(self) -> Self;
     /// |self|.
     fn abs(self) -> Self;
-    /// The lesser, if neither is NaN.
+    /// The lesser of the two, if neither is NaN.
     fn min(self, other: Self) -> Self;
-    /// The larger, if neither is NaN.
+    /// The larger of the two, if neither is NaN.
     fn max(self, other: Self) -> Self;
-    /// One bit a lane: self ≤ other; not for NaN.
+    /// One bit for each lane, set if self ≤ other; not set for NaN.
     fn le(self, other: Self) -> u32;
 }
 
@@ -88,7 +88,7 @@ impl<R: Real> Xyz<R> {
         Self(R::splat(one.0), R::splat(one.1), R::splat(one.2))
     }
 
-    /// The same point for all.
+    /// The same point in every lane.
     #[inline(always)]
     pub(super) fn constant(p: DVec3) -> Self {
         Self(R::splat(p.x), R::splat(p.y), R::splat(p.z))
@@ -124,7 +124,8 @@ impl<R: Real> Xyz<R> {
         )
     }
 
-    /// Unit length; zero for zero. Scaled first, so that the square of its length neither overflows nor vanishes.
+    /// The vector scaled to unit length; zero for zero. It is scaled to about 1 first, so that the square of its length neither
+    /// overflows nor vanishes.
     #[inline(always)]
     pub(super) fn normalized(self) -> Self {
         let not_zero = R::splat(f64::MIN_POSITIVE);
@@ -135,22 +136,24 @@ impl<R: Real> Xyz<R> {
     }
 }
 
-/// What of a hit depends on the triangle and the ray's origin only: worked out once for all rays that hit it.
+/// The part of a hit that depends on the triangle and the ray's origin only. It is computed once for all rays that hit the
+/// triangle from that origin.
 #[derive(Clone, Copy)]
 pub(super) struct Facet<R> {
-    /// N = (b−a) × (c−a): twice the area long, towards the side from which a, b, c are counter-clockwise.
+    /// N = (b−a) × (c−a). Its length is twice the triangle's area; it points to the side from which a, b, c are
+    /// counter-clockwise.
     pub normal: Xyz<R>,
     /// a·N.
     volume: R,
     /// b × c, c × a, a × b.
     sides: [Xyz<R>; 3],
-    /// The triangle's bounds, 10⁻¹² of the bound wider.
+    /// The triangle's bounds, each moved outward by 10⁻¹² of itself.
     low: Xyz<R>,
     high: Xyz<R>,
 }
 
 impl<R: Real> Facet<R> {
-    /// From the corners relative to the origin.
+    /// The facet of a triangle whose corners are given relative to the origin.
     #[inline(always)]
     pub fn new([a, b, c]: [Xyz<R>; 3]) -> Self {
         let normal = b.sub(a).cross(c.sub(a));
@@ -164,7 +167,7 @@ impl<R: Real> Facet<R> {
         }
     }
 
-    /// One facet for rays side by side.
+    /// The same facet in every lane.
     #[inline(always)]
     pub fn splat(one: &Facet<f64>) -> Self {
         let [a, b, c] = &one.sides;
@@ -177,19 +180,19 @@ impl<R: Real> Facet<R> {
         }
     }
 
-    /// The depth t = (a·N)/(d·N) at which rays along d meet the triangle's plane, and (a bit a lane) whether it keeps within
-    /// the bounds.
+    /// The depth t = (a·N)/(d·N) at which rays along d meet the triangle's plane, and one bit for each lane that is set if the
+    /// point at that depth is within the bounds.
     #[inline(always)]
     pub fn plane_depth(&self, d: Xyz<R>) -> (R, u32) {
         let t = self.volume.div(d.dot(self.normal));
         let (x, y, z) = (t.mul(d.0), t.mul(d.1), t.mul(d.2));
         let within = self.low.0.le(x) & self.low.1.le(y) & self.low.2.le(z);
         let within = within & x.le(self.high.0) & y.le(self.high.1) & z.le(self.high.2);
-        (t.add(R::splat(0.0)), within) // no negative zero
+        (t.add(R::splat(0.0)), within) // adding 0 turns −0 into 0
     }
 
-    /// Barycentric weights (u, v) of b and c where rays along d pass: the determinants that decide whether they do, over
-    /// their sum (Segura and Feito). 0 where the sum is zero.
+    /// Barycentric weights (u, v) of b and c at the points where rays along d pass: the determinants that decide whether they
+    /// pass, divided by their sum (Segura and Feito). 0 where the sum is zero.
     #[inline(always)]
     pub fn weights(&self, d: Xyz<R>) -> (R, R) {
         let (ea, eb, ec) = (d.dot(self.sides[0]), d.dot(self.sides[1]), d.dot(self.sides[2]));
@@ -205,23 +208,23 @@ fn bounds<R: Real>(a: R, b: R, c: R) -> (R, R) {
     (low.sub(low.abs().mul(slack)), high.add(high.abs().mul(slack)))
 }
 
-/// Between 0 and 1; 0 for NaN.
+/// The number, clamped to 0 to 1; 0 for NaN.
 #[inline(always)]
 fn clamped<R: Real>(weight: R) -> R {
     weight.max(R::splat(0.0)).min(R::splat(1.0))
 }
 
-/// A ray in the space of a mesh. The direction need not be of unit length: depths are counted in its lengths.
+/// A ray in the space of a mesh. The direction may have any length; depths are counted in that length.
 #[derive(Clone, Copy, Debug)]
 pub struct LocalRay {
-    /// Where it starts.
+    /// The point that the ray starts at.
     pub origin: DVec3,
-    /// Where it goes.
+    /// The ray's direction.
     pub direction: DVec3,
 }
 
 impl LocalRay {
-    /// Carries a ray of the scene's space into a placement's. Depths keep their meaning.
+    /// Carries a ray from the scene's space into a placement's. Depths are the same numbers in both.
     #[inline]
     pub fn carried(self, placement: &Placement) -> Self {
         let map = placement.mesh_from_scene();
@@ -236,7 +239,7 @@ impl LocalRay {
     }
 }
 
-/// The linear part of a map, left to right.
+/// Applies the linear part of a map, summing from left to right.
 #[inline(always)]
 pub(super) fn carried_direction<R: Real>(map: &DAffine3, v: Xyz<R>) -> Xyz<R> {
     let m = &map.matrix3;
@@ -249,7 +252,8 @@ pub(super) fn carried_point<R: Real>(map: &DAffine3, p: Xyz<R>) -> Xyz<R> {
     carried_direction(map, p).add(Xyz::constant(map.translation))
 }
 
-/// Carries rays as [`LocalRay::carried`] does: the directions go to `carried`, the origins come back; `room` is for them.
+/// Carries rays as [`LocalRay::carried`] does. The directions are written to `carried`; the origins are returned, and borrow
+/// `room`.
 pub(super) fn carry<'o>(
     placement: &Placement,
     origins: Origins<'o>,
@@ -274,40 +278,40 @@ pub(super) fn carry<'o>(
     }
 }
 
-/// A triangle's corners relative to a ray's origin, each rounded once. All triangles that share a vertex get the same
-/// numbers for it, whatever else they are made of.
+/// A triangle's corners relative to a ray's origin, each rounded once. All triangles that share a vertex get the same numbers
+/// for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corners {
-    /// First corner.
+    /// The first corner.
     pub a: DVec3,
-    /// Second corner.
+    /// The second corner.
     pub b: DVec3,
-    /// Third corner.
+    /// The third corner.
     pub c: DVec3,
 }
 
 impl Corners {
-    /// The corners of triangle `triangle` of `mesh`, seen from `origin`.
+    /// The corners of triangle `triangle` of `mesh` relative to `origin`.
     #[inline]
     pub fn of(mesh: &Mesh, triangle: u32, origin: DVec3) -> Self {
         Self::from_positions(mesh.triangles[triangle as usize].map(|v| mesh.positions[v as usize]), origin)
     }
 
-    /// The same from the corners' positions.
+    /// The corners at these positions, relative to `origin`.
     #[inline(always)]
     pub fn from_positions([a, b, c]: [[f32; 3]; 3], origin: DVec3) -> Self {
         Self { a: from(a, origin), b: from(b, origin), c: from(c, origin) }
     }
 
     /// Whether the line along `d` through the origin passes through the triangle, its edges and vertices included: the
-    /// signs of det(d, b, c), det(d, c, a), det(d, a, b) are all ≥ 0 or all ≤ 0 and not all zero (a line in the triangle's
-    /// plane misses it). Exact. False if a number is not finite.
+    /// determinants det(d, b, c), det(d, c, a), det(d, a, b) are all ≥ 0 or all ≤ 0, and not all zero (a line in the
+    /// triangle's plane misses it). The answer is exact. It is false if a number is not finite.
     #[inline]
     pub fn passes(&self, d: DVec3) -> bool {
         self.passes_how(d).0
     }
 
-    /// [`Corners::passes`], counted as decided in f64, and exactly if it was.
+    /// [`Corners::passes`]; counts the test as decided in f64, and as decided exactly if f64 could not decide it.
     pub(super) fn passes_counted(&self, d: DVec3, stats: &mut TraversalStats) -> bool {
         let (passes, is_close) = self.passes_how(d);
         stats.in_f64 += 1;
@@ -315,7 +319,7 @@ impl Corners {
         passes
     }
 
-    /// [`Corners::passes`], and whether it took exact arithmetic.
+    /// [`Corners::passes`], and whether the decision took exact arithmetic.
     #[inline]
     fn passes_how(&self, d: DVec3) -> (bool, bool) {
         let Self { a, b, c } = *self;
@@ -334,7 +338,7 @@ impl Corners {
             } else if determinant < -bound {
                 -1
             } else if determinant.is_nan() {
-                // Overflow or a broken ray: no side at all.
+                // An overflow, or a ray with a NaN, is on no side.
                 2
             } else {
                 is_close = true;
@@ -344,7 +348,7 @@ impl Corners {
         let first = sign(b, c);
         let second = sign(c, a);
         if first * second < 0 {
-            return (false, is_close); // most triangles that are looked at are left by here
+            return (false, is_close); // most triangles are decided here
         }
         let third = sign(a, b);
         let signs = [first, second, third];
@@ -356,12 +360,13 @@ impl Corners {
 
     /// The depth at which the ray along `d` meets the triangle's plane, kept within the triangle's own box.
     ///
-    /// t = (a·N)/(d·N) with N = (b−a) × (c−a). Of a triangle seen edge-on this is rounding noise, and could lie outside the
-    /// triangle, where no tracer that prunes by boxes would look. So if a coordinate of t·d is outside the triangle's
-    /// bounds by more than 10⁻¹² of the bound, t is clamped to the depths at which the ray is inside those bounds, which
-    /// hold the true t. (Elsewhere t is good to a few ulps, and 10⁻¹² leaves it alone.)
+    /// t = (a·N)/(d·N) with N = (b−a) × (c−a). For a triangle seen edge-on this is rounding noise. The point at that depth may
+    /// lie outside the triangle's box, and a tracer that prunes by boxes would not look for it there. So if a coordinate of
+    /// t·d is outside the triangle's bounds by more than 10⁻¹² of the bound, t is clamped to the depths at which the ray is
+    /// inside those bounds; the true t is among them. (In all other cases t is good to a few ulps, and 10⁻¹² does not change
+    /// it.)
     ///
-    /// Only meaningful when [`Corners::passes`].
+    /// The depth has a meaning only if [`Corners::passes`].
     #[inline]
     pub fn depth(&self, d: DVec3) -> f64 {
         let (t, within) = Facet::new(self.xyz()).plane_depth(xyz(d));
@@ -378,12 +383,12 @@ impl Corners {
                 leave = leave.min(t0.max(t1));
             }
         }
-        // A NaN takes the near end, and so does an interval that rounding turned inside out.
+        // A NaN becomes the near end, and so does an interval whose ends rounding exchanged.
         let t = if t > leave { leave } else { t };
         (if t >= enter { t } else { enter }) + 0.0
     }
 
-    /// Barycentric weights (u, v) of the second and third corner where the line along `d` passes.
+    /// Barycentric weights (u, v) of the second and third corner at the point where the line along `d` passes.
     #[inline]
     pub fn weights(&self, d: DVec3) -> (f64, f64) {
         Facet::new(self.xyz()).weights(xyz(d))
@@ -405,10 +410,10 @@ fn point(p: Xyz<f64>) -> DVec3 {
     DVec3::new(p.0, p.1, p.2)
 }
 
-/// A triangle that a ray meets, before the rest of the [`Hit`] is worked out.
+/// A triangle that a ray meets, before the rest of the [`Hit`] is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
-    /// Depth.
+    /// The depth.
     pub t: f64,
     /// Index of the placement.
     pub placement: u32,
@@ -417,8 +422,8 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Whether this hit is the one to keep of the two: the nearer, or at the same depth the one with the lower triangle id.
-    /// (Ids count placement by placement, so the pair compares as the id does.)
+    /// Whether this hit is nearer than the other, or at the same depth and of a lower triangle id. (Ids rise from placement to
+    /// placement, so the pair of placement and triangle compares as the id does.)
     #[inline]
     pub fn beats(&self, other: &Self) -> bool {
         self.t < other.t
@@ -436,8 +441,8 @@ impl Candidate {
     }
 }
 
-/// A normal of a placement's mesh in the scene's space, of any length: normals go with the inverse's transpose, and a
-/// mirroring map turns the winding over.
+/// Carries a normal from a placement's space to the scene's; its length changes. Normals transform by the transpose of the
+/// inverse, and a mirroring map reverses the winding.
 #[inline(always)]
 pub(super) fn out_of<R: Real>(placement: &Placement, normal: Xyz<R>) -> Xyz<R> {
     let map = placement.mesh_from_scene();
@@ -450,13 +455,13 @@ pub(super) fn out_of<R: Real>(placement: &Placement, normal: Xyz<R>) -> Xyz<R> {
     Xyz(x.dot(normal), y.dot(normal), z.dot(normal)).times(R::splat(turn))
 }
 
-/// x·y, left to right.
+/// The dot product x·y, summed from left to right.
 #[inline]
 fn dot(x: DVec3, y: DVec3) -> f64 {
     (x.x * y.x + x.y * y.y) + x.z * y.z
 }
 
-/// A position seen from an origin, rounded once.
+/// A position relative to an origin, rounded once.
 #[inline(always)]
 fn from([x, y, z]: [f32; 3], origin: DVec3) -> DVec3 {
     DVec3::new(f64::from(x), f64::from(y), f64::from(z)) - origin
@@ -483,7 +488,7 @@ mod tests {
         Corners { a: a.into(), b: b.into(), c: c.into() }
     }
 
-    /// In the plane x = 2, facing the origin.
+    /// A triangle in the plane x = 2 that faces the origin.
     fn facing() -> Corners {
         corners([2.0, -1.0, -1.0], [2.0, 0.0, 1.0], [2.0, 1.0, -1.0])
     }

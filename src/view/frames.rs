@@ -33,7 +33,9 @@ impl View {
             name: name.to_owned(),
             image: Image::of(&seen),
             points: Ok(frame.iter().filter_map(point).collect()),
-            instances: (0..).zip(scene.geometry.objects.iter().map(|instance| instance.name.clone())).collect(),
+            instances: (0..)
+                .zip(scene.geometry.objects.iter().map(|instance| instance.name.clone()))
+                .collect(),
         }
     }
 }

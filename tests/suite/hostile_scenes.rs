@@ -125,7 +125,9 @@ fn buffers_below_the_folder_are_read_and_told_of() {
     std::fs::write(canary.path("scene/sub/a b.bin"), &buffer()[..43]).unwrap();
     let error = canary.open("sub/a b.bin").unwrap_err().to_string();
     assert!(
-        error.ends_with("buffer 0: the file \"sub/a b.bin\" has 43 bytes, but the buffer's byteLength is 44"),
+        error.ends_with(
+            "buffer 0: the file \"sub/a b.bin\": it has 43 bytes, but the buffer's byteLength is 44"
+        ),
         "{error}"
     );
 }

@@ -3,7 +3,7 @@
 use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
 use beamcast::scan::{Frame, Progress, scan};
-use beamcast::scene::{Object, Material, SourceInstance, Scene, SceneBuilder, SourceMesh, SourcePart};
+use beamcast::scene::{Material, Object, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 use beamcast::sensor::{Capture, Sensor};
 use beamcast::trace::Cast;
 use glam::{DAffine3, DVec3};

@@ -1,5 +1,5 @@
 //! The binary data of a glTF file: buffers, the views into them, and the accessors that give the bytes a meaning. Every
-//! size that the file declares is compared with the bytes that are there, before anything is allocated or read.
+//! size that the file declares is compared with the bytes that exist before anything is allocated or read.
 
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::BTreeMap;
@@ -13,17 +13,18 @@ use serde::Deserialize;
 use super::document::Document;
 use super::fault::{Fault, missing};
 use super::{files, meshopt};
-use crate::scene::SourceFile;
+use crate::scene::geometry::SourceFile;
 
-/// Buffers, loaded when they are first needed: a missing file that only textures use is never missed.
+/// The buffers, views and accessors of a file. A buffer is loaded when it is first needed, so a missing file that only
+/// textures use does no harm.
 pub(super) struct Data<'a> {
     document: &'a Document,
     /// The GLB's binary chunk.
     chunk: Option<&'a [u8]>,
-    /// The folder that URIs are relative to, canonical.
+    /// The canonical path of the folder that URIs are relative to.
     folder: &'a Path,
     buffers: Vec<OnceCell<Content<'a>>>,
-    /// Views that are stored compressed, decoded.
+    /// The decoded bytes of the views that are stored compressed.
     decoded: Vec<OnceCell<Vec<u8>>>,
     files: RefCell<BTreeMap<usize, SourceFile>>,
     budget: Budget,
@@ -43,22 +44,22 @@ impl Content<'_> {
     }
 }
 
-/// How much memory a file may unfold to. A few bytes of JSON can ask for any number of copies of the same data, or for
-/// zeros that no data stand behind; what is unfolded is therefore counted, and compared with what was read.
+/// The memory that a file may expand to. A few bytes of JSON can ask for any number of copies of the same data, or for zeros
+/// without any data. So the bytes that the loader expands are counted, and compared with the bytes that were read.
 struct Budget {
     spent: Cell<u64>,
     read: Cell<u64>,
 }
 
 impl Budget {
-    /// What any file may unfold to. The scene is a second copy while it is built.
+    /// The bytes that any file may expand to. While the scene is built, it is a second copy of them.
     const BASE: u64 = 96 << 20;
-    /// What each byte read may unfold to besides. An index of one byte, the densest data there is, becomes a triangle of
-    /// twelve; the rest is for parts that are used several times.
+    /// The bytes that each byte read may expand to in addition. An index of one byte, which is the densest data in glTF, becomes
+    /// a triangle of twelve bytes; the rest allows for parts that are used several times.
     const FACTOR: u64 = 64;
 }
 
-/// A view into a buffer.
+/// The bytes of a view into a buffer.
 #[derive(Clone, Copy)]
 struct View<'b> {
     bytes: &'b [u8],
@@ -71,7 +72,7 @@ pub(super) struct Elements<'b> {
     count: usize,
     component: ComponentType,
     normalized: bool,
-    /// `None`: zeros.
+    /// `None` means zeros.
     base: Option<Strided<'b>>,
     sparse: Option<Sparse<'b>>,
 }
@@ -91,17 +92,17 @@ struct Sparse<'b> {
     values: Strided<'b>,
 }
 
-/// What an accessor must be to serve a purpose.
+/// The types that an accessor must have to serve a purpose.
 pub(super) struct Layout {
-    /// What for, such as `POSITION`.
+    /// The purpose, such as `POSITION`.
     pub purpose: &'static str,
     /// Scalar, vector or matrix.
     pub kind: Type,
-    /// Components, each with whether it is normalised.
+    /// The component types, each with whether it is normalised.
     pub components: &'static [(ComponentType, bool)],
 }
 
-/// EXT_meshopt_compression or KHR_meshopt_compression on a view.
+/// EXT_meshopt_compression or KHR_meshopt_compression of a view.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Compressed {
@@ -117,7 +118,7 @@ struct Compressed {
 }
 
 impl<'a> Data<'a> {
-    /// The data of a file of `read` bytes.
+    /// The data of a file that has `read` bytes.
     pub fn new(document: &'a Document, chunk: Option<&'a [u8]>, folder: &'a Path, read: u64) -> Self {
         Self {
             document,
@@ -135,7 +136,7 @@ impl<'a> Data<'a> {
         self.files.into_inner().into_values()
     }
 
-    /// Counts `count` things of `each` bytes that the file makes the loader unfold. To be called before allocating.
+    /// Counts `count` elements of `each` bytes that the file makes the loader expand. Call it before allocating them.
     pub fn spend(&self, count: usize, each: usize) -> Result<(), Fault> {
         let budget = &self.budget;
         let spent = budget.spent.get().saturating_add((count as u64).saturating_mul(each as u64));
@@ -149,7 +150,7 @@ impl<'a> Data<'a> {
             budget.read.get()
         );
         Err(Fault::new("", problem).help(
-            "data that is not there, or the same data over and over: place a mesh several times instead",
+            "it asks for data that is not there, or for the same data over and over; place a mesh several times instead",
         ))
     }
 
@@ -240,10 +241,10 @@ impl<'a> Data<'a> {
         self.spend(compressed.count, compressed.byte_stride)?;
         let &Compressed { count, byte_stride, mode, filter, .. } = compressed;
         meshopt::decode(bytes, count, byte_stride, mode, filter)
-            .map_err(|problem| Fault::new("", format!("the meshopt compression is broken: {problem}")))
+            .map_err(|error| Fault::new("", format!("the meshopt compression is broken: {error}")))
     }
 
-    /// The accessor `index`, which must be one of `layouts` and have `count` elements if that is given.
+    /// The elements of accessor `index`, which must have the layout, and `count` elements if a count is given.
     pub fn elements(&self, index: u32, layout: &Layout, count: Option<usize>) -> Result<Elements<'_>, Fault> {
         let Some(accessor) = self.document.accessors.get(index as usize) else {
             return Err(missing("accessor", index, self.document.accessors.len()));
@@ -280,7 +281,7 @@ impl<'a> Data<'a> {
         Ok(Elements { count, component, normalized, base, sparse })
     }
 
-    /// `count` elements of `size` bytes in a view.
+    /// The place of `count` elements of `size` bytes in a view.
     fn strided(&self, view: u32, offset: u64, count: usize, size: usize) -> Result<Strided<'_>, Fault> {
         let View { bytes, stride } = self.view(view)?;
         let stride = stride.unwrap_or(size);
@@ -332,7 +333,7 @@ impl<'a> Data<'a> {
         let view = sparse.values.buffer_view.value() as u32;
         let values = self.strided(view, sparse.values.byte_offset.0, count, size)?;
         let sparse = Sparse { count, index_type, indices: indices.bytes, values };
-        // Checking takes time in proportion, however often the accessor is used.
+        // Checking takes time in proportion to the count, each time that the accessor is used.
         self.spend(count, index_type.size())?;
         let mut least = 0;
         for at in 0..count {
@@ -362,7 +363,7 @@ fn compressed(view: &json::buffer::View) -> Result<Option<Compressed>, Fault> {
 }
 
 impl Layout {
-    /// The accessor's component type and whether it is normalised, if they serve.
+    /// The accessor's component type and whether it is normalised, if the layout allows them.
     fn check(&self, accessor: &json::Accessor) -> Result<(ComponentType, bool), Fault> {
         let Checked::Valid(kind) = accessor.type_ else {
             let problem = "its type is none that glTF knows";
@@ -372,7 +373,7 @@ impl Layout {
             let problem = "its componentType is none that glTF knows";
             return Err(Fault::new("", problem).help("5120, 5121, 5122, 5123, 5125 or 5126"));
         };
-        // The flag says nothing about floats and 32-bit integers.
+        // The flag has no meaning for floats and 32-bit integers.
         let normalized = accessor.normalized && !matches!(component, ComponentType::F32 | ComponentType::U32);
         if kind == self.kind && self.components.contains(&(component, normalized)) {
             return Ok((component, normalized));
@@ -420,7 +421,7 @@ impl Sparse<'_> {
         component(&self.indices[at * self.index_type.size()..], self.index_type) as u64
     }
 
-    /// Where among the values the element `index` is.
+    /// The position of element `index` among the values.
     fn find(&self, index: usize) -> Option<usize> {
         let (mut low, mut high) = (0, self.count);
         while low < high {
@@ -436,7 +437,7 @@ impl Sparse<'_> {
 }
 
 impl Elements<'_> {
-    /// How many.
+    /// The number of elements.
     pub fn len(&self) -> usize {
         self.count
     }
@@ -452,8 +453,8 @@ impl Elements<'_> {
         }
     }
 
-    /// The first `N` components of an element, which must have as many; normalised ones as glTF defines it:
-    /// max(c / 127, −1) and so on. `index` must be less than [`Self::len`].
+    /// The first `N` components of an element, which must have as many. Normalised components are converted as glTF defines
+    /// it: max(c / 127, −1) for signed bytes, and so on. `index` must be less than [`Self::len`].
     pub fn get<const N: usize>(&self, index: usize) -> [f64; N] {
         let Some(bytes) = self.bytes(index) else { return [0.0; N] };
         let size = self.component.size();
@@ -468,7 +469,7 @@ impl Elements<'_> {
         values
     }
 
-    /// An element that is an unsigned integer. `index` must be less than [`Self::len`].
+    /// The value of an element that is an unsigned integer. `index` must be less than [`Self::len`].
     pub fn integer(&self, index: usize) -> u32 {
         let Some(bytes) = self.bytes(index) else { return 0 };
         match self.component {
@@ -488,7 +489,7 @@ impl Elements<'_> {
     }
 }
 
-/// The component that `bytes` starts with.
+/// The component at the start of `bytes`.
 fn component(bytes: &[u8], kind: ComponentType) -> f64 {
     match kind {
         ComponentType::I8 => f64::from(bytes[0] as i8),

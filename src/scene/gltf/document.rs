@@ -1,14 +1,14 @@
-//! The JSON of a glTF file: its types, and what can be checked without its binary data.
+//! The JSON of a glTF file: its types, and the checks that do not need its binary data.
 
 use gltf_json as json;
 use serde::Deserialize;
 
 use super::fault::{Fault, quoted};
 
-/// A glTF file's JSON, as far as geometry goes. Textures, animations, cameras and lights are not even parsed, so that
-/// nothing wrong with them keeps geometry from loading.
+/// The part of a glTF file's JSON that is about geometry. Textures, animations, cameras and lights are not parsed, so no
+/// mistake in them keeps the geometry from loading.
 ///
-/// Indices are as the file gives them, unchecked: the readers look elements up with `get`.
+/// Indices are as the file gives them, unchecked; readers look elements up with `get`.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Document {
@@ -36,7 +36,7 @@ pub(super) struct Document {
     pub extensions_required: Vec<String>,
 }
 
-/// A scene. The type of gltf-json refuses one without nodes, which glTF allows.
+/// A scene. The type of gltf-json refuses a scene without nodes, which glTF allows.
 #[derive(Deserialize)]
 pub(super) struct Scene {
     pub name: Option<String>,
@@ -44,7 +44,7 @@ pub(super) struct Scene {
     pub nodes: Vec<u32>,
 }
 
-/// A node. The type of gltf-json rounds transforms to f32: half a metre at Web Mercator coordinates.
+/// A node. The type of gltf-json rounds transforms to f32, which is half a metre at Web Mercator coordinates.
 #[derive(Deserialize)]
 pub(super) struct Node {
     pub name: Option<String>,
@@ -63,7 +63,7 @@ pub(super) struct Node {
     pub extras: json::Extras,
 }
 
-/// A material: its name and colour. The type of gltf-json also refuses what is wrong with textures and blending.
+/// A material's name and colour. The type of gltf-json also refuses materials whose textures or blending are wrong.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Material {
@@ -86,7 +86,7 @@ pub(super) struct MaterialExtensions {
     pub specular_glossiness: Option<SpecularGlossiness>,
 }
 
-/// KHR_materials_pbrSpecularGlossiness: an older model, whose colour counts where a material has it.
+/// KHR_materials_pbrSpecularGlossiness, an older model. Where a material has it, its colour counts.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct SpecularGlossiness {
@@ -101,13 +101,13 @@ pub(super) struct NodeExtensions {
     pub visibility: Option<Visibility>,
 }
 
-/// EXT_mesh_gpu_instancing on a node: accessors by attribute.
+/// EXT_mesh_gpu_instancing of a node: accessors by attribute.
 #[derive(Deserialize)]
 pub(super) struct Instancing {
     pub attributes: std::collections::BTreeMap<String, u32>,
 }
 
-/// KHR_node_visibility on a node.
+/// KHR_node_visibility of a node.
 #[derive(Deserialize)]
 pub(super) struct Visibility {
     #[serde(default = "yes")]
@@ -118,7 +118,7 @@ fn yes() -> bool {
     true
 }
 
-/// Extensions that change what the geometry is, and are read.
+/// The extensions that change the geometry and are read.
 const GEOMETRY: [&str; 5] = [
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
@@ -127,7 +127,7 @@ const GEOMETRY: [&str; 5] = [
     "KHR_node_visibility",
 ];
 
-/// Extensions that leave the geometry alone: how it behaves later, or is catalogued.
+/// Extensions that leave the geometry alone: they say how it behaves later, or catalogue it.
 const HARMLESS: [&str; 9] = [
     "KHR_interactivity",
     "KHR_node_hoverability",
@@ -140,15 +140,15 @@ const HARMLESS: [&str; 9] = [
     "MSFT_lod",
 ];
 
-/// What extensions that leave the geometry alone are about, whoever made them: the second word of their names.
+/// The second words of the names of extensions that leave the geometry alone, whoever made them.
 const HARMLESS_SUBJECTS: [&str; 7] =
     ["animation", "audio", "lights", "materials", "packing", "texture", "xmp"];
 
-/// What a `.gltf` file or a GLB's first chunk must start with, past white space.
+/// The help for a file whose JSON, past white space, does not start with `{`.
 const NOT_JSON_HELP: &str = "beamcast reads glTF 2.0: a .gltf file (JSON) or a .glb file (binary)";
 
 impl Document {
-    /// Parses the JSON and checks that it is a glTF that can be read at all.
+    /// Parses the JSON and checks that its version and its required extensions are known.
     pub fn parse(text: &[u8]) -> Result<Self, Fault> {
         let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
         if text.starts_with(b"\xff\xfe") || text.starts_with(b"\xfe\xff") {
@@ -200,7 +200,7 @@ impl Document {
             GEOMETRY.contains(&name)
                 || HARMLESS.contains(&name)
                 || name.split('_').nth(1).is_some_and(|subject| HARMLESS_SUBJECTS.contains(&subject))
-                // Said where a primitive uses it, if one does.
+                // A primitive that uses it is refused when it is read.
                 || name == DRACO
         };
         let unknown: Vec<_> =
@@ -217,31 +217,31 @@ impl Document {
         self.requires(extension) || self.extensions_used.iter().any(|name| name == extension)
     }
 
-    /// Whether the file says that it can't be read without an extension.
+    /// Whether the file says that it cannot be read without an extension.
     pub fn requires(&self, extension: &str) -> bool {
         self.extensions_required.iter().any(|name| name == extension)
     }
 
-    /// `node 3 "wall"`.
+    /// The label of a node in messages, such as `node 3 "wall"`.
     pub fn node_label(&self, index: u32) -> String {
         let name = self.nodes.get(index as usize).and_then(|node| node.name.as_deref());
         label("node", index, name)
     }
 
-    /// `mesh 3 "wall"`.
+    /// The label of a mesh in messages, such as `mesh 3 "wall"`.
     pub fn mesh_label(&self, index: u32) -> String {
         let name = self.meshes.get(index as usize).and_then(|mesh| mesh.name.as_deref());
         label("mesh", index, name)
     }
 
-    /// `scene 3 "street"`.
+    /// The label of a scene in messages, such as `scene 3 "street"`.
     pub fn scene_label(&self, index: u32) -> String {
         let name = self.scenes.get(index as usize).and_then(|scene| scene.name.as_deref());
         label("scene", index, name)
     }
 }
 
-/// The extension whose data only its own large decoder reads.
+/// An extension whose data only its own large decoder reads, so that it is refused.
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
 fn label(kind: &str, index: u32, name: Option<&str>) -> String {

@@ -1,21 +1,34 @@
-//! What is wrong with an element of a glTF file, before the file's path is known.
+//! Errors about the elements of a glTF file, before the file's path is known.
 
 use std::fmt;
+use std::io;
 
 /// An error about one element.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 pub(super) struct Fault {
-    /// From the outside in, such as `mesh 3 "wall", primitive 0, accessor 7`. Empty for the file as a whole.
+    /// The element, from the outside in, such as `mesh 3 "wall", primitive 0, accessor 7`. Empty for the file as a whole.
     pub element: String,
-    /// What is wrong.
+    /// The problem.
     pub problem: String,
     /// What would be right.
     pub help: Option<String>,
+    /// The error of the operating system that is behind it.
+    pub source: Option<io::Error>,
 }
 
 impl Fault {
     pub fn new(element: impl Into<String>, problem: impl Into<String>) -> Self {
-        Self { element: element.into(), problem: problem.into(), help: None }
+        Self { element: element.into(), problem: problem.into(), help: None, source: None }
+    }
+
+    /// An error of the operating system about a file.
+    pub fn io(error: io::Error) -> Self {
+        let problem = match error.kind() {
+            io::ErrorKind::NotFound => "there is no such file".to_owned(),
+            io::ErrorKind::PermissionDenied => "reading it is not permitted".to_owned(),
+            _ => format!("it can't be read: {error}"),
+        };
+        Self { source: Some(error), ..Self::new("", problem) }
     }
 
     /// Adds what would be right.
@@ -24,7 +37,13 @@ impl Fault {
         self
     }
 
-    /// Says that the element belongs to `outer`.
+    /// Adds that the problem is with the file `name`.
+    pub fn of_file(mut self, name: &str) -> Self {
+        self.problem = format!("the file {name}: {}", self.problem);
+        self
+    }
+
+    /// Adds that the element belongs to `outer`.
     pub fn within(mut self, outer: impl fmt::Display) -> Self {
         self.element =
             if self.element.is_empty() { outer.to_string() } else { format!("{outer}, {}", self.element) };
@@ -46,7 +65,8 @@ impl fmt::Display for Fault {
     }
 }
 
-/// A text from the file, safe to show: control and direction-changing characters escaped, cut when long.
+/// Quotes a text from the file so that it is safe to show: control and direction-changing characters are escaped, and a long
+/// text is cut.
 pub(super) fn quoted(text: &str) -> String {
     const LONGEST: usize = 80;
     match text.char_indices().nth(LONGEST) {
@@ -55,12 +75,12 @@ pub(super) fn quoted(text: &str) -> String {
     }
 }
 
-/// `1 node`, `2 nodes`.
+/// A count and a noun: `1 node`, `2 nodes`.
 pub(super) fn counted(count: u64, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
-/// An element that does not exist, where the file has `count` of its kind.
+/// The error that an element does not exist; the file has `count` of its kind.
 pub(super) fn missing(kind: &str, index: u32, count: usize) -> Fault {
     let problem = match count {
         0 => "it does not exist: the file has none".to_owned(),

@@ -1,59 +1,43 @@
-//! Files and URIs: what may be opened, and how much of it.
+//! Files and URIs: which files may be opened, how much of them is read, and the container format GLB.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
 use super::fault::{Fault, quoted};
-use crate::scene::SourceFile;
+use crate::scene::geometry::SourceFile;
 
-/// How much longer a buffer's file may be than the buffer: it is read whole for its hash.
+/// The most bytes by which a buffer's file may be longer than the buffer. The file is read whole for its hash.
 const LONGEST_EXCESS: u64 = 64 << 20;
 
-/// Reads a regular file whole.
-pub(super) fn read_whole(path: &Path) -> Result<Vec<u8>, String> {
-    let (file, length) = open_regular(path)?;
-    read(file, length)
-}
-
-/// Opens a file, but never one that could block or go on for ever: a pipe, a socket, a device.
-fn open_regular(path: &Path) -> Result<(File, u64), String> {
-    // Opening a pipe would wait for its writer, so the kind is looked up first.
-    regular_length(&std::fs::metadata(path).map_err(describe)?)?;
-    let file = File::open(path).map_err(describe)?;
-    let length = regular_length(&file.metadata().map_err(describe)?)?;
-    Ok((file, length))
-}
-
-fn regular_length(metadata: &std::fs::Metadata) -> Result<u64, String> {
-    if metadata.is_file() {
-        Ok(metadata.len())
-    } else if metadata.is_dir() {
-        Err("it is a folder".to_owned())
-    } else {
-        Err("it is not a regular file but a pipe, socket or device".to_owned())
-    }
-}
-
-fn read(file: File, length: u64) -> Result<Vec<u8>, String> {
-    let too_large = |_| format!("its {length} bytes do not fit into memory");
+/// Reads a regular file whole, if `accept` accepts its length. A file that could block or never end (a pipe, a socket, a
+/// device) is never opened.
+pub(super) fn read(path: &Path, accept: impl FnOnce(u64) -> Result<(), Fault>) -> Result<Vec<u8>, Fault> {
+    // Opening a pipe would wait for its writer, so the kind of the file is looked up before it is opened.
+    regular_length(&std::fs::metadata(path).map_err(Fault::io)?)?;
+    let file = File::open(path).map_err(Fault::io)?;
+    let length = regular_length(&file.metadata().map_err(Fault::io)?)?;
+    accept(length)?;
+    let too_large = || Fault::new("", format!("its {length} bytes do not fit into memory"));
     let mut bytes = Vec::new();
-    // One byte more than its length, so that the read that finds the end needs no more room.
-    let room = usize::try_from(length).map_err(|_| too_large(()))?.saturating_add(1);
-    bytes.try_reserve_exact(room).map_err(|_| too_large(()))?;
-    file.take(length).read_to_end(&mut bytes).map_err(describe)?;
+    // One byte more than the length, so that the read that finds the end does not reallocate.
+    let capacity = usize::try_from(length).map_err(|_| too_large())?.saturating_add(1);
+    bytes.try_reserve_exact(capacity).map_err(|_| too_large())?;
+    file.take(length).read_to_end(&mut bytes).map_err(Fault::io)?;
     Ok(bytes)
 }
 
-fn describe(error: std::io::Error) -> String {
-    match error.kind() {
-        std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
-        std::io::ErrorKind::PermissionDenied => "reading it is not permitted".to_owned(),
-        _ => format!("it can't be read: {error}"),
+fn regular_length(metadata: &std::fs::Metadata) -> Result<u64, Fault> {
+    if metadata.is_file() {
+        Ok(metadata.len())
+    } else if metadata.is_dir() {
+        Err(Fault::new("", "it is a folder"))
+    } else {
+        Err(Fault::new("", "it is not a regular file but a pipe, socket or device"))
     }
 }
 
-/// What is known of a file that was read.
+/// The record of a file that was read.
 pub(super) fn source_file(name: &str, bytes: &[u8]) -> SourceFile {
     SourceFile {
         name: name.to_owned(),
@@ -62,10 +46,10 @@ pub(super) fn source_file(name: &str, bytes: &[u8]) -> SourceFile {
     }
 }
 
-/// A GLB's JSON and its binary chunk.
+/// The JSON of a GLB and its binary chunk.
 type Chunks<'a> = (&'a [u8], Option<&'a [u8]>);
 
-/// What a GLB holds; `None` if `file` is no GLB. `warnings` gets what is odd but readable.
+/// Splits a GLB into its chunks; `None` if `file` is no GLB. Oddities that do not keep it from being read go to `warnings`.
 pub(super) fn split_glb<'a>(file: &'a [u8], warnings: &mut Vec<String>) -> Result<Option<Chunks<'a>>, Fault> {
     const JSON: u32 = 0x4e4f_534a;
     const BIN: u32 = 0x004e_4942;
@@ -95,7 +79,7 @@ pub(super) fn split_glb<'a>(file: &'a [u8], warnings: &mut Vec<String>) -> Resul
         warnings.push(format!("GLB: {} bytes after its end are ignored", file.len() - length as usize));
     }
     let mut chunks = Vec::new();
-    // The JSON and the binary chunk come first; what follows is for extensions.
+    // The JSON and the binary chunk come first; later chunks belong to extensions.
     while !rest.is_empty() && chunks.len() < 2 {
         let number = chunks.len();
         let (Some(length), Some(kind)) = (u32_at(rest, 0), u32_at(rest, 4)) else {
@@ -108,7 +92,7 @@ pub(super) fn split_glb<'a>(file: &'a [u8], warnings: &mut Vec<String>) -> Resul
             ));
         };
         chunks.push((kind, content));
-        // Padding belongs to the chunk.
+        // A chunk's length includes its padding.
         rest = &rest[8 + length as usize..];
     }
     match chunks[..] {
@@ -123,7 +107,7 @@ fn u32_at(bytes: &[u8], offset: usize) -> Option<u32> {
     Some(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
 }
 
-/// The content that a buffer's `uri` names, at most `byte_length` bytes of it, and the file if it is one.
+/// The content that a buffer's `uri` names, which is to have `byte_length` bytes, and the file that it was read from, if any.
 ///
 /// Only regular files below `folder`, which is canonical, are opened.
 pub(super) fn resolve(
@@ -134,8 +118,7 @@ pub(super) fn resolve(
     let shown = quoted(uri);
     let fault = |problem: String| Fault::new("", problem);
     if let Some(data) = uri.get(..5).filter(|s| s.eq_ignore_ascii_case("data:")).and(uri.get(5..)) {
-        let bytes = decode_data_uri(data).map_err(|e| fault(format!("the data: URI {e}")))?;
-        return Ok((bytes, None));
+        return Ok((decode_data_uri(data)?, None));
     }
     const HELP: &str = "a buffer's uri names a file in the scene's own folder or below it, or is a data: URI";
     let refuse = |why: &str| fault(format!("the uri {shown} {why}")).help(HELP);
@@ -147,26 +130,22 @@ pub(super) fn resolve(
         String::from_utf8(decoded).map_err(|_| refuse("is not UTF-8 once its % codes are decoded"))?;
     let relative = check_relative(&relative).map_err(refuse)?;
 
-    let named = |problem: String| fault(format!("the file {shown}: {problem}"));
     let path = folder.join(relative).canonicalize().map_err(|error| {
-        named(describe(error))
+        Fault::io(error)
+            .of_file(&shown)
             .help("a scene's buffers are kept beside it: copy the .bin file along with the .gltf")
     })?;
     if !path.starts_with(folder) {
         return Err(refuse("leaves the scene's folder through a link"));
     }
-    let (file, length) = open_regular(&path).map_err(named)?;
-    if length < byte_length {
-        return Err(fault(format!(
-            "the file {shown} has {length} bytes, but the buffer's byteLength is {byte_length}"
-        )));
-    }
-    if length - byte_length > LONGEST_EXCESS {
-        return Err(named(format!(
-            "its {length} bytes are far more than the buffer's byteLength, {byte_length}"
-        )));
-    }
-    let bytes = read(file, length).map_err(named)?;
+    let accept = |length: u64| match length.checked_sub(byte_length) {
+        Some(0..=LONGEST_EXCESS) => Ok(()),
+        Some(_) => {
+            Err(fault(format!("its {length} bytes are far more than the buffer's byteLength, {byte_length}")))
+        }
+        None => Err(fault(format!("it has {length} bytes, but the buffer's byteLength is {byte_length}"))),
+    };
+    let bytes = read(&path, accept).map_err(|fault| fault.of_file(&shown))?;
     let source = source_file(uri, &bytes);
     Ok((bytes, Some(source)))
 }
@@ -179,7 +158,7 @@ fn has_scheme(uri: &str) -> bool {
     })
 }
 
-/// The path, if it stays below the folder that it is relative to on every operating system.
+/// Checks that the path stays below the folder that it is relative to, on every operating system.
 fn check_relative(path: &str) -> Result<PathBuf, &'static str> {
     if path.is_empty() {
         return Err("is empty");
@@ -202,7 +181,7 @@ fn check_relative(path: &str) -> Result<PathBuf, &'static str> {
     Ok(path.to_path_buf())
 }
 
-/// `%41` becomes `A`; a `%` without two hexadecimal digits stays what it is.
+/// Decodes `%41` to `A`; a `%` without two hexadecimal digits after it is kept.
 fn percent_decode(text: &[u8]) -> Vec<u8> {
     let digit = |at: usize| text.get(at).and_then(|&b| char::from(b).to_digit(16));
     let mut decoded = Vec::with_capacity(text.len());
@@ -222,9 +201,10 @@ fn percent_decode(text: &[u8]) -> Vec<u8> {
     decoded
 }
 
-/// The content of a data: URI (RFC 2397), given what follows `data:`.
-fn decode_data_uri(rest: &str) -> Result<Vec<u8>, String> {
-    let (media_type, data) = rest.split_once(',').ok_or("has no comma")?;
+/// The content of a data: URI (RFC 2397); `rest` follows `data:`.
+fn decode_data_uri(rest: &str) -> Result<Vec<u8>, Fault> {
+    let no_comma = || Fault::new("", "the data: URI has no comma");
+    let (media_type, data) = rest.split_once(',').ok_or_else(no_comma)?;
     let base64 = media_type.rsplit(';').next().is_some_and(|s| s.eq_ignore_ascii_case("base64"));
     let mut data = std::borrow::Cow::Borrowed(data.as_bytes());
     if !base64 || data.contains(&b'%') {
@@ -233,12 +213,12 @@ fn decode_data_uri(rest: &str) -> Result<Vec<u8>, String> {
     if base64 { decode_base64(&data) } else { Ok(data.into_owned()) }
 }
 
-/// Base64 with the alphabet of RFC 4648, section 4; the padding may be left out.
-fn decode_base64(text: &[u8]) -> Result<Vec<u8>, String> {
+/// Decodes base64 with the alphabet of RFC 4648, section 4; the padding may be left out.
+fn decode_base64(text: &[u8]) -> Result<Vec<u8>, Fault> {
     let end = text.len() - text.iter().rev().take(2).take_while(|&&b| b == b'=').count();
     let text = &text[..end];
     if text.len() % 4 == 1 {
-        return Err("is base64 of an impossible length".to_owned());
+        return Err(Fault::new("", "the data: URI is base64 of an impossible length"));
     }
     let mut decoded = Vec::with_capacity(text.len() / 4 * 3 + 3);
     for (index, group) in text.chunks(4).enumerate() {
@@ -252,7 +232,12 @@ fn decode_base64(text: &[u8]) -> Result<Vec<u8>, String> {
                 b'/' => 63,
                 _ => {
                     let at = index * 4 + within;
-                    return Err(format!("is base64 with the byte {byte:#04x} at {at}, which has no meaning"));
+                    return Err(Fault::new(
+                        "",
+                        format!(
+                            "the data: URI is base64 with the byte {byte:#04x} at {at}, which has no meaning"
+                        ),
+                    ));
                 }
             };
             bits |= u32::from(value) << (18 - 6 * within);
@@ -276,7 +261,7 @@ mod tests {
         assert_eq!(decode_base64(b"Zm9vYg").unwrap(), b"foob");
         assert_eq!(decode_base64(b"+/+/").unwrap(), [0xfb, 0xff, 0xbf]);
         assert!(decode_base64(b"Zm9vY").is_err());
-        assert!(decode_base64(b"Zm9v!A==").unwrap_err().contains("0x21 at 4"));
+        assert!(decode_base64(b"Zm9v!A==").unwrap_err().problem.contains("0x21 at 4"));
     }
 
     #[test]
@@ -326,10 +311,10 @@ mod tests {
     fn glb_chunks() {
         let whole = glb(&[(b"JSON", b"{}  "), (b"BIN\0", b"1234"), (b"XTRA", b"5678")]);
         let mut warnings = Vec::new();
-        assert_eq!(split_glb(&whole, &mut warnings), Ok(Some((&b"{}  "[..], Some(&b"1234"[..])))));
+        assert_eq!(split_glb(&whole, &mut warnings).unwrap(), Some((&b"{}  "[..], Some(&b"1234"[..]))));
         let other = glb(&[(b"JSON", b"{}  "), (b"XTRA", b"5678")]);
-        assert_eq!(split_glb(&other, &mut warnings), Ok(Some((&b"{}  "[..], None))));
-        assert_eq!(split_glb(b"{}", &mut warnings), Ok(None));
+        assert_eq!(split_glb(&other, &mut warnings).unwrap(), Some((&b"{}  "[..], None)));
+        assert_eq!(split_glb(b"{}", &mut warnings).unwrap(), None);
         assert!(split_glb(&glb(&[(b"BIN\0", b"1234")]), &mut warnings).is_err());
         assert!(split_glb(&glb(&[]), &mut warnings).is_err());
         assert!(warnings.is_empty());

@@ -1,4 +1,4 @@
-//! Primitives to triangles: the modes, the morph targets, the skins.
+//! Reads primitives as triangles: the modes, the morph targets and the skins.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use gltf_json::validation::Checked;
 use super::data::{Data, Elements, Layout};
 use super::document::{DRACO, Document};
 use super::fault::{Fault, counted, missing};
-use crate::scene::{SourceMesh, SourcePart};
+use crate::scene::build::{SourceMesh, SourcePart};
 
 use ComponentType::{F32, I8, I16, U8, U16, U32};
 
@@ -47,35 +47,35 @@ const WEIGHTS: Layout =
 const INVERSE_BIND_MATRICES: Layout =
     Layout { purpose: "inverseBindMatrices", kind: Type::Mat4, components: &[(F32, false)] };
 
-/// What was met and left out, for warnings.
+/// Counts of the primitives that were left out, for warnings.
 #[derive(Debug, Default)]
 pub(super) struct LeftOut {
-    /// Primitives of points and lines, over all placed meshes.
+    /// Primitives of points and lines, in all meshes that were read.
     pub points_and_lines: u64,
     /// Primitives without positions.
     pub without_positions: u64,
-    /// Triangle lists whose last triangle is not complete.
+    /// Triangle lists whose last triangle is incomplete.
     pub incomplete: u64,
 }
 
-/// How the vertices of a mesh are brought into place.
+/// The pose that the vertices of a mesh are brought into.
 pub(super) struct Pose<'p> {
-    /// The node's weights of the morph targets; without them, the mesh has its own. Those that are left out are 0.
+    /// The node's weights of the morph targets. Without them, the mesh's own count; a weight that is left out is 0.
     pub weights: Option<&'p [f64]>,
-    /// For a skinned mesh.
+    /// The skin of a skinned mesh.
     pub skin: Option<&'p SkinPose>,
 }
 
-/// A skin, at the pose that its joints' nodes give it.
+/// A skin in the pose that the nodes of its joints give it.
 pub(super) struct SkinPose {
-    /// For each joint: from the mesh to glTF's world.
+    /// For each joint, the map from the mesh to glTF's world.
     matrices: Vec<DAffine3>,
-    /// A place in glTF's world near the skin's joints: where positions are stored relative to.
+    /// A point in glTF's world near the skin's joints. Positions are stored relative to it.
     pub origin: DVec3,
 }
 
 impl SkinPose {
-    /// The skin `index`, its joints at `world_from_node`.
+    /// Skin `index`, its joints posed by `world_from_node`.
     pub fn new(
         document: &Document,
         data: &Data,
@@ -122,7 +122,7 @@ impl SkinPose {
     }
 }
 
-/// The affine part of a 4 × 4 matrix, column by column. An inverse bind matrix has no other.
+/// The affine part of a 4 × 4 matrix, column by column. An inverse bind matrix has no other part.
 fn affine(m: [f64; 16]) -> DAffine3 {
     let column = |at: usize| DVec3::new(m[at], m[at + 1], m[at + 2]);
     DAffine3 { matrix3: DMat3::from_cols(column(0), column(4), column(8)), translation: column(12) }
@@ -132,13 +132,13 @@ fn affine(m: [f64; 16]) -> DAffine3 {
 pub(super) struct MeshReader<'d, 'a> {
     document: &'d Document,
     data: &'d Data<'a>,
-    /// What was left out so far.
+    /// The primitives that were left out so far.
     pub left_out: LeftOut,
     /// Whether a primitive without a material was met.
     pub uses_default_material: bool,
 }
 
-/// Positions of one accessor among those of a mesh.
+/// The positions of one accessor among the positions of a mesh.
 #[derive(Clone, Copy)]
 struct Run {
     base: u32,
@@ -157,7 +157,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         Self { document, data, left_out: LeftOut::default(), uses_default_material: false }
     }
 
-    /// The triangles of mesh `index` in its own space; of a skinned one, in glTF's world relative to the skin's origin.
+    /// The triangles of mesh `index` in its own space; of a skinned mesh, in glTF's world relative to the skin's origin.
     pub fn read(&mut self, index: u32, pose: &Pose) -> Result<SourceMesh, Fault> {
         let Some(mesh) = self.document.meshes.get(index as usize) else {
             return Err(missing("mesh", index, self.document.meshes.len()));
@@ -170,10 +170,10 @@ impl<'d, 'a> MeshReader<'d, 'a> {
                 &default_weights
             }
         };
-        // Reading takes time in proportion, however little comes of it.
+        // Reading takes time in proportion to these counts, however few triangles result.
         self.data.spend(mesh.primitives.len() + weights.len(), size_of::<json::mesh::Primitive>())?;
         let mut source = SourceMesh::default();
-        // Where the positions of an accessor start, so that primitives that share it share them.
+        // The run of positions of each accessor, so that primitives that share an accessor share its positions.
         let mut shared = BTreeMap::new();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
             self.read_primitive(primitive, weights, pose.skin, &mut source, &mut shared).map_err(
@@ -239,7 +239,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         let Run { base, all_finite } = match known {
             Some(known) => known,
             None => {
-                // Some exporters put all vertices into one accessor for many small meshes to pick from.
+                // Some exporters put the vertices of many small meshes into one accessor.
                 let is_sparsely_used = vertex_count / 2 > triangles.len().saturating_mul(3);
                 if is_sparsely_used {
                     used = compact(&mut triangles);
@@ -314,7 +314,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         Ok(vertices)
     }
 
-    /// The triangles of a primitive, as indices into its vertices; all in bounds.
+    /// The triangles of a primitive as indices into its vertices, all of which are in bounds.
     fn triangles(
         &mut self,
         mode: Mode,
@@ -331,7 +331,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
             corners.saturating_sub(2)
         };
         self.data.spend(count, size_of::<[u32; 3]>())?;
-        // The largest integer of an index type would restart the primitive in graphics APIs; glTF forbids it.
+        // The largest integer of an index type restarts the primitive in graphics APIs, so glTF forbids it.
         let largest = indices.map_or(u32::MAX, Elements::largest_integer);
         let bound = (vertex_count as u64).min(largest.into());
         let mut bad = None;
@@ -366,7 +366,7 @@ fn attribute(primitive: &json::mesh::Primitive, semantic: Semantic) -> Option<u3
     primitive.attributes.get(&Checked::Valid(semantic)).map(|accessor| accessor.value() as u32)
 }
 
-/// Renumbers the vertices of `triangles` without gaps; what they were before, in order.
+/// Renumbers the vertices of `triangles` without gaps. Returns the old number of each new one.
 fn compact(triangles: &mut [[u32; 3]]) -> Vec<u32> {
     let mut used = triangles.as_flattened().to_vec();
     used.sort_unstable();
@@ -377,7 +377,7 @@ fn compact(triangles: &mut [[u32; 3]]) -> Vec<u32> {
     used
 }
 
-/// The first vertex of a triangle that is not finite, and where it lies.
+/// Checks that the triangles' vertices are finite; the error is the first that is not, and its position.
 fn check_finite(triangles: &[[u32; 3]], positions: &[[f32; 3]]) -> Result<(), (u32, [f32; 3])> {
     for &vertex in triangles.as_flattened() {
         let position = positions[vertex as usize];
@@ -389,7 +389,7 @@ fn check_finite(triangles: &[[u32; 3]], positions: &[[f32; 3]]) -> Result<(), (u
 }
 
 impl Vertices<'_> {
-    /// Adds the vertices `used` (all of them, if empty) to `positions`. Gives whether all are finite.
+    /// Adds the vertices `used` (all vertices, if it is empty) to `positions`. Returns whether all of them are finite.
     fn read(
         &self,
         used: &[u32],
@@ -415,7 +415,7 @@ impl Vertices<'_> {
         Ok(all_finite)
     }
 
-    /// Linear blend skinning (glTF 2.0, section 3.7.3.3): the mean of where each joint takes the position.
+    /// Linear blend skinning (glTF 2.0, section 3.7.3.3): the weighted mean of the positions that the joints give the vertex.
     fn skinned(&self, vertex: usize, position: DVec3, skin: &SkinPose) -> Result<DVec3, Fault> {
         let (mut sum, mut total) = (DVec3::ZERO, 0.0);
         for (joints, weights) in &self.joints_and_weights {
@@ -433,7 +433,7 @@ impl Vertices<'_> {
             }
         }
         if total == 0.0 {
-            // No joint holds it. The first one is what graphics cards and other readers take.
+            // No joint holds the vertex. Graphics cards and other readers take the first joint.
             return Ok(skin.matrices[0].transform_point3(position) - skin.origin);
         }
         Ok(sum / total - skin.origin)
@@ -441,7 +441,7 @@ impl Vertices<'_> {
 }
 
 impl LeftOut {
-    /// What to tell the user.
+    /// The warnings for the user.
     pub fn warnings(&self) -> Vec<String> {
         let told = [
             (self.points_and_lines, "points or lines, which beams don't hit: left out"),

@@ -1,15 +1,17 @@
-//! glTF 2.0 files to scenes. The only place that knows glTF.
+//! Loads glTF 2.0 files as scenes. No other module knows glTF.
 //!
 //! ```text
-//! files     what may be opened; GLB; URIs
+//! options   which scene of a file to load, and how
+//! files     which files may be opened; GLB; URIs
 //! document  the JSON; versions and extensions
-//! data      buffers, views, accessors, every size checked       meshopt  compressed views
-//! mesh      primitives to triangles; morph targets; skins
-//! nodes     the hierarchy to placements and labels
+//! data      buffers, views and accessors, with every size checked       meshopt  compressed views
+//! mesh      primitives, morph targets and skins to triangles
+//! nodes     the hierarchy to instances and labels
+//! fault     errors
 //! ```
 //!
-//! Files are taken for hostile: nothing outside the scene's folder is opened, nothing is allocated or walked through on
-//! the word of the file alone, and every index is checked where it is used.
+//! Files are treated as hostile: nothing outside the scene's folder is opened, nothing is allocated or iterated on the word
+//! of the file alone, and every index is checked where it is used.
 
 mod data;
 mod document;
@@ -18,6 +20,7 @@ mod files;
 mod mesh;
 mod meshopt;
 mod nodes;
+mod options;
 #[cfg(test)]
 mod tests;
 
@@ -28,53 +31,46 @@ use std::path::Path;
 use data::Data;
 use document::Document;
 use fault::{Fault, counted, quoted};
-use nodes::{Hierarchy, Placements};
+use nodes::{Hierarchy, PlacedMeshes};
 
-use super::{Material, Scene, SceneBuildError, SceneBuilder};
+pub use options::Options;
+
+use super::arrangement::Scene;
+use super::build::{SceneBuildError, SceneBuilder};
+use super::material::Material;
 use crate::error::SceneError;
-use crate::frame::UpAxis;
 
-/// What to make of a file.
-#[derive(Clone, Copy, Debug)]
-pub struct Options<'a> {
-    /// Which of the file's scenes, by name. `None`: its default scene; the first, if it names none; all of its nodes, if
-    /// it has no scenes.
-    pub scene_name: Option<&'a str>,
-    /// Which of the file's axes is up in the world.
-    pub up: UpAxis,
-    /// Semantic labels by name of a node (and all below it) or of a material. A node's `extras.label` may name one too.
-    pub labels: &'a BTreeMap<String, u32>,
-}
-
-/// A scene, and what the user should know about how it was read.
+/// A scene, and warnings about how it was read.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
-    /// One sentence each. Nothing in them keeps the scene from being used.
+    /// One sentence each. The scene can be used in spite of them.
     pub warnings: Vec<String>,
 }
 
-/// Loads a `.gltf` or `.glb` file with the buffers it names. `display_name` is what [`Geometry::files`](super::Geometry::files) calls it.
+/// Loads a `.gltf` or `.glb` file with the buffers that it names. [`Geometry::files`](super::Geometry::files) calls the file
+/// `display_name`.
 ///
-/// Geometry is as glTF 2.0 defines it: all triangle modes, node transforms (composed in f64), sparse and normalised
-/// accessors, skins at the pose of their nodes, morph targets at their default weights, and the extensions
+/// The geometry is as glTF 2.0 defines it: all triangle modes, node transforms (composed in f64), sparse and normalised
+/// accessors, skins in the pose of their nodes, morph targets at their default weights, and the extensions
 /// KHR_mesh_quantization, EXT_meshopt_compression, KHR_meshopt_compression, EXT_mesh_gpu_instancing and
-/// KHR_node_visibility. Points and lines are left out. Images are not read.
+/// KHR_node_visibility. Points and lines are left out. Images and animations are not read.
 ///
 /// # Errors
-/// A [`SceneError`] about `path` that names the element: the file can't be read, is no glTF 2.0, needs an extension
-/// that is unknown, contradicts itself, or has no triangles. No file causes a panic, and none makes this function open
+/// A [`SceneError`] about `path` that names the element: the file cannot be read, is no glTF 2.0, needs an unknown
+/// extension, contradicts itself, or has no triangles. No file causes a panic, and no file makes this function open
 /// anything outside the folder of `path`.
 pub fn load(path: &Path, display_name: &str, options: &Options) -> Result<Loaded, SceneError> {
-    // The last line of defence, not the first: nothing in here is known to panic.
+    // Nothing in here is known to panic. This is the last line of defence, not the first.
     catch_unwind(AssertUnwindSafe(|| read_and_build(path, display_name, options)))
         .unwrap_or_else(|_| Err(Fault::new("", "the reader failed on it; this is an error in beamcast")))
-        .map_err(|Fault { element, problem, help }| SceneError {
+        .map_err(|Fault { element, problem, help, source }| SceneError {
             path: path.to_path_buf(),
             element,
             problem,
             help,
+            source,
         })
 }
 
@@ -97,12 +93,12 @@ fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<
     Ok(Loaded { scene, warnings })
 }
 
-/// A file's content, its bytes no longer needed.
+/// The content of a file, which no longer needs its bytes.
 struct Read<F> {
     builder: SceneBuilder,
     /// Names the node of an instance.
     instance_elements: F,
-    /// Warnings about what was left out.
+    /// Warnings about the primitives that were left out.
     left_out: Vec<String>,
 }
 
@@ -112,40 +108,36 @@ fn read(
     options: &Options,
     warnings: &mut Vec<String>,
 ) -> Result<Read<impl Fn(usize) -> String + use<>>, Fault> {
-    let file = files::read_whole(path).map_err(|problem| Fault::new("", problem))?;
-    let folder = path.canonicalize().ok().and_then(|path| path.parent().map(Path::to_path_buf));
-    let folder = folder.ok_or_else(|| Fault::new("", "its folder can't be found"))?;
+    let file = files::read(path, |_| Ok(()))?;
+    let canonical = path.canonicalize().map_err(Fault::io)?;
+    let folder = canonical.parent().ok_or_else(|| Fault::new("", "it is in no folder"))?;
     if file.is_empty() {
         return Err(Fault::new("", "the file is empty"));
     }
     let (text, chunk) = files::split_glb(&file, warnings)?.unwrap_or((&file, None));
     let document = Document::parse(text)?;
 
-    let data = Data::new(&document, chunk, &folder, file.len() as u64);
+    let data = Data::new(&document, chunk, folder, file.len() as u64);
     let hierarchy = Hierarchy::new(&document, warnings)?;
     let scene = nodes::choose_scene(&document, options.scene_name)?;
-    let placements = nodes::place(&document, &data, &hierarchy, scene, options, warnings)?;
-    if placements.instances.is_empty() {
-        return Err(nothing_to_hit(&document, scene, &placements));
+    let placed = nodes::place(&document, &data, &hierarchy, scene, options, warnings)?;
+    if placed.instances.is_empty() {
+        return Err(nothing_to_hit(&document, scene, &placed));
     }
     warn_of_unknown_labels(&document, options.labels, warnings);
 
     let mut materials: Vec<_> = document.materials.iter().map(|m| material(m, options)).collect();
-    if placements.uses_default_material {
+    if placed.uses_default_material {
         materials.push(Material::default());
     }
-    let left_out = placements.left_out.warnings();
+    let left_out = placed.left_out.warnings();
     let mut sources = vec![files::source_file(display_name, &file)];
     sources.extend(data.into_files());
-    let builder = SceneBuilder {
-        meshes: placements.meshes,
-        instances: placements.instances,
-        materials,
-        files: sources,
-    };
+    let builder =
+        SceneBuilder { meshes: placed.meshes, instances: placed.instances, materials, files: sources };
     let labels: BTreeMap<u32, String> =
-        placements.nodes.iter().map(|&node| (node, document.node_label(node))).collect();
-    let nodes = placements.nodes;
+        placed.nodes.iter().map(|&node| (node, document.node_label(node))).collect();
+    let nodes = placed.nodes;
     let instance_elements = move |instance: usize| labels.get(&nodes[instance]).cloned().unwrap_or_default();
     Ok(Read { builder, instance_elements, left_out })
 }
@@ -163,10 +155,11 @@ fn material(material: &document::Material, options: &Options) -> Material {
     }
 }
 
-fn nothing_to_hit(document: &Document, scene: Option<u32>, placements: &Placements) -> Fault {
+/// The error that the scene has no mesh with triangles.
+fn nothing_to_hit(document: &Document, scene: Option<u32>, placed: &PlacedMeshes) -> Fault {
     let element = scene.map_or(String::new(), |index| document.scene_label(index));
     let place = if scene.is_some() { "the scene" } else { "the file" };
-    let Placements { left_out, visited, .. } = placements;
+    let PlacedMeshes { left_out, visited, .. } = placed;
     let found = if left_out.points_and_lines > 0 {
         "has only points and lines".to_owned()
     } else if left_out.without_positions > 0 {
@@ -191,6 +184,7 @@ fn nothing_to_hit(document: &Document, scene: Option<u32>, placements: &Placemen
     Fault::new(element, format!("{place} {found}")).help(help)
 }
 
+/// Warns of the job's labels that no node, material or `extras.label` has.
 fn warn_of_unknown_labels(document: &Document, labels: &BTreeMap<String, u32>, warnings: &mut Vec<String>) {
     let nodes = document.nodes.iter().filter_map(|node| node.name.as_deref());
     let names: BTreeSet<&str> =

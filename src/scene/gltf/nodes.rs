@@ -1,17 +1,18 @@
-//! Nodes to placements: the hierarchy, its transforms, what is visible, what is labelled.
+//! Reads nodes as instances of meshes: the hierarchy and its transforms, visibility and labels.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use gltf_json::accessor::{ComponentType, Type};
 
-use super::Options;
 use super::data::{Data, Layout};
 use super::document::{Document, Node};
 use super::fault::{Fault, counted, missing, quoted};
 use super::mesh::{LeftOut, MeshReader, Pose, SkinPose};
+use super::options::Options;
 use crate::scene::arrangement::{crushes_to_a_line, is_invertible};
-use crate::scene::{Object, SourceInstance, SourceMesh};
+use crate::scene::build::{SourceInstance, SourceMesh};
+use crate::scene::geometry::Object;
 
 use ComponentType::{F32, I8, I16};
 
@@ -20,21 +21,21 @@ const ROTATION: Layout =
     Layout { purpose: "ROTATION", kind: Type::Vec4, components: &[(F32, false), (I8, true), (I16, true)] };
 const SCALE: Layout = Layout { purpose: "SCALE", ..TRANSLATION };
 
-/// How far a quaternion's length may be from 1 before it is remarked on: that of one in 8-bit integers is at most
-/// √4 / 254 off.
+/// The largest deviation of a quaternion's length from 1 that causes no warning. The four components of a quaternion in 8-bit
+/// integers are each off by at most 1/254, so its length is off by at most √4 / 254 = 0.008.
 const QUATERNION_TOLERANCE: f64 = 0.01;
 
-/// The parents of all nodes and where they stand.
+/// The parents and the places of all nodes.
 pub(super) struct Hierarchy {
-    /// Of each node; roots have none.
+    /// The parent of each node; roots have none.
     parents: Vec<Option<u32>>,
-    /// Of each node, in glTF's axes.
+    /// The map of each node to the world, in glTF's axes.
     pub world_from_node: Vec<DAffine3>,
 }
 
 impl Hierarchy {
-    /// Checks that the nodes are trees and composes their transforms. Takes time in proportion to the nodes, however
-    /// deep they are.
+    /// Checks that the nodes form trees and composes their transforms. It takes time in proportion to the number of nodes,
+    /// however deep the trees are.
     pub fn new(document: &Document, warnings: &mut Vec<String>) -> Result<Self, Fault> {
         let nodes = &document.nodes;
         let mut parents: Vec<Option<u32>> = vec![None; nodes.len()];
@@ -76,7 +77,7 @@ impl Hierarchy {
             stack.extend(&node.children);
         }
         if let Some(index) = reached.iter().position(|reached| !reached) {
-            // It has a parent, that one too, and so on: the way up from it ends in a cycle.
+            // The node has a parent, which has a parent, and so on, so the way up from it ends in a cycle.
             let mut seen = BTreeSet::new();
             let mut at = index as u32;
             while let Some(parent) = hierarchy.parents[at as usize].filter(|_| seen.insert(at)) {
@@ -101,7 +102,7 @@ impl Hierarchy {
 
 fn local_transform(node: &Node, odd_rotations: &mut u64) -> Result<DAffine3, Fault> {
     if let Some(m) = &node.matrix {
-        // glTF has matrices beside translation, rotation and scale in no valid file; the matrix then is the whole.
+        // A valid file has no matrix beside a translation, rotation or scale. Where a file has both, the matrix counts.
         if [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0] {
             let problem = format!("the last row of its matrix is {:?}", [m[3], m[7], m[11], m[15]]);
             return Err(Fault::new("", problem).help("[0, 0, 0, 1]; matrices are written column by column"));
@@ -122,7 +123,7 @@ fn local_transform(node: &Node, odd_rotations: &mut u64) -> Result<DAffine3, Fau
     ))
 }
 
-/// The quaternion with a length of 1, and whether that was far from so.
+/// The quaternion, normalised, and whether its length was far from 1.
 fn unit(xyzw: [f64; 4]) -> Result<(DQuat, bool), Fault> {
     let q = DQuat::from_array(xyzw);
     let length = q.length();
@@ -130,12 +131,12 @@ fn unit(xyzw: [f64; 4]) -> Result<(DQuat, bool), Fault> {
         let problem = format!("its rotation {xyzw:?} is no rotation");
         return Err(Fault::new("", problem).help("a quaternion [x, y, z, w] of length 1"));
     }
-    // Divided only where it matters: [0, 0, 0, 1] and the like stay exact.
+    // A quaternion of length 1, such as [0, 0, 0, 1], stays exact.
     let exact = if length == 1.0 { q } else { q / length };
     Ok((exact, (length - 1.0).abs() > QUATERNION_TOLERANCE))
 }
 
-/// The index of the scene that is asked for; `None` if the file has none.
+/// The index of the scene called `name`, or of the default scene; `None` if the file has no scenes.
 pub(super) fn choose_scene(document: &Document, name: Option<&str>) -> Result<Option<u32>, Fault> {
     let scenes = &document.scenes;
     let Some(name) = name else {
@@ -164,36 +165,36 @@ pub(super) fn choose_scene(document: &Document, name: Option<&str>) -> Result<Op
     Err(fault.help(format!("{meant}the file has {}{more}", shown.join(", "))))
 }
 
-/// The name most like `name`, if one is like it.
+/// The name most similar to `name`, if one is similar enough.
 pub(super) fn similar<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
     const ALIKE: f64 = 0.8;
     let scored = names.map(|other| (strsim::jaro_winkler(name, other), other));
     scored.filter(|(score, _)| *score > ALIKE).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, other)| other)
 }
 
-/// What the walk through a scene's nodes finds.
-pub(super) struct Placements {
+/// The meshes and instances that the traversal of a scene's nodes finds.
+pub(super) struct PlacedMeshes {
     pub meshes: Vec<SourceMesh>,
     pub instances: Vec<SourceInstance>,
-    /// The node of each of `instances`.
+    /// The node of each instance.
     pub nodes: Vec<u32>,
-    /// Nodes that were seen, visible or not.
+    /// The number of nodes that were visited, visible or not.
     pub visited: u64,
-    /// What was not read.
+    /// The primitives that were left out.
     pub left_out: LeftOut,
     /// Whether a primitive has no material.
     pub uses_default_material: bool,
 }
 
-/// What a node has of its ancestors.
+/// The labels that a node inherits.
 #[derive(Clone, Copy, Default)]
 struct Labels {
     job: Option<u32>,
     file: Option<u32>,
 }
 
-/// Walks through the nodes of a scene (of the file, if it has no scenes), depth first, and reads the meshes they have.
-struct Walk<'d, 'a, 'o> {
+/// Traverses the nodes of a scene (of the file, if it has no scenes) depth first and reads their meshes.
+struct Traversal<'d, 'a, 'o> {
     document: &'d Document,
     data: &'d Data<'a>,
     hierarchy: &'d Hierarchy,
@@ -204,13 +205,13 @@ struct Walk<'d, 'a, 'o> {
     instances: Vec<SourceInstance>,
     nodes: Vec<u32>,
     visited: u64,
-    /// Values of `extras.label` that were warned of.
+    /// The values of `extras.label` that were warned of.
     strange_labels: BTreeSet<String>,
-    /// Meshes that were read, by index and the node's own morph weights (their bits).
+    /// The meshes that were read, by index and the bits of the node's own morph weights.
     known: BTreeMap<(u32, Option<Vec<u64>>), usize>,
 }
 
-/// Places what the nodes below the roots of `scene` have, in document order.
+/// Reads the meshes of the nodes below the roots of `scene`, and places them in document order.
 pub(super) fn place(
     document: &Document,
     data: &Data,
@@ -218,8 +219,8 @@ pub(super) fn place(
     scene: Option<u32>,
     options: &Options,
     warnings: &mut Vec<String>,
-) -> Result<Placements, Fault> {
-    let mut walk = Walk {
+) -> Result<PlacedMeshes, Fault> {
+    let mut traversal = Traversal {
         document,
         data,
         hierarchy,
@@ -233,18 +234,18 @@ pub(super) fn place(
         strange_labels: BTreeSet::new(),
         known: BTreeMap::new(),
     };
-    walk.run(scene)?;
-    Ok(Placements {
-        meshes: walk.meshes,
-        instances: walk.instances,
-        nodes: walk.nodes,
-        visited: walk.visited,
-        left_out: walk.reader.left_out,
-        uses_default_material: walk.reader.uses_default_material,
+    traversal.run(scene)?;
+    Ok(PlacedMeshes {
+        meshes: traversal.meshes,
+        instances: traversal.instances,
+        nodes: traversal.nodes,
+        visited: traversal.visited,
+        left_out: traversal.reader.left_out,
+        uses_default_material: traversal.reader.uses_default_material,
     })
 }
 
-impl Walk<'_, '_, '_> {
+impl Traversal<'_, '_, '_> {
     fn run(&mut self, scene: Option<u32>) -> Result<(), Fault> {
         let roots = match scene {
             None => self.hierarchy.roots().collect(),
@@ -298,9 +299,9 @@ impl Walk<'_, '_, '_> {
         Labels { job: by_name.or(inherited.job), file: self.extras_label(index, node).or(inherited.file) }
     }
 
-    /// `extras.label` of a node: an integer, or a name that the job gives one.
+    /// `extras.label` of a node: an integer, or a name that the job maps to one.
     fn extras_label(&mut self, index: u32, node: &Node) -> Option<u32> {
-        // Most extras hold other things.
+        // Most extras hold other keys, and are not worth parsing.
         let extras = node.extras.as_ref().filter(|extras| extras.get().contains("\"label\""))?;
         let extras: serde_json::Value = serde_json::from_str(extras.get()).ok()?;
         let label = extras.get("label")?;
@@ -367,14 +368,14 @@ impl Walk<'_, '_, '_> {
             return Err(Fault::new("", "its place in the world is not finite")
                 .help("the transforms of it and its ancestors multiply to more than f64 can hold"));
         }
-        // A placement, and what of it stays in the scene.
+        // The instance, and its object, which stays in the scene.
         self.data.spend(1, 2 * size_of::<SourceInstance>() + object.name.len())?;
         let source = &self.meshes[mesh];
         if source.parts.is_empty() {
             return Ok(());
         }
         if !is_invertible(&gltf_from_mesh) && !crushes_to_a_line(&gltf_from_mesh) {
-            // The builder can't share it; it stores it each time.
+            // The builder cannot share the mesh, so it stores the mesh for each such instance.
             let triangles = source.parts.iter().map(|part| part.triangles.len()).sum();
             self.data.spend(source.positions.len(), size_of::<[f32; 3]>())?;
             self.data.spend(triangles, size_of::<[u32; 3]>())?;
@@ -390,7 +391,7 @@ impl Walk<'_, '_, '_> {
     }
 }
 
-/// The transforms of EXT_mesh_gpu_instancing, in order.
+/// The transforms of the instances of EXT_mesh_gpu_instancing, in order.
 fn instances<'b>(
     data: &'b Data,
     attributes: &BTreeMap<String, u32>,

@@ -1,4 +1,4 @@
-//! The loader as a whole, on small files made here.
+//! Tests of the loader as a whole, on small files made here.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -18,7 +18,7 @@ const USHORT: u32 = 5123;
 const UINT: u32 = 5125;
 const FLOAT: u32 = 5126;
 
-/// A glTF file in the making. Its only buffer is written as a data: URI.
+/// A glTF file that a test makes. Its only buffer is written as a data: URI.
 struct Asset {
     json: Value,
     data: Vec<u8>,
@@ -62,7 +62,7 @@ impl Asset {
         self.accessor("SCALAR", USHORT, indices.len(), &bytes)
     }
 
-    /// A mesh of one primitive.
+    /// Adds a mesh of one primitive.
     fn mesh(&mut self, primitive: Value) -> usize {
         self.push("meshes", json!({ "primitives": [primitive] }))
     }
@@ -105,7 +105,7 @@ const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0
 
 static NO_LABELS: BTreeMap<String, u32> = BTreeMap::new();
 
-/// glTF's own axes, so that positions can be compared as they are written.
+/// Options that keep glTF's own axes, so that positions can be compared as they are written.
 fn plain() -> Options<'static> {
     Options { scene_name: None, up: UpAxis::Y, labels: &NO_LABELS }
 }
@@ -117,7 +117,7 @@ fn load_bytes(bytes: &[u8], options: &Options) -> Result<Loaded, SceneError> {
     load(&path, "scene.gltf", options)
 }
 
-/// All triangles as they stand in the world, in the order of their ids.
+/// The corners of all triangles in the world, in the order of their ids.
 fn world(loaded: &Loaded) -> Vec<[DVec3; 3]> {
     let scene = &loaded.scene;
     let mut triangles = Vec::new();
@@ -159,7 +159,7 @@ fn a_triangle_in_both_frames() {
 
 #[test]
 fn modes_and_their_winding() {
-    // Corners of a strip in the plane z = 0; all of its triangles face +z.
+    // The corners of a strip in the plane z = 0. All of its triangles face +z.
     let zigzag: [[f32; 3]; 5] =
         [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 2.0, 0.0]];
     let ring: [[f32; 3]; 5] =
@@ -205,7 +205,7 @@ fn index_types() {
         let indices = asset.accessor("SCALAR", component, 3, &bytes);
         asset.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
         close(&world(&asset.load()), &[UNIT], 0.0);
-        // The largest integer of each type is not an index, however many vertices there are.
+        // The largest integer of each type is not an index, however many vertices the primitive has.
         let last = bytes.len() - bytes.len() / 3;
         let end = asset.data.len();
         asset.data[end - bytes.len() + last..].fill(255);
@@ -228,7 +228,7 @@ fn interleaved_and_offset() {
         corner.iter().for_each(|c| bytes.extend(c.to_le_bytes()));
         bytes.extend([7; 8]);
     }
-    bytes.truncate(8 + 2 * 20 + 12); // the last element needs no full stride
+    bytes.truncate(8 + 2 * 20 + 12); // The last element needs no full stride.
     let view = asset.view(&bytes);
     asset.json["bufferViews"][view]["byteStride"] = json!(20);
     asset.json["accessors"][0]["bufferView"] = json!(view);
@@ -283,7 +283,7 @@ fn sparse_accessors() {
         "values": { "bufferView": values },
     });
     close(&world(&asset.load()), &[[[5.0; 3], [1.0, 0.0, 0.0], [0.0, 3.0, 0.0]]], 0.0);
-    // Without a view, what is not overridden is zero.
+    // Without a view, elements that are not overridden are zero.
     asset.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
     close(&world(&asset.load()), &[[[5.0; 3], [0.0; 3], [0.0, 3.0, 0.0]]], 0.0);
 
@@ -324,10 +324,10 @@ fn primitives_share_and_compact_their_vertices() {
     assert_eq!(triangles.len(), 1 + 200 + 1);
     close(&triangles[..1], &[UNIT], 0.0);
     close(&triangles[201..], &[unit_at(5.0, 0.0, 0.0)], 0.0);
-    // Three for the first mesh, the accessor once for the second.
+    // The first mesh stores three vertices, the second the accessor once.
     assert_eq!(loaded.scene.geometry.meshes[0].positions.len(), 1003);
 
-    // Unused vertices may be anything, used ones not; in both ways of storing them.
+    // Unused vertices may be anything, but used ones must be finite, in both ways of storing them.
     for (at, mesh) in [(0, sparse), (1, shared)] {
         let mut broken = Asset { json: asset.json.clone(), data: asset.data.clone() };
         broken.json["nodes"].as_array_mut().unwrap().remove(1 - at);
@@ -485,7 +485,7 @@ fn instancing() {
     let mut asset = Asset::triangle();
     let translations = asset.floats("VEC3", &[[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]]);
     let scales = asset.floats("VEC3", &[[1.0; 3], [2.0; 3], [1.0; 3]]);
-    // A quarter turn about z in normalised integers; the last is not turned.
+    // The rotations are quarter turns about z in normalised integers; the last instance is not turned.
     let turn = (0.5_f64.sqrt() * 32767.0).round() as i16;
     let rotations: Vec<u8> =
         [0, 0, 0, 32767, 0, 0, turn, turn, 0, 0, 0, 32767_i16].iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -527,11 +527,11 @@ fn skins_take_the_pose_of_their_joints() {
     asset.json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = json!(weights);
     let far = 5_000_000.25;
     asset.json["nodes"] = json!([
-        { "mesh": 0, "skin": 0, "translation": [77, 77, 77] }, // which has no effect
+        { "mesh": 0, "skin": 0, "translation": [77, 77, 77] }, // This translation has no effect.
         { "children": [2], "translation": [far, 0, 0] },
         { "translation": [1, 0, 5] },
     ]);
-    // The first vertex goes with joint 0, the second with joint 1 (moved by 5 along z), the third a fifth and four.
+    // The first vertex moves with joint 0, the second with joint 1 (moved by 5 along z), the third by a fifth and four fifths.
     let expected = [[far, 0.0, 0.0], [far + 1.0, 0.0, 5.0], [far, 1.0, 4.0]];
     close(&world(&asset.load()), &[expected], 1e-6);
 
@@ -635,7 +635,7 @@ fn materials() {
         { "extensions": { "KHR_materials_pbrSpecularGlossiness": { "diffuseFactor": [0.1, 0.2, 0.3, 0.4] } } },
         { "pbrMetallicRoughness": { "baseColorFactor": [7, -1, 1e39, 1] } },
     ]);
-    // A texture that does not exist is none of geometry's business.
+    // A texture that does not exist does not keep the geometry from loading.
     asset.json["textures"] = json!("nonsense");
     asset.json["images"] = json!([{ "uri": "/etc/passwd" }]);
     let second = asset.json["meshes"][0]["primitives"][0].clone();
@@ -655,7 +655,7 @@ fn materials() {
 
 #[test]
 fn meshopt_with_a_fallback_buffer_that_is_not_there() {
-    // The indices of 4 × 4 quads of 2 triangles; the decoder's own tests say where the stream is from.
+    // The indices of 4 × 4 quads of 2 triangles each. The decoder's own tests say where the stream is from.
     let stream = "e1fe1e100e100e100ece1e160e150e140ece1e140e140e140ece1e140e140e140e0f0a007687566778a9866589689801690000";
     let stream: Vec<u8> =
         (0..stream.len()).step_by(2).map(|at| u8::from_str_radix(&stream[at..at + 2], 16).unwrap()).collect();

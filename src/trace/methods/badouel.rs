@@ -1,12 +1,13 @@
 //! D. Badouel, "An Efficient Ray-Polygon Intersection", Graphics Gems, 1990.
 //!
-//! t = N·(A−o) / (N·d) and P = o + t·d; then the axis along which |N| is largest is dropped, and with (a0, b0) = P−A,
-//! (a1, b1) = B−A and (a2, b2) = C−A on the two that are kept, a0 = u·a1 + v·a2 and b0 = u·b1 + v·b2 are solved for u and
-//! v. Inside when u ≥ 0, v ≥ 0, u+v ≤ 1.
+//! First t = N·(A−o) / (N·d) and P = o + t·d. Then the axis along which |N| is largest is dropped, and with (a0, b0) = P−A,
+//! (a1, b1) = B−A and (a2, b2) = C−A on the two axes that are kept, a0 = u·a1 + v·a2 and b0 = u·b1 + v·b2 are solved for u
+//! and v. P is inside when u ≥ 0, v ≥ 0 and u+v ≤ 1.
 //!
-//! Departs from the book in solving by Cramer's rule without its case distinction on a1 = 0, the determinant being ±N's
-//! largest component, which is not zero. A widely copied rendering of its code takes the cross product of two corners for
-//! the normal, chooses the axis by signed components and mixes the two kept axes in one difference.
+//! This code departs from the book in that it solves by Cramer's rule, without the book's case distinction on a1 = 0: the
+//! determinant is ± the largest component of N, which is not zero. A widely copied rendering of the book's code takes the
+//! cross product of two corners for the normal, chooses the axis by signed components, and mixes the two kept axes in one
+//! difference.
 
 use glam::Vec3;
 
@@ -16,7 +17,7 @@ use super::kernel::{About, Axes, Crossing, Culling, Edges, Kernel, Ray, depth};
 #[derive(Debug)]
 pub struct Badouel;
 
-/// The corners, their normal and which axes to keep.
+/// The corners, their normal and the axes that are kept.
 #[derive(Clone, Copy, Debug)]
 pub struct Triangle {
     corners: [Vec3; 3],

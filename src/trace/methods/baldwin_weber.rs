@@ -1,12 +1,12 @@
 //! D. Baldwin and M. Weber, "Fast Ray-Triangle Intersections by Coordinate Transformation", Journal of Computer Graphics
 //! Techniques 5(3), 2016.
 //!
-//! An affine map takes A, B and C to (0, 0), (1, 0) and (0, 1) of a plane, and the plane of the triangle to w = 0: applied
-//! to the ray it gives t = −w(o) / w(d), and applied to o + t·d it gives u and v. Its third axis is free, and is taken
-//! along the largest component of N (say x): then w = x + (N_y/N_x)·y + (N_z/N_x)·z − N·A/N_x, and u and v do not depend on
-//! x: u = ((y−A_y)·e2_z − (z−A_z)·e2_y) / N_x, v = ((z−A_z)·e1_y − (y−A_y)·e1_z) / N_x. Nine numbers and the axis's name.
+//! An affine map takes A, B and C to (0, 0), (1, 0) and (0, 1) of a plane, and the plane of the triangle to w = 0. Applied to
+//! the ray it gives t = −w(o) / w(d); applied to o + t·d it gives u and v. Its third axis is free, and is taken along the
+//! largest component of N (say x): then w = x + (N_y/N_x)·y + (N_z/N_x)·z − N·A/N_x, and u and v do not depend on x:
+//! u = ((y−A_y)·e2_z − (z−A_z)·e2_y) / N_x, v = ((z−A_z)·e1_y − (y−A_y)·e1_z) / N_x. The map is nine numbers and the axis.
 //!
-//! As in the paper; inside when u ≥ 0, v ≥ 0, u+v ≤ 1.
+//! This code follows the paper. The point is inside when u ≥ 0, v ≥ 0 and u+v ≤ 1.
 
 use glam::Vec3;
 
@@ -16,7 +16,7 @@ use super::kernel::{About, Axes, Crossing, Culling, Edges, Kernel, Ray, depth};
 #[derive(Debug)]
 pub struct BaldwinWeber;
 
-/// The map: of each row what y, z and 1 are multiplied with.
+/// The map: the factors of y, z and 1 in each row.
 #[derive(Clone, Copy, Debug)]
 pub struct Map {
     u: Vec3,
@@ -41,7 +41,7 @@ impl Kernel for BaldwinWeber {
         let n = e1.cross(e2);
         let axes = Axes::around_largest(n);
         let largest = axes.dropped(n);
-        // Without an area (in f32's reach) nothing is inside: NaN fails every test.
+        // A triangle without an area, as far as f32 can tell, has no inside: NaN fails every test.
         let scale = if largest.is_normal() { 1.0 / largest } else { f32::NAN };
         let (corner, e1, e2, n) =
             (axes.keep(a), axes.keep(e1) * scale, axes.keep(e2) * scale, axes.keep(n) * scale);

@@ -1,12 +1,12 @@
 //! Plane, edge cross products, area ratios: B. Curless, "Ray-triangle intersection" (course handout, University of
 //! Washington, 2006).
 //!
-//! With n = (B−A) × (C−A) and the ray P + t·d:
-//! t = (n·A − n·P) / (n·d), Q = P + t·d; inside when [(B−A)×(Q−A)]·n, [(C−B)×(Q−B)]·n and [(A−C)×(Q−C)]·n are all ≥ 0;
-//! the same three over n·n are the weights γ, α and β.
+//! With n = (B−A) × (C−A) and the ray P + t·d: t = (n·A − n·P) / (n·d) and Q = P + t·d. Q is inside when
+//! [(B−A)×(Q−A)]·n, [(C−B)×(Q−B)]·n and [(A−C)×(Q−C)]·n are all ≥ 0. The same three numbers divided by n·n are the weights γ,
+//! α and β.
 //!
-//! Departs from the handout in that n is not normalised, which the handout allows. n·A − n·P is kept as printed; it costs
-//! accuracy in proportion to the distance from the frame's origin, where n·(A−P) would not.
+//! This code departs from the handout in that n is not normalised, which the handout allows. n·A − n·P is kept as printed. It
+//! costs accuracy in proportion to the distance from the frame's origin, which n·(A−P) would not.
 
 use glam::Vec3;
 

@@ -1,9 +1,9 @@
-//! Formulas that are in circulation with a mistake: what is printed fails, what stands in its place holds. In f64, against
-//! the solution of o + t·d = A + u·e1 + v·e2 by determinants.
+//! Formulas that are in circulation with a mistake. Each test shows that the printed formula fails and that the corrected one
+//! holds, in f64, against the solution of o + t·d = A + u·e1 + v·e2 by determinants.
 
 use glam::DVec3;
 
-/// A triangle and a ray through its inside, with what is true of them.
+/// A triangle and a ray through its inside, with the true depth and weights.
 struct Case {
     a: DVec3,
     b: DVec3,
@@ -23,7 +23,7 @@ const CASES: usize = 2000;
 fn cases() -> Vec<Case> {
     let mut state = 1_u64;
     let mut signed = || {
-        // Knuth's MMIX generator; its high bits.
+        // The high bits of Knuth's MMIX generator.
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     };
@@ -36,7 +36,7 @@ fn cases() -> Vec<Case> {
         let (u, v) = (0.25 + 0.2 * signed(), 0.25 + 0.2 * signed());
         let t = 1.5 + 0.5 * signed();
         let d = (a + e1 * u + e2 * v - o) / t;
-        // Not nearly in the plane, and not nearly without an area.
+        // Rays nearly in the plane and triangles nearly without an area are left out.
         if n.dot(d).abs() > 0.05 * d.length() {
             cases.push(Case { a, b, c, e1, e2, n, o, d, t, u, v });
         }
@@ -101,7 +101,7 @@ fn moller_trumbore_an_absolute_epsilon_refuses_small_triangles() {
     use super::{Method, Ray};
     use glam::Vec3;
 
-    // A target of a millimetre, squarely in front.
+    // The target is a millimetre large and squarely in front.
     let corners = [Vec3::new(0.0, 0.0, 5.0), Vec3::new(1e-3, 0.0, 5.0), Vec3::new(0.0, 1e-3, 5.0)];
     let ray = Ray { origin: Vec3::new(2e-4, 2e-4, 0.0), direction: Vec3::Z };
     let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
@@ -145,7 +145,7 @@ fn sunday_a_denominator_is_always_zero() {
 
 #[test]
 fn sunday_without_an_area_there_is_no_denominator() {
-    // Corners on one line: said to leave the denominators nonzero.
+    // The tutorial says that corners on one line leave the denominators nonzero.
     let (e1, e2) = (DVec3::new(1.0, 2.0, -1.0), DVec3::new(3.0, 6.0, -3.0));
     assert_eq!(e1.dot(e2) * e1.dot(e2) - e1.dot(e1) * e2.dot(e2), 0.0);
     let n = e1.cross(e2);
@@ -161,7 +161,7 @@ fn badouel_the_normal_is_of_edges_not_of_corners() {
 
 #[test]
 fn badouel_each_difference_is_along_one_axis() {
-    // Axes 0 and 1 kept.
+    // Axes 0 and 1 are kept.
     let solve = |c: &Case, [b1, b2]: [f64; 2]| {
         let (a0, b0) = (c.p().x - c.a.x, c.p().y - c.a.y);
         let (a1, a2) = (c.b.x - c.a.x, c.c.x - c.a.x);
@@ -169,7 +169,7 @@ fn badouel_each_difference_is_along_one_axis() {
     };
     let printed = |c: &Case| solve(c, [c.b.x - c.a.y, c.c.x - c.a.y]);
     let correct = |c: &Case| solve(c, [c.b.y - c.a.y, c.c.y - c.a.y]);
-    // Where the projection along z has an area.
+    // The projection along z must have an area.
     let projects = |c: &Case| c.n.z.abs() > 0.01;
     assert_eq!(count(|c| projects(c) && holds(printed(c), c.u)), 0, "v2[i1] − v1[i2], as printed");
     assert_eq!(count(|c| projects(c) && !holds(correct(c), c.u)), 0);
@@ -178,7 +178,8 @@ fn badouel_each_difference_is_along_one_axis() {
 
 #[test]
 fn badouel_the_axis_is_that_of_the_largest_magnitude() {
-    // By signed components, as printed, the largest of (−1, 0, 0) is one of the zeros, and the projection has no area.
+    // By signed components, as printed, the largest component of (−1, 0, 0) is one of the zeros, and the projection has no
+    // area.
     let n = DVec3::new(-1.0, 0.0, 0.0);
     let printed = if n.x > n.y && n.x > n.z {
         0
@@ -193,7 +194,7 @@ fn badouel_the_axis_is_that_of_the_largest_magnitude() {
 
 #[test]
 fn segura_feito_the_three_signs_go_round_one_way() {
-    // d·(v1×v3), d·(v1×v2), d·(v2×v3) > 0, as printed, of rays through the inside.
+    // The printed test, d·(v1×v3), d·(v1×v2), d·(v2×v3) > 0, for rays through the inside.
     let one_sign = |s: [f64; 3]| s.iter().all(|&x| x > 0.0) || s.iter().all(|&x| x < 0.0);
     let printed = |c: &Case| {
         let [ea, eb, ec] = c.volumes();
@@ -215,7 +216,7 @@ fn segura_feito_zeros_are_inside() {
 
 #[test]
 fn segura_feito_the_volumes_are_the_weights() {
-    // Said not to give barycentric coordinates.
+    // The tutorial says that the method does not give barycentric coordinates.
     let weights = |c: &Case| {
         let [ea, eb, ec] = c.volumes();
         (eb / (ea + eb + ec), ec / (ea + eb + ec))

@@ -1,10 +1,10 @@
 //! M. Held, "ERIT: A Collection of Efficient and Reliable Intersection Tests", Journal of Graphics Tools 2(4), 1998.
 //!
-//! As in Badouel's method t = N·(A−o) / (N·d), P = o + t·d, and the axis along which |N| is largest is dropped. What is
-//! left is a point in a triangle of the plane: with the sign of the dropped component of N, the orientation of the
-//! projected triangle, the determinants det(B−A, P−A), det(C−B, P−B), det(A−C, P−C) must all be ≥ 0.
+//! As in Badouel's method t = N·(A−o) / (N·d), P = o + t·d, and the axis along which |N| is largest is dropped. The test is
+//! then that of a point against a triangle in a plane: times the sign of the dropped component of N, which is the orientation
+//! of the projected triangle, the determinants det(B−A, P−A), det(C−B, P−B) and det(A−C, P−C) must all be ≥ 0.
 //!
-//! The weights, which the paper has no use for, are the determinants over their sum.
+//! The weights, for which the paper has no use, are the determinants divided by their sum.
 
 use glam::Vec3;
 
@@ -14,7 +14,7 @@ use super::kernel::{About, Axes, Crossing, Culling, Edges, Kernel, Ray, depth};
 #[derive(Debug)]
 pub struct Held;
 
-/// The corners, their normal and which axes to keep.
+/// The corners, their normal and the axes that are kept.
 #[derive(Clone, Copy, Debug)]
 pub struct Triangle {
     corners: [Vec3; 3],
@@ -50,7 +50,7 @@ impl Kernel for Held {
         let p = axes.keep(ray.origin) + axes.keep(ray.direction) * t;
         let (a, b, c) = (axes.keep(a), axes.keep(b), axes.keep(c));
         let orientation = if axes.dropped(n) < 0.0 { -1.0 } else { 1.0 };
-        let is_left = |product: f32| product >= 0.0; // not for NaN
+        let is_left = |product: f32| product >= 0.0; // false for NaN
         let of_c = (b - a).perp_dot(p - a) * orientation;
         if !is_left(of_c) {
             return None;

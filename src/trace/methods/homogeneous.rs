@@ -3,10 +3,10 @@
 //!
 //! With N = (B−A) × (C−B), H = [N, −N·A] and the ray V + t·W: t = −H·[V, 1] / H·[W, 0], P = V + t·W. For each corner the
 //! vector in the plane that is perpendicular to the edge opposite, pA = N×(C−B), pB = N×(A−C), pC = N×(B−A), gives its
-//! weight: u = (P−B)·pA / (A−B)·pA, v = (P−C)·pB / (B−C)·pB, w = (P−A)·pC / (C−A)·pC. Inside when none is negative.
+//! weight: u = (P−B)·pA / (A−B)·pA, v = (P−C)·pB / (B−C)·pB, w = (P−A)·pC / (C−A)·pC. P is inside when none is negative.
 //!
-//! Departs from the notes in pB, which they first print as N×(A−B): that is perpendicular to the wrong edge, and the
-//! weight of B is then not 0 along CA. (Their own summary prints it right.) The three denominators are all N·N.
+//! This code departs from the notes in pB, which they first print as N×(A−B): that vector is perpendicular to the wrong edge,
+//! and the weight of B is then not 0 along CA. (Their own summary prints it right.) The three denominators are all N·N.
 
 use glam::Vec3;
 

@@ -1,7 +1,7 @@
 //! Plane and strict left-of-edge tests: a graphics course page, "Triangle intersection".
 //!
-//! With n = (b−a) × (c−b) and the ray e + t·d: t = (a−e)·n / (d·n), x = e + t·d. The walk around the corners must keep x
-//! on its left: (b−a)×(x−a)·n > 0, (c−b)×(x−b)·n > 0, (a−c)×(x−c)·n > 0.
+//! With n = (b−a) × (c−b) and the ray e + t·d: t = (a−e)·n / (d·n), x = e + t·d. A walk around the corners must keep x on
+//! its left: (b−a)×(x−a)·n > 0, (c−b)×(x−b)·n > 0, (a−c)×(x−c)·n > 0.
 //!
 //! The inequalities are strict: a ray through an edge that two triangles share hits neither. This method leaks by
 //! definition, not only by rounding. The page stops at the decision; the weights are the three products over n·n.
@@ -39,7 +39,7 @@ impl Kernel for LeftOfEdge {
         let along = ray.direction.dot(n);
         let t = depth((a - ray.origin).dot(n), along)?;
         let x = ray.at(t);
-        let is_left = |product: f32| product > 0.0; // not for NaN
+        let is_left = |product: f32| product > 0.0; // false for NaN
         let of_c = (b - a).cross(x - a).dot(n);
         if !is_left(of_c) {
             return None;

@@ -2,25 +2,25 @@
 //!
 //! o + t·d = A + u·e1 + v·e2 is solved by Cramer's rule: with p = d×e2, s = o−A, q = s×e1 and a = e1·p,
 //! u = s·p/a, v = d·q/a, t = e2·q/a. Divisions come last, after the tests on the undivided u′ = s·p and v′ = d·q:
-//! 0 ≤ u′, 0 ≤ v′, u′+v′ ≤ a for a front (a > 0), all mirrored for a back (a < 0).
+//! 0 ≤ u′, 0 ≤ v′ and u′+v′ ≤ a for a front (a > 0), and the mirrored tests for a back (a < 0).
 //!
-//! Departs from the paper's code in the test for a ray in the plane. There a must exceed a fixed epsilon, which rejects
-//! small triangles however they are hit (a is about the triangle's area, 10⁻⁶ and less for a target of a millimetre);
-//! here only a = 0 and what leaves f32 is a miss.
+//! This code departs from the paper's in the test for a ray in the plane. There a must exceed a fixed epsilon, which rejects
+//! small triangles however they are hit (a is about the triangle's area, 10⁻⁶ and less for a target of a millimetre); here
+//! only a = 0 and numbers that leave f32 are misses.
 
 use glam::Vec3;
 
 use super::kernel::{About, Crossing, Culling, Edges, Kernel, Ray, depth};
 
-/// See the [module](self). Sees both sides.
+/// See the [module](self). It sees both sides.
 #[derive(Debug)]
 pub struct MollerTrumbore;
 
-/// See the [module](self). Culls fronts: sees triangles only from behind.
+/// See the [module](self). It culls fronts: it sees triangles only from behind.
 #[derive(Debug)]
 pub struct MollerTrumboreFrontCulled;
 
-/// See the [module](self). Culls backs: sees triangles only from the front.
+/// See the [module](self). It culls backs: it sees triangles only from the front.
 #[derive(Debug)]
 pub struct MollerTrumboreBackCulled;
 

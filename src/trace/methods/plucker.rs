@@ -1,15 +1,15 @@
 //! Plücker coordinates: J. Plücker, 1865; for rays and triangles J. Amanatides and K. Choi, "Ray Tracing Triangular
 //! Meshes", 1997.
 //!
-//! A line through p along q−p is the pair (q−p, (q−p)×p); of two lines (U, V) and (U′, V′) the side, U·V′ + V·U′, tells on
-//! which side of the other each passes. With the ray (d, d×o) and the edges BC, CA and AB the three sides have one sign
-//! inside, and over their sum they are the weights of A, B and C. t = N·(A−o) / (N·d).
+//! A line through p along q−p is the pair (q−p, (q−p)×p). For two lines (U, V) and (U′, V′), the sign of U·V′ + V·U′ tells on
+//! which side of each other they pass. With the ray (d, d×o) and the edges BC, CA and AB, the three numbers have one sign
+//! where the ray passes inside, and divided by their sum they are the weights of A, B and C. t = N·(A−o) / (N·d).
 //!
-//! Each edge is worked out from its lesser corner to its greater (by x, then y, then z) and then turned to go around the
-//! triangle: so both triangles that share it get the same numbers but for the sign, and agree on which side of it a ray
-//! passes. They agree edge by edge only: of the sides of the edges that meet in a vertex each is rounded on its own, and
-//! all of them may say "outside". The coordinates are measured from the frame's origin, not from the ray's, so
-//! that they can be kept; the error grows with the product of the two distances.
+//! Each edge is computed from its lesser corner to its greater (by x, then y, then z) and then directed around the triangle.
+//! So the two triangles that share an edge get the same numbers for it, up to the sign, and agree on which side of it a ray
+//! passes. They agree edge by edge only: at a vertex the number of each edge is rounded on its own, and all of them may say
+//! "outside". The coordinates are measured from the frame's origin, not from the ray's, so that they can be kept; the error
+//! grows with the product of the two distances.
 
 use glam::Vec3;
 
@@ -46,7 +46,7 @@ impl Line {
         Self { u: q - p, v: (q - p).cross(p) }
     }
 
-    /// From p to q, as worked out in the order that does not depend on which of the two comes first.
+    /// The line from p to q, computed in an order that does not depend on which of the two comes first.
     fn edge(p: Vec3, q: Vec3) -> Self {
         let order = |x: &f32, y: &f32| x.total_cmp(y);
         let is_before = order(&p.x, &q.x).then(order(&p.y, &q.y)).then(order(&p.z, &q.z)).is_le();

@@ -1,22 +1,22 @@
 //! R. J. Segura and F. R. Feito, "An Algorithm for Determining Intersection Segment-Polygon in 3D", Computers & Graphics
 //! 22(5), 1998, and "Algorithms to Test Ray-Triangle Intersection. Comparative Study", WSCG 2001.
 //!
-//! Signed volumes: with a, b, c the corners as seen from a point of the ray and d towards another, E_A = d·(b×c),
-//! E_B = d·(c×a), E_C = d·(a×b). The line passes inside when all three have one sign, which also tells front from back.
-//! Over their sum they are the weights of A, B and C, though a widely copied tutorial says that this method has none. The
-//! same tutorial prints d·(a×c) among its three signs, which is −E_B, so that its test fails for rays that pass inside,
-//! and refuses zeros where the theorem allows them; here zeros are inside.
+//! The method compares signed volumes. With a, b, c the corners relative to a point of the ray and d towards another point of
+//! it, E_A = d·(b×c), E_B = d·(c×a), E_C = d·(a×b). The line passes inside when all three have one sign, which also tells
+//! front from back. Divided by their sum they are the weights of A, B and C, though a widely copied tutorial says that this
+//! method has none. The same tutorial prints d·(a×c) among its three signs, which is −E_B, so that its test fails for rays
+//! that pass inside; and it refuses zeros where the theorem allows them. Here zeros are inside.
 //!
-//! Three forms:
-//! - **segment**: the plane first, t = N·(A−o) / (N·d), P = o + t·d; then the volumes as seen from P − d, towards P + d.
-//!   The corners are then seen from nearby, which keeps the volumes accurate however far the sensor is; but the segment is
-//!   as long as the direction is, and triangles a million times larger or smaller than that escape it.
-//! - **ray**: the volumes as seen from the ray's origin, two cross products and three dot products: E_C = b·(d×a),
+//! There are three forms:
+//! - **segment** intersects the plane first, t = N·(A−o) / (N·d), P = o + t·d, and then takes the volumes from P − d towards
+//!   P + d. Corners are then near, which keeps the volumes accurate however far the sensor is. But the segment is as long as
+//!   the direction, and it misses triangles that are a million times larger or smaller than that.
+//! - **ray** takes the volumes from the ray's origin, with two cross products and three dot products: E_C = b·(d×a),
 //!   E_B = −c·(d×a), E_A = c·(d×b).
-//! - **precomputed**: b×c, c×a and a×b depend on the origin only: kept for all rays that leave from one point, they leave
-//!   one dot product an edge. A cross product with its factors exchanged is the same to the bit but for the sign, so both
-//!   triangles at an edge agree on which side of it a ray passes. They agree edge by edge only: the volumes of the edges
-//!   that meet in a vertex are rounded one by one, and all of them may say "outside".
+//! - **precomputed** keeps b×c, c×a and a×b, which depend on the origin only, for all rays that leave from one point; one dot
+//!   product for each edge remains. A cross product with its factors exchanged is the same to the bit but for the sign, so both
+//!   triangles at an edge agree on which side of it a ray passes. They agree edge by edge only: at a vertex the volume of
+//!   each edge is rounded on its own, and all of them may say "outside".
 
 use glam::Vec3;
 
@@ -34,14 +34,14 @@ pub struct SeguraFeito;
 #[derive(Debug)]
 pub struct SeguraFeitoPrecomputed;
 
-/// What serves all rays from one origin.
+/// The numbers that serve all rays from one origin.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen {
     bc: Vec3,
     ca: Vec3,
     ab: Vec3,
     n: Vec3,
-    /// n·a.
+    /// The height n·a of the plane.
     height: f32,
 }
 

@@ -1,27 +1,29 @@
 //! D. Sunday, "Intersections of Rays and Triangles" (3D), with F. S. Hill's perp-dot product taken to a plane in space.
 //!
 //! With e1 = B−A, e2 = C−A, N = e1×e2: t = N·(A−o) / (N·d), w = o + t·d − A, and with p1 = e1·e2, p2 = e1·e1, p3 = e2·e2,
-//! p4 = 1 / (p1² − p2·p3): u = (p1(w·e2) − p3(w·e1))·p4, v = (p1(w·e1) − p2(w·e2))·p4. Inside when u ≥ 0, v ≥ 0, u+v ≤ 1.
+//! p4 = 1 / (p1² − p2·p3): u = (p1(w·e2) − p3(w·e1))·p4, v = (p1(w·e1) − p2(w·e2))·p4. The point is inside when u ≥ 0, v ≥ 0
+//! and u+v ≤ 1.
 //!
-//! A widely copied tutorial prints u and v with w·e1 and w·e2, p2 and p3 mixed up, p4 as 1/p1² − p2·p3, an intermediate
-//! denominator e2·(N×e2) that is always zero, and says that a triangle without area does no harm (p1² = p2·p3 there).
+//! A widely copied tutorial prints u and v with w·e1 and w·e2, and p2 and p3, mixed up; prints p4 as 1/p1² − p2·p3, and an
+//! intermediate denominator e2·(N×e2) that is always zero; and says that a triangle without area does no harm, although
+//! p1² = p2·p3 there.
 //!
-//! Two forms, the same to the bit: the base form works everything out at every test; the precomputed one keeps 16 numbers
-//! a triangle, and has two dot products left for u and v.
+//! There are two forms, which agree to the bit. The base form computes everything at every test. The precomputed form keeps 16
+//! numbers for each triangle, and two dot products remain for u and v.
 
 use glam::Vec3;
 
 use super::kernel::{About, Crossing, Culling, Edges, Kernel, Ray, depth};
 
-/// See the [module](self). Keeps the corners.
+/// See the [module](self). This form keeps the corners.
 #[derive(Debug)]
 pub struct Sunday;
 
-/// See the [module](self). Keeps all that does not depend on the ray.
+/// See the [module](self). This form keeps every number that does not depend on the ray.
 #[derive(Debug)]
 pub struct SundayPrecomputed;
 
-/// What does not depend on the ray.
+/// The numbers that do not depend on the ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Terms {
     a: Vec3,
@@ -40,7 +42,7 @@ impl Terms {
         let (e1, e2) = (b - a, c - a);
         let (p1, p2, p3) = (e1.dot(e2), e1.dot(e1), e2.dot(e2));
         let divisor = p1 * p1 - p2 * p3;
-        // Without an area (in f32's reach) nothing is inside: NaN fails every test.
+        // A triangle without an area, as far as f32 can tell, has no inside: NaN fails every test.
         let p4 = if divisor.is_normal() { 1.0 / divisor } else { f32::NAN };
         Self { a, e1, e2, n: e1.cross(e2), p1, p2, p3, p4 }
     }

@@ -1,14 +1,14 @@
-//! The exact answer, to judge methods by: a ray against a triangle in integers of any size.
+//! The exact intersection of a ray and a triangle, in integers of any size, to judge methods by.
 //!
-//! Every f32 is a whole multiple of a power of two. Scaled by the least of these, all coordinates are integers, and so are
-//! the determinants that decide, and the numerator and the denominator of t: nothing is rounded.
+//! Every f32 is a whole multiple of a power of two. Scaled by the least of these powers, all coordinates are integers, and so
+//! are the determinants that decide, and the numerator and the denominator of t. Nothing is rounded.
 
 use glam::Vec3;
 use num_bigint::{BigInt, Sign};
 
 use super::kernel::{About, Edges, Ray};
 
-/// What exact arithmetic says of a ray and a triangle.
+/// The exact intersection of a ray and a triangle.
 #[derive(Clone, Debug)]
 pub struct Truth {
     /// Signs of det(d, b, c), det(d, c, a), det(d, a, b), where a, b, c are the corners as seen from the origin.
@@ -18,23 +18,23 @@ pub struct Truth {
     slope: BigInt,
 }
 
-/// Where a ray's line passes a triangle.
+/// The part of a triangle that a ray's line passes through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Passage {
-    /// Through the inside.
+    /// The line passes through the inside.
     Interior,
-    /// Exactly through an edge.
+    /// The line passes exactly through an edge.
     Edge,
-    /// Exactly through a vertex.
+    /// The line passes exactly through a vertex.
     Vertex,
-    /// Past it.
+    /// The line passes by the triangle.
     Outside,
-    /// In its plane, or the triangle has no area.
+    /// The line is in the triangle's plane, or the triangle has no area.
     InPlane,
 }
 
 impl Truth {
-    /// `None` if a number is not finite.
+    /// Intersects the ray and the triangle; `None` if a number is not finite.
     pub fn of(ray: &Ray, corners: [Vec3; 3]) -> Option<Self> {
         let all = [ray.origin, ray.direction, corners[0], corners[1], corners[2]];
         if !all.iter().all(|p| p.is_finite()) {
@@ -55,7 +55,7 @@ impl Truth {
         Some(Self { signs, height: dot(&a, &n), slope: dot(&d, &n) })
     }
 
-    /// Where the ray's line passes.
+    /// The part of the triangle that the ray's line passes through.
     pub fn passage(&self) -> Passage {
         let count = |sign| self.signs.iter().filter(|&&s| s == sign).count();
         if self.slope.sign() == Sign::NoSign {
@@ -76,7 +76,7 @@ impl Truth {
         self.slope.sign() == Sign::Minus
     }
 
-    /// What a method without rounding errors answers by its own rule.
+    /// Whether a method without rounding errors finds a hit, by its own rule for edges and culling.
     pub fn is_hit(&self, about: &About) -> bool {
         about.culling.sees(self.from_front())
             && match self.passage() {
@@ -91,7 +91,7 @@ impl Truth {
         quotient(&self.height, &self.slope)
     }
 
-    /// t̂ − t for a depth t̂ that was computed: worked out exactly and rounded once. NaN in the plane.
+    /// The error t̂ − t of a computed depth t̂: evaluated exactly and rounded once. NaN in the plane.
     pub fn error_of(&self, t: f32) -> f64 {
         let (m, e) = parts(t);
         // t̂ = m·2^e, so t̂ − t = (m·slope·2^e − height) / slope.
@@ -129,12 +129,12 @@ fn cross(p: &Integers, q: &Integers) -> Integers {
     [&p[1] * &q[2] - &p[2] * &q[1], &p[2] * &q[0] - &p[0] * &q[2], &p[0] * &q[1] - &p[1] * &q[0]]
 }
 
-/// p/q to within 2⁻⁵² of itself.
+/// p/q, with a relative error of at most 2⁻⁵².
 fn quotient(p: &BigInt, q: &BigInt) -> f64 {
     if q.sign() == Sign::NoSign {
         return f64::NAN;
     }
-    // Shifted so that the integer quotient has 64 bits or more; what is cut off is less than its last.
+    // The shift gives the integer quotient 64 bits or more, so the part that is cut off is less than its last bit.
     let shift = 65 + q.bits() as i64 - p.bits() as i64;
     let whole = if shift >= 0 { (p << shift) / q } else { p / (q << -shift) };
     let (sign, digits) = (whole.sign(), whole.magnitude());

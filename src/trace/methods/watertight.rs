@@ -6,12 +6,12 @@
 //! U = C_x·B_y − C_y·B_x, V = A_x·C_y − A_y·C_x, W = B_x·A_y − B_y·A_x must have one sign;
 //! t = (U·A_z + V·B_z + W·C_z) / (U+V+W) with z = S_z·p[k_z], and U, V, W over their sum are the weights of A, B and C.
 //!
-//! Why it cannot leak: a corner's x and y are the same for all triangles that share it, and rounding is monotonic, so the
-//! sign of U, V or W, the difference of two rounded products, is never wrong; it may only be zero where it is not, and
-//! then it is worked out again in f64, where the products are exact. So all decisions are the exact ones of one plane
-//! figure: the sheared corners as they are rounded.
+//! The method cannot leak. A corner's x and y are the same for all triangles that share it. Rounding is monotonic, so the sign
+//! of U, V or W, the difference of two rounded products, is never wrong, except that it may be zero where the true one is
+//! not; then it is computed again in f64, where the products are exact. So all decisions are the exact ones of one plane
+//! figure, the sheared corners as they are rounded.
 //!
-//! As in the paper, but without its culling; both sides are seen.
+//! This code follows the paper without its culling, so that both sides are seen.
 
 use glam::Vec3;
 
@@ -58,9 +58,9 @@ impl Kernel for Watertight {
     fn ray(Ray { origin, direction: d }: Ray) -> Sheared {
         let kz = d.abs().max_position();
         let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
-        // Exchanged, the winding stays as it is when the axis is turned round.
+        // Exchanging the two axes keeps the winding when the third points backwards.
         let (kx, ky) = if d[kz] < 0.0 { (ky, kx) } else { (kx, ky) };
-        // An infinite direction would be sheared by 0; a NaN reaches every number that is made of it.
+        // The shear of an infinite direction would be 0. A NaN makes every number NaN that depends on it.
         let d = if d.is_finite() { d } else { Vec3::NAN };
         Sheared { origin, kx, ky, kz, s: Vec3::new(d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]) }
     }
@@ -80,7 +80,7 @@ impl Kernel for Watertight {
     }
 }
 
-/// p·q − r·s with the right sign.
+/// p·q − r·s, with the exact sign.
 #[cold]
 fn exact(p: f32, q: f32, r: f32, s: f32) -> f32 {
     (f64::from(p) * f64::from(q) - f64::from(r) * f64::from(s)) as f32
