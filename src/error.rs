@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 
 use crate::source::Diagnostic;
 
+/// The error that an [`Error`] passes on: an `io::Error`, what a format has no room for, or words alone.
+pub type Problem = Box<dyn std::error::Error + Send + Sync>;
+
 /// Everything that stops beamcast.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -23,16 +26,18 @@ pub enum Error {
     Input {
         /// The file or folder.
         path: PathBuf,
-        /// What is wrong with it, and what would be right.
-        problem: String,
+        /// What is wrong with it, and what would be right. The message includes it.
+        #[source]
+        problem: Problem,
     },
     /// An output can't be written.
     #[error("{}: {problem}", path.display())]
     Output {
         /// The file or folder.
         path: PathBuf,
-        /// What is wrong with it, and what would be right.
-        problem: String,
+        /// What is wrong with it, and what would be right. The message includes it.
+        #[source]
+        problem: Problem,
     },
     /// Everything ran, and what was found is not as it should be. What it is has been told.
     #[error("{0}")]
@@ -47,13 +52,13 @@ pub enum Error {
 
 impl Error {
     /// An [`Error::Input`] about `path`.
-    pub fn input(path: impl AsRef<Path>, problem: impl fmt::Display) -> Self {
-        Self::Input { path: path.as_ref().to_path_buf(), problem: problem.to_string() }
+    pub fn input(path: impl AsRef<Path>, problem: impl Into<Problem>) -> Self {
+        Self::Input { path: path.as_ref().to_path_buf(), problem: problem.into() }
     }
 
     /// An [`Error::Output`] about `path`.
-    pub fn output(path: impl AsRef<Path>, problem: impl fmt::Display) -> Self {
-        Self::Output { path: path.as_ref().to_path_buf(), problem: problem.to_string() }
+    pub fn output(path: impl AsRef<Path>, problem: impl Into<Problem>) -> Self {
+        Self::Output { path: path.as_ref().to_path_buf(), problem: problem.into() }
     }
 
     /// The process's exit code: 1 a difference, 2 usage or configuration, 3 scene or input, 4 output, 128 + the signal's number.
@@ -94,5 +99,22 @@ impl fmt::Display for SceneError {
             write!(f, " ({help})")?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error as _;
+    use std::io;
+
+    use super::*;
+
+    #[test]
+    fn errors_about_files_keep_what_caused_them() {
+        let error = Error::output("a.exr", io::Error::from(io::ErrorKind::StorageFull));
+        assert_eq!(error.to_string(), format!("a.exr: {}", io::Error::from(io::ErrorKind::StorageFull)));
+        let cause = error.source().and_then(|cause| cause.downcast_ref::<io::Error>());
+        assert_eq!(cause.map(io::Error::kind), Some(io::ErrorKind::StorageFull));
+        assert_eq!(Error::input("a.exr", "is not a file").to_string(), "a.exr: is not a file");
     }
 }

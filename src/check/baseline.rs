@@ -91,6 +91,24 @@ pub struct Kept {
     pub image: Image,
 }
 
+/// The reason why a file is no baseline. The messages follow the file's name.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BaselineError {
+    /// The file is no JSON.
+    #[error("is not valid JSON: {0}")]
+    Json(#[source] serde_json::Error),
+    /// The file has the format of another version.
+    #[error("has format {0}, and this version reads {FORMAT}")]
+    Format(u64),
+    /// The file does not say which format it has.
+    #[error("is no baseline: it has no `format`")]
+    NoFormat,
+    /// The file has the right format, and lacks something that belongs to it.
+    #[error("is no baseline: {0}")]
+    Content(#[source] serde_json::Error),
+}
+
 impl Baseline {
     /// The name of the JSON in a baseline's folder.
     pub const NAME: &'static str = "baseline.json";
@@ -124,15 +142,15 @@ impl Baseline {
     /// Reads the content of [`Baseline::NAME`].
     ///
     /// # Errors
-    /// What is wrong with it, in words that follow the file's name.
-    pub fn decode(bytes: &[u8]) -> Result<Self, String> {
-        let value: Value = serde_json::from_slice(bytes).map_err(|e| format!("is not valid JSON: {e}"))?;
+    /// A [`BaselineError`], whose message follows the file's name.
+    pub fn decode(bytes: &[u8]) -> Result<Self, BaselineError> {
+        let value: Value = serde_json::from_slice(bytes).map_err(BaselineError::Json)?;
         match value.get("format").and_then(Value::as_u64) {
             Some(format) if format == u64::from(FORMAT) => {}
-            Some(format) => return Err(format!("has format {format}, and this version reads {FORMAT}")),
-            None => return Err("is no baseline: it has no `format`".to_owned()),
+            Some(format) => return Err(BaselineError::Format(format)),
+            None => return Err(BaselineError::NoFormat),
         }
-        serde_json::from_value(value).map_err(|e| format!("is no baseline: {e}"))
+        serde_json::from_value(value).map_err(BaselineError::Content)
     }
 }
 

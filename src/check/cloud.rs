@@ -49,6 +49,18 @@ pub struct CloudDistances {
 /// α of the density-aware Chamfer distance in m⁻²: points 10 cm apart count as two thirds of a miss.
 pub const DENSITY_ALPHA: f64 = 100.0;
 
+/// The reason why clouds have no distance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CloudError {
+    /// One of them has no points; how many each has.
+    #[error("the clouds have {0} and {1} points: there is no distance")]
+    NoPoints(usize, usize),
+    /// One of them has no fields x, y and z.
+    #[error("a cloud without x, y and z has no distance to another")]
+    NoCoordinates,
+}
+
 /// Compares clouds; `tolerance` is asked by field.
 ///
 /// # Errors
@@ -57,7 +69,7 @@ pub fn compare_clouds(
     first: &Cloud,
     second: &Cloud,
     tolerance: &dyn Fn(&str) -> f64,
-) -> Result<CloudDifference, String> {
+) -> Result<CloudDifference, CloudError> {
     let names = |cloud: &Cloud| cloud.fields.iter().map(|f| f.name.clone()).collect::<Vec<_>>();
     if first.points == second.points && names(first) == names(second) {
         let fields = first.fields.iter().zip(&second.fields).map(|(a, b)| {
@@ -88,15 +100,15 @@ pub fn compare_clouds(
     }
     let (a, b) = (points(first)?, points(second)?);
     if a.is_empty() || b.is_empty() {
-        return Err(format!("the clouds have {} and {} points: there is no distance", a.len(), b.len()));
+        return Err(CloudError::NoPoints(a.len(), b.len()));
     }
     Ok(CloudDifference::Distances(distances(&a, &b)))
 }
 
-fn points(cloud: &Cloud) -> Result<Vec<[f64; 3]>, String> {
+fn points(cloud: &Cloud) -> Result<Vec<[f64; 3]>, CloudError> {
     let [x, y, z] = ["x", "y", "z"].map(|name| cloud.field(name));
     let (Some(x), Some(y), Some(z)) = (x, y, z) else {
-        return Err("a cloud without x, y and z has no distance to another".to_owned());
+        return Err(CloudError::NoCoordinates);
     };
     let points = (0..cloud.points).map(|i| [x[i], y[i], z[i]]);
     Ok(points.filter(|p| p.iter().all(|c| c.is_finite())).collect())
@@ -224,7 +236,7 @@ mod tests {
         assert_eq!((d.there_mean_m, d.there_max_m, d.back_mean_m, d.chamfer_m), (0.5, 1.0, 0.0, 0.25));
         // There: (1 − 1/2 + 1 − e^−100/2)/2 = 3/4; back: 0.
         assert!((d.density_aware - 0.375).abs() < 1e-12, "{d:?}");
-        assert!(compare_clouds(&a, &cloud(&[]), &|_| 0.0).is_err());
+        assert_eq!(compare_clouds(&a, &cloud(&[]), &|_| 0.0).err(), Some(CloudError::NoPoints(a.points, 0)));
     }
 
     proptest! {

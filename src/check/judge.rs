@@ -1,6 +1,7 @@
 //! A sensor's frame against its baseline.
 
 use std::collections::BTreeMap;
+use std::error::Error;
 
 use super::baseline::{Kept, SensorRecord, Taken};
 use super::changes::Changes;
@@ -33,7 +34,7 @@ impl Settings {
 pub fn judge(
     taken: &Taken,
     accepted: &SensorRecord,
-    kept: impl FnOnce() -> Result<Kept, String>,
+    kept: impl FnOnce() -> Result<Kept, Box<dyn Error + Send + Sync>>,
     settings: &Settings,
     changes: &Changes,
     accept: &str,

@@ -25,7 +25,7 @@ mod pixels;
 pub mod report;
 pub(crate) mod words;
 
-pub use baseline::{Baseline, Kept, MAX_PIXEL_BYTES, SceneRecord, SensorRecord, Taken};
+pub use baseline::{Baseline, BaselineError, Kept, MAX_PIXEL_BYTES, SceneRecord, SensorRecord, Taken};
 pub use changes::Changes;
 pub use compare::Tolerance;
 pub use judge::{Settings, judge};

@@ -14,7 +14,7 @@ use crate::check::{
     judge, junit, report,
 };
 use crate::config::{self, Config, Job, MountedSensor};
-use crate::error::Error;
+use crate::error::{Error, Problem};
 use crate::output::{Destination, SensorFrame, encode_png, write_file};
 use crate::scan::Frame;
 use crate::scene::Scene;
@@ -374,11 +374,11 @@ fn compare_with_baseline(job: &Job, scene: &Scene, taken: &[Taken], folder: &Pat
             continue;
         };
         let pixels = folder.join(Baseline::pixels_name(name));
-        let kept = || {
+        let kept = || -> Result<Kept, Problem> {
             let read = read_file(&pixels, MAX_BASELINE_BYTES)
                 .map_err(|problem| format!("{}: {problem}", pixels.display()))?;
             let kept = Kept::unpack(&read, accepted);
-            kept.ok_or_else(|| format!("{} is not what was accepted", pixels.display()))
+            kept.ok_or_else(|| format!("{} is not what was accepted", pixels.display()).into())
         };
         outcome.sensors.push(judge(taken, accepted, kept, settings, &changes, &command));
     }

@@ -50,7 +50,7 @@ impl Destination {
                         "exists already; --overwrite replaces it, --out DIR writes elsewhere",
                     ));
                 }
-                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(in_the_way(&path, &e)),
+                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(in_the_way(&path, e)),
                 _ => {}
             }
         }
@@ -68,12 +68,12 @@ impl Destination {
     /// [`Error::Output`] about the folder or the manifest.
     pub fn prepare(&self, manifest: &str) -> Result<(), Error> {
         for folder in self.folders() {
-            fs::create_dir_all(&folder).map_err(|e| in_the_way(&folder, &e))?;
+            fs::create_dir_all(&folder).map_err(|e| in_the_way(&folder, e))?;
             check_folder(&folder)?;
         }
         let manifest = self.folder.join(manifest);
         match fs::remove_file(&manifest) {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(in_the_way(&manifest, &e)),
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(in_the_way(&manifest, e)),
             _ => Ok(()),
         }
     }
@@ -85,7 +85,7 @@ impl Destination {
     /// name is still there.
     pub fn write(&self, name: &str, content: &[u8]) -> Result<WrittenFile, Error> {
         let path = self.folder.join(name);
-        write_whole(&path, content).map_err(|e| in_the_way(&path, &e))?;
+        write_whole(&path, content).map_err(|e| in_the_way(&path, e))?;
         Ok(WrittenFile {
             path: name.to_owned(),
             bytes: content.len() as u64,
@@ -106,8 +106,8 @@ impl Destination {
 /// [`Error::Output`] about the file. An older file of that name is still there then.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Error> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    fs::create_dir_all(here_if_empty(folder)).map_err(|e| in_the_way(folder, &e))?;
-    write_whole(path, content).map_err(|e| in_the_way(path, &e))
+    fs::create_dir_all(here_if_empty(folder)).map_err(|e| in_the_way(folder, e))?;
+    write_whole(path, content).map_err(|e| in_the_way(path, e))
 }
 
 fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
@@ -125,11 +125,11 @@ fn check_folder(folder: &Path) -> Result<(), Error> {
             Ok(found) if !found.is_dir() => {
                 return Err(Error::output(ancestor, "is a file, where a folder is needed"));
             }
-            Ok(_) => return temporary_in(ancestor).map(drop).map_err(|e| in_the_way(ancestor, &e)),
+            Ok(_) => return temporary_in(ancestor).map(drop).map_err(|e| in_the_way(ancestor, e)),
             Err(e) if e.kind() == io::ErrorKind::NotFound => {}
             // What is wrong is said of the ancestor that it is wrong with.
             Err(e) if e.kind() == io::ErrorKind::NotADirectory => {}
-            Err(e) => return Err(in_the_way(ancestor, &e)),
+            Err(e) => return Err(in_the_way(ancestor, e)),
         }
     }
     Err(Error::output(folder, "does not exist, and neither does any folder above it"))
@@ -153,20 +153,26 @@ fn here_if_empty(path: &Path) -> &Path {
     if path.as_os_str().is_empty() { Path::new(".") } else { path }
 }
 
-fn in_the_way(path: &Path, error: &io::Error) -> Error {
+/// Why a file can't be written, in plain words over the operating system's own.
+#[derive(Debug, thiserror::Error)]
+#[error("{words}")]
+struct Unwritable {
+    words: String,
+    source: io::Error,
+}
+
+fn in_the_way(path: &Path, source: io::Error) -> Error {
     use io::ErrorKind as Kind;
-    let path = here_if_empty(path);
-    match error.kind() {
-        Kind::StorageFull => Error::output(path, "can't be written: the disk is full"),
-        Kind::QuotaExceeded => Error::output(path, "can't be written: the disk quota is used up"),
-        Kind::PermissionDenied => Error::output(path, "can't be written: permission denied"),
-        Kind::ReadOnlyFilesystem => Error::output(path, "can't be written: the file system is read-only"),
-        Kind::AlreadyExists | Kind::NotADirectory => {
-            Error::output(path, "can't be made a folder: a file is in the way")
-        }
-        Kind::NotFound => Error::output(path, "can't be written: the folder takes no files, or is gone"),
-        _ => Error::output(path, format!("can't be written: {error}")),
-    }
+    let words = match source.kind() {
+        Kind::StorageFull => "can't be written: the disk is full".into(),
+        Kind::QuotaExceeded => "can't be written: the disk quota is used up".into(),
+        Kind::PermissionDenied => "can't be written: permission denied".into(),
+        Kind::ReadOnlyFilesystem => "can't be written: the file system is read-only".into(),
+        Kind::AlreadyExists | Kind::NotADirectory => "can't be made a folder: a file is in the way".into(),
+        Kind::NotFound => "can't be written: the folder takes no files, or is gone".into(),
+        _ => format!("can't be written: {source}"),
+    };
+    Error::output(here_if_empty(path), Unwritable { words, source })
 }
 
 #[cfg(test)]

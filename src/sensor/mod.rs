@@ -34,6 +34,13 @@ pub struct Sensor {
     pub ring: RingOrder,
 }
 
+impl Sensor {
+    /// A sensor with a pattern, without limits of range, whose rings are the rows of its image.
+    pub fn new(pattern: Pattern) -> Self {
+        Self { pattern, range: RangeLimits::default(), ring: RingOrder::default() }
+    }
+}
+
 /// The limits of a sensor's range, along the ray from the pulse's origin, inclusive. What is nearer than the least is not
 /// seen, and hides nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
