@@ -18,8 +18,8 @@
 //!     what differs from a baseline, what is not as expected
 //! ```
 //!
-//! Each arrow is one module, and [`cli`] runs them in that order. Data flows one way: nothing imports what comes after
-//! it. [`import`] makes sensor files of vendors' calibrations.
+//! Each arrow is one module, and [`run`] goes through them in that order for a job; the command line is above it. Data flows
+//! one way: no module imports a later one. [`import`] makes sensor files of vendors' calibrations.
 //!
 //! # Units and frames
 //! Metres, seconds and radians inside; names at the edges carry their unit (`max_m`, `hfov_deg`). The world is
@@ -63,6 +63,7 @@
 
 pub mod angle;
 pub mod check;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod config;
 pub mod error;
@@ -72,6 +73,7 @@ pub mod kernels;
 pub mod motion;
 pub mod output;
 pub mod rng;
+pub mod run;
 pub mod scan;
 pub mod scene;
 pub mod selftest;

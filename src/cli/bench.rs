@@ -1,14 +1,16 @@
-//! `beamcast bench`: times a job, writing nothing.
+//! `beamcast bench`: times a job and writes nothing.
 
 use std::num::NonZeroU16;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use serde_json::json;
 
-use super::pipeline::{self, Bytes, JobArgs, Plan};
+use super::job::{JobArgs, load_scene};
 use super::terminal::Terminal;
+use super::threads;
 use crate::error::Error;
+use crate::run::{Bytes, Holding, Plan, Session, memory};
 use crate::scan::Progress;
 use crate::trace::AnyTracer;
 use crate::trace::{Cast, Hit, Rays, TraversalStats};
@@ -18,7 +20,7 @@ use crate::trace::{Cast, Hit, Rays, TraversalStats};
 pub struct Args {
     #[command(flatten)]
     job: JobArgs,
-    /// Build and cast this often; the times are medians
+    /// Build and cast this many times; the times shown are medians
     #[arg(long, value_name = "N", default_value = "5")]
     repeat: NonZeroU16,
     /// Print JSON
@@ -26,16 +28,24 @@ pub struct Args {
     json: bool,
 }
 
-/// Times a job: loading once, building and casting all its sensors `--repeat` times.
+impl Args {
+    /// The threads to work on.
+    pub fn threads(&self) -> threads::Args {
+        self.job.threads
+    }
+}
+
+/// Times a job: loads it once, and builds its tracer and casts all its frames `--repeat` times.
 ///
 /// # Errors
 /// Of the job and the scene.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
-    let job = args.job.load(terminal)?;
-    let plan = Plan::of(&job)?;
+    let job = Arc::new(args.job.load(terminal)?);
+    let plan = Plan::of(&job, Holding::Frame)?;
     let start = Instant::now();
-    let scene = pipeline::load_scene(&job, terminal)?;
+    let scene = load_scene(&job, terminal)?;
     let load_s = start.elapsed().as_secs_f64();
+    plan.check_scene(&scene)?;
 
     let repeat = usize::from(args.repeat.get());
     let (mut builds, mut casts, mut tracer_bytes) = (Vec::new(), Vec::new(), 0);
@@ -47,15 +57,16 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             let tracer = AnyTracer::build(&scene, job.kernel);
             builds.push(start.elapsed().as_secs_f64());
             tracer_bytes = tracer.bytes();
+            let session = Session::new(Arc::clone(&job), tracer.clone());
             let start = Instant::now();
-            for sensor in &job.sensors {
-                pipeline::cast(&job, sensor, &scene, &tracer, &progress);
+            for item in &plan.items {
+                session.cast(item, &progress);
             }
             casts.push(start.elapsed().as_secs_f64());
             if effort.is_none() {
                 let counting = Counting { tracer: &tracer, effort: Mutex::default() };
-                for sensor in &job.sensors {
-                    pipeline::cast(&job, sensor, &scene, &counting, &Progress::default());
+                for item in &plan.items {
+                    session.cast_with(&counting, item, &Progress::default());
                 }
                 effort = counting.effort.into_inner().ok().flatten();
             }
@@ -67,7 +78,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let threads = rayon::current_num_threads();
     let triangles = scene.triangle_count();
     let bytes_per_triangle = tracer_bytes as f64 / scene.geometry.stored_triangle_count() as f64;
-    let peak_rss_bytes = pipeline::peak_memory();
+    let peak_rss_bytes = memory::peak();
     if args.json {
         let report = json!({
             "load_s": load_s,
@@ -127,7 +138,7 @@ impl Cast for Counting<'_> {
     }
 }
 
-/// The middle of the times, of an even number the mean of the two in the middle.
+/// The median: the middle of the times, or the mean of the two in the middle if their number is even.
 fn median(times: &mut [f64]) -> f64 {
     times.sort_by(f64::total_cmp);
     let (low, high) = (times[(times.len() - 1) / 2], times[times.len() / 2]);

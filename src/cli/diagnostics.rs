@@ -1,4 +1,4 @@
-//! [`Diagnostic`]s for people: the line that is meant, marked, with what would be right.
+//! [`Diagnostic`]s for people: each with the line that it is about, marked, and with a suggestion.
 
 use std::ops::Range;
 
@@ -7,15 +7,15 @@ use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet}
 use crate::source::suggest::{printable, printable_char};
 use crate::source::{Diagnostic, Severity};
 
-/// How many lines of a marked text are shown; a longer one is marked on its first line only.
+/// The largest number of lines of a marked text that are shown. A longer text is marked on its first line only.
 const MOST_LINES: usize = 40;
 
-/// How much of a line is shown, in characters, and how much of it before the mark.
+/// The largest part of a line that is shown, in characters, and the part of it before the mark.
 const WIDEST_LINE: usize = 160;
 const LEAD: usize = 40;
 
-/// Everything that was found, one after the other, and their number. Ends with a line feed, and has no character that a
-/// terminal acts on but those of the colours, if `color`.
+/// All diagnostics, one after the other, and their number. The text ends with a line feed. It has no character that a
+/// terminal acts on, except those of the colours if `color` is set.
 pub fn render(diagnostics: &[Diagnostic], color: bool) -> String {
     let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     let mut text = String::new();
@@ -51,7 +51,7 @@ fn group(diagnostic: &Diagnostic) -> Group<'_> {
         let mark = AnnotationKind::Primary.span(excerpt.marked).label(label);
         let snippet = Snippet::source(excerpt.shown).line_start(line).annotation(mark);
         if excerpt.is_cut {
-            // The column would be counted from the cut.
+            // The renderer would count the column from the cut.
             title.element(Origin::path(path).line(line).char_column(column)).element(snippet)
         } else {
             title.element(snippet.path(path))
@@ -65,7 +65,8 @@ fn group(diagnostic: &Diagnostic) -> Group<'_> {
     group
 }
 
-/// The lines that a span is on, and the span in them. Long lines are cut, and what a terminal would act on is replaced.
+/// The lines that a span is on, and the span in them. Long lines are cut, and characters that a terminal acts on are
+/// replaced.
 struct Excerpt {
     shown: String,
     marked: Range<usize>,
@@ -84,7 +85,7 @@ impl Excerpt {
 
         let mut shown = String::new();
         let mut marked = 0..0;
-        // Where the last character that is shown at or before each end of the span comes to stand.
+        // Moves each end of the mark behind the last character that is shown at or before that end of the span.
         let mut track = |position: usize, shown: &str| {
             if position <= start {
                 marked.start = shown.len();

@@ -1,22 +1,22 @@
-//! `beamcast diff`: two outputs, channel by channel.
+//! `beamcast diff`: compares two outputs, channel by channel.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
-use super::pipeline::{self, Plan};
+use super::job::{load_job, load_scene};
 use super::terminal::Terminal;
+use super::threads;
 use crate::check::cloud::{CloudDifference, compare_clouds};
 use crate::check::compare::{ChannelDifference, ImageDifference, compare, main_depth};
 use crate::check::{Tolerance, heat_map, report, words};
-use crate::config;
 use crate::error::Error;
-use crate::output::recorded::{Cloud, Recorded};
+use crate::output::recorded::Cloud;
 use crate::output::{CHANNEL_NAMES, Image, encode_png, write_file};
-use crate::trace::AnyTracer;
+use crate::run::sides::{Content, Side};
+use crate::run::{Holding, Plan, Session};
 
 /// The arguments of `beamcast diff`.
 #[derive(Debug, clap::Args)]
@@ -25,25 +25,24 @@ pub struct Args {
     a: PathBuf,
     /// The same, to compare with: the newer one
     b: PathBuf,
-    /// How much a channel (or a cloud's field) may differ, such as range=0.001 or intensity=1%; can be given again
+    /// Let a channel (or a cloud's field) differ by this much, such as range=0.001 or intensity=1%; can be given again
     /// [default: not at all]
     #[arg(long = "tolerance", value_name = "CHANNEL=VALUE", value_parser = parse_tolerance)]
     tolerances: Vec<(String, Tolerance)>,
-    /// The part of the pixels that may differ by more than that, 0 to 1
+    /// Let this part of the pixels differ by more, 0 to 1
     #[arg(long, value_name = "SHARE", default_value = "0", value_parser = parse_share)]
     pixels: f64,
-    /// Write a picture of where a channel differs
+    /// Write a picture of the places where a channel differs
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
-    /// The channel of the picture
+    /// Show this channel in the picture
     #[arg(long, value_name = "CHANNEL", default_value = "range", requires = "png")]
     channel: String,
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Threads to work on, 1 to 1024 [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    pub threads: threads::Args,
 }
 
 fn parse_tolerance(text: &str) -> Result<(String, Tolerance), String> {
@@ -72,14 +71,13 @@ fn parse_share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Compares, prints what differs, and fails if it is more than may.
+/// Compares two sides, prints the differences, and fails if one exceeds its tolerance.
 ///
 /// # Errors
-/// [`Error::Difference`] if something differs beyond its tolerance; [`Error::Input`] and those of jobs if a side can't be
-/// had.
+/// [`Error::Difference`] if something differs beyond its tolerance; [`Error::Input`] or an error of a job if a side can't be
+/// read or run.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
-    pipeline::set_threads(args.threads)?;
     let [a, b] = [&args.a, &args.b].map(|path| side(path, terminal, &interrupt));
     let (a, b) = (a?, b?);
     for (name, _) in &args.tolerances {
@@ -91,7 +89,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             )));
         }
     }
-    let pairs = pair(&a, &b, &args.a, &args.b)?;
+    let pairs = a.pairs(&b, [&args.a, &args.b])?;
     let mut found = Vec::new();
     for (name, a, b) in pairs {
         found.push(compare_items(args, &name, a, b)?);
@@ -109,121 +107,28 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     Err(Error::Difference(format!("{} differs from {}", args.b.display(), args.a.display())))
 }
 
-/// What there is to compare, by name; a single file has the empty name.
-struct Side(BTreeMap<String, Item>);
-
-enum Item {
-    Image(Image),
-    Cloud(Cloud),
-}
-
-impl Side {
-    fn has(&self, field: &str) -> bool {
-        self.0.values().any(|item| match item {
-            Item::Image(image) => image.channel(field).is_some(),
-            Item::Cloud(cloud) => cloud.field(field).is_some(),
-        })
-    }
-}
-
+/// Reads a side, or runs it if it is a job.
 fn side(path: &Path, terminal: &Terminal, interrupt: &Interrupt) -> Result<Side, Error> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
-        return run_job(path, terminal, interrupt);
+    if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        return Side::of_recording(path);
     }
-    let mut items = BTreeMap::new();
-    match Recorded::open(path)? {
-        Recorded::Folder(folder) => {
-            let is =
-                |output: &str, extension: &str| Path::new(output).extension().is_some_and(|e| e == extension);
-            let has_image = |cloud: &str| {
-                let image = Path::new(cloud).with_extension("exr");
-                folder.outputs.iter().any(|output| Path::new(output) == image)
-            };
-            // A cloud says nothing that the image of the same frame doesn't.
-            let wanted = |output: &&String| is(output, "exr") || (is(output, "ply") && !has_image(output));
-            for output in folder.outputs.iter().filter(wanted) {
-                let frame = output.rsplit_once('.').map_or(output.as_str(), |(stem, _)| stem);
-                add(&mut items, frame, folder.read(output)?);
-            }
-            if items.is_empty() {
-                return Err(Error::input(path, "has neither EXR images nor PLY clouds"));
-            }
-        }
-        single => add(&mut items, "", single),
-    }
-    Ok(Side(items))
-}
-
-/// Adds a file's images or its cloud.
-fn add(items: &mut BTreeMap<String, Item>, frame: &str, recorded: Recorded) {
-    match recorded {
-        Recorded::Exr(parts) => {
-            for (index, part) in parts.into_iter().enumerate() {
-                let name = match index {
-                    0 => frame.to_owned(),
-                    _ => format!("{frame}:{}", part.name),
-                };
-                items.insert(name, Item::Image(without_repeats(part.image)));
-            }
-        }
-        Recorded::Cloud(cloud) => {
-            items.insert(frame.to_owned(), Item::Cloud(cloud));
-        }
-        Recorded::Folder(_) => {}
-    }
-}
-
-/// `Y` says what another channel says.
-fn without_repeats(mut image: Image) -> Image {
-    if image.channel("range").is_some() || image.channel("Z").is_some() {
-        image.channels.retain(|channel| channel.name != "Y");
-    }
-    image
-}
-
-fn run_job(path: &Path, terminal: &Terminal, interrupt: &Interrupt) -> Result<Side, Error> {
-    let job = config::load_job(path, &[])?;
-    terminal.warn_of(&job.warnings);
-    let plan = Plan::of(&job)?;
-    let scene = pipeline::load_scene(&job, terminal)?;
+    let job = load_job(path, &[], terminal)?;
+    let plan = Plan::of(&job, Holding::Images)?;
+    let scene = load_scene(&job, terminal)?;
     interrupt.check()?;
-    let caster = AnyTracer::build(&scene, job.kernel);
-    let items = terminal.with_progress(plan.rays, interrupt.progress(), || {
-        let mut items = BTreeMap::new();
-        for mounted in &job.sensors {
-            let frame = pipeline::cast(&job, mounted, &scene, &caster, interrupt.progress());
+    plan.check_scene(&scene)?;
+    let session = Session::open(job, &scene);
+    terminal.with_progress(plan.rays, interrupt.progress(), || {
+        let mut side = Side::default();
+        for item in &plan.items {
+            let frame = session.cast(item, interrupt.progress());
             interrupt.check()?;
-            let Some(frame) = frame else { continue };
-            let image = Image::of(&pipeline::sensor_frame(&job, mounted, &frame));
-            items.insert(format!("{}/000000", mounted.name), Item::Image(without_repeats(image)));
+            if let Some(frame) = frame {
+                side.add_frame(&session, item, &frame);
+            }
         }
-        Ok::<_, Error>(items)
-    })?;
-    Ok(Side(items))
-}
-
-type Pair<'a> = (String, &'a Item, &'a Item);
-
-/// What is to be compared with what: by name, or the only one with the only one.
-fn pair<'a>(a: &'a Side, b: &'a Side, path_a: &Path, path_b: &Path) -> Result<Vec<Pair<'a>>, Error> {
-    if let ([(name_a, item_a)], [(name_b, item_b)]) = (pairs_of(a).as_slice(), pairs_of(b).as_slice()) {
-        let name = if name_a.is_empty() { name_b } else { name_a };
-        return Ok(vec![((*name).clone(), item_a, item_b)]);
-    }
-    let only = |one: &Side, other: &Side| -> Vec<String> {
-        one.0.keys().filter(|name| !other.0.contains_key(*name)).cloned().collect()
-    };
-    for (lacking, path, other) in [(only(a, b), path_b, path_a), (only(b, a), path_a, path_b)] {
-        if !lacking.is_empty() {
-            let problem = format!("has no {}, and {} does", words::list(&lacking), other.display());
-            return Err(Error::input(path, problem));
-        }
-    }
-    Ok(a.0.iter().map(|(name, item)| (name.clone(), item, &b.0[name])).collect())
-}
-
-fn pairs_of(side: &Side) -> Vec<(&String, &Item)> {
-    side.0.iter().collect()
+        Ok(side)
+    })
 }
 
 struct Found {
@@ -232,10 +137,10 @@ struct Found {
     json: Value,
 }
 
-fn compare_items(args: &Args, name: &str, a: &Item, b: &Item) -> Result<Found, Error> {
+fn compare_items(args: &Args, name: &str, a: &Content, b: &Content) -> Result<Found, Error> {
     match (a, b) {
-        (Item::Image(a), Item::Image(b)) => compare_images(args, name, a, b),
-        (Item::Cloud(a), Item::Cloud(b)) => compare_two_clouds(args, name, a, b),
+        (Content::Image(a), Content::Image(b)) => compare_images(args, name, a, b),
+        (Content::Cloud(a), Content::Cloud(b)) => compare_two_clouds(args, name, a, b),
         _ => Err(Error::Usage(format!(
             "{} and {}: an image and a cloud can't be compared",
             args.a.display(),
@@ -259,7 +164,7 @@ fn compare_images(args: &Args, name: &str, a: &Image, b: &Image) -> Result<Found
     let found = difference.channels.iter().find(|c| c.channel == args.channel);
     if let (Some(path), Some(channel)) = (&args.png, found) {
         let map = heat_map(a, b, channel);
-        // Of several images, each has a picture of its own.
+        // Each of several images has a picture of its own.
         let path = match name.split('/').next() {
             Some(sensor) if !sensor.is_empty() => {
                 let stem = path.file_stem().unwrap_or_default().to_string_lossy();

@@ -1,13 +1,13 @@
-//! `beamcast import`: a unit's calibration → a sensor file.
+//! `beamcast import`: makes a sensor file of a unit's calibration.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::pipeline;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::import::{self, Format, MAX_FILE_BYTES, Source};
 use crate::output::write_file;
+use crate::run::paths::seen_from;
 use crate::source::read_file;
 
 /// The arguments of `beamcast import`.
@@ -22,7 +22,7 @@ pub struct Args {
     /// The format of the file, if it is not recognised by its content
     #[arg(long = "as", value_enum, value_name = "FORMAT")]
     format: Option<As>,
-    /// Hesai: the unit's firetime correction
+    /// The unit's firetime correction (Hesai)
     #[arg(long, value_name = "FILE")]
     firetimes: Option<PathBuf>,
     /// Replace the sensor file if it is there already
@@ -80,9 +80,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     };
     // The sensor file names the table of rays by its path as seen from the sensor file.
     let name = match (&args.output, format) {
-        (Some(output), Format::Rays) => {
-            pipeline::seen_from(output.parent().unwrap_or(Path::new("")), &args.file)
-        }
+        (Some(output), Format::Rays) => seen_from(output.parent().unwrap_or(Path::new("")), &args.file),
         _ => args.file.to_string_lossy().into_owned(),
     };
     let firetimes = match &args.firetimes {

@@ -1,4 +1,4 @@
-//! `beamcast info`: what there is to know about a file at a glance.
+//! `beamcast info`: shows the content of a file at a glance.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -7,26 +7,27 @@ use std::path::PathBuf;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::lint;
-use super::pipeline::Bytes;
+use super::facts;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::output::Samples;
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
+use crate::run::Bytes;
+use crate::run::facts::facts_of;
 use crate::source::suggest::{escaped, quoted};
 
 /// The arguments of `beamcast info`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A job, sensor file, scene (.gltf, .glb), EXR, PLY, or a scan's folder or manifest
+    /// A job, a sensor file, a scene (.gltf, .glb), an EXR, a PLY, or a scan's folder or manifest
     #[arg(value_name = "FILE")]
     path: PathBuf,
-    /// Print it as JSON
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Prints on stdout what a file holds.
+/// Prints the content of a file on stdout, in short.
 ///
 /// # Errors
 /// [`Error::Config`] if a job or sensor file is wrong, [`Error::Scene`] or [`Error::Input`] if another file can't be read.
@@ -36,9 +37,10 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         endings.iter().any(|e| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e)))
     };
     if is(&["toml", "gltf", "glb"]) {
-        let facts = lint::facts_of(path, terminal)?;
-        let json = || serde_json::to_string_pretty(&facts).map_err(|e| Error::output("stdout", e));
-        return terminal.data(&if args.json { json()? + "\n" } else { facts.to_text() });
+        let (file, warnings) = facts_of(path)?;
+        terminal.warn_of(&warnings);
+        let json = || serde_json::to_string_pretty(&file).map_err(|e| Error::output("stdout", e));
+        return terminal.data(&if args.json { json()? + "\n" } else { facts::text(&file) });
     }
     let name = path.to_string_lossy();
     let (json, text) = match Recorded::open(path)? {
@@ -72,7 +74,8 @@ struct PartFacts {
     name: String,
     rows: usize,
     columns: usize,
-    /// Pixels with a finite `range`, else `Z`, else `Y`, if there is one of them.
+    /// Pixels with a finite `range`; of an image without that channel, with a finite `Z`, or else `Y`. `None` without all
+    /// three.
     returns: Option<usize>,
     channels: Vec<ChannelFacts>,
     attributes: BTreeMap<String, String>,
@@ -82,8 +85,9 @@ struct PartFacts {
 struct ChannelFacts {
     name: String,
     kind: &'static str,
-    /// Of the pixels that have a return, or of all if the image doesn't say which have.
+    /// The least value of the pixels that have a return, or of all pixels if the image doesn't say which have.
     min: Option<f64>,
+    /// The largest value of the same pixels.
     max: Option<f64>,
     /// Pixels whose value is finite.
     finite: usize,
@@ -134,7 +138,7 @@ impl PartFacts {
         for c in &self.channels {
             let _ = write!(text, "    {:<14}{:<6}", c.name, c.kind);
             let _ = write!(text, "{}", span(c.min, c.max));
-            // A miss is infinite in a range; anything else that is not finite is worth a word.
+            // The range of a miss is infinite. Other values that are not finite are worth a word.
             if self.returns.is_none_or(|returns| c.finite < returns) && c.finite < pixels {
                 let _ = write!(text, ", {} finite", share(c.finite, pixels));
             }
@@ -197,7 +201,7 @@ impl CloudFacts {
     }
 }
 
-/// What a scan's manifest says, and which of its outputs are there.
+/// The content of a scan's manifest.
 fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
     let manifest = &folder.manifest;
     let get = |pointer: &str| manifest.pointer(pointer).cloned().unwrap_or(Value::Null);
@@ -255,7 +259,7 @@ fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
     (json, text)
 }
 
-/// The least and the largest of the finite values.
+/// The least and the largest of the values that are finite.
 fn bounds(values: impl Iterator<Item = f64>) -> (Option<f64>, Option<f64>) {
     let mut found: Option<(f64, f64)> = None;
     for value in values.filter(|value| value.is_finite()) {
@@ -265,7 +269,7 @@ fn bounds(values: impl Iterator<Item = f64>) -> (Option<f64>, Option<f64>) {
 }
 
 fn span(min: Option<f64>, max: Option<f64>) -> String {
-    // Measurements have 32 bits: their digits say all. Ids and nanoseconds are whole.
+    // Measurements have 32 bits, so that the digits of an f32 say all. Ids and nanoseconds are whole.
     let digits = |x: f64| if x.fract() == 0.0 { x.to_string() } else { (x as f32).to_string() };
     match (min, max) {
         (Some(min), Some(max)) => format!("{} to {}", digits(min), digits(max)),

@@ -1,13 +1,13 @@
-//! `beamcast init`: a job to start from.
+//! `beamcast init`: writes a job to start from.
 
 use std::path::{Path, PathBuf};
 
 use super::import::refuse_to_replace;
-use super::pipeline;
 use super::terminal::Terminal;
 use crate::config::toml_string;
 use crate::error::Error;
 use crate::output::write_file;
+use crate::run::paths::seen_from;
 
 /// The arguments of `beamcast init`.
 #[derive(Debug, clap::Args)]
@@ -26,16 +26,16 @@ pub struct Args {
     overwrite: bool,
 }
 
-/// Writes the job, and says how to go on.
+/// Writes the job, and shows the next commands.
 ///
 /// # Errors
 /// [`Error::Output`] if the job is there already or can't be written.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     refuse_to_replace(&args.output, args.overwrite)?;
     let folder = args.output.parent().unwrap_or(Path::new(""));
-    let scene = pipeline::seen_from(folder, &args.scene);
+    let scene = seen_from(folder, &args.scene);
     let preset = match args.preset.ends_with(".toml") {
-        true => pipeline::seen_from(folder, Path::new(&args.preset)),
+        true => seen_from(folder, Path::new(&args.preset)),
         false => args.preset.clone(),
     };
     write_file(&args.output, job(&scene, &preset).as_bytes())?;
@@ -48,7 +48,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 }
 
 fn job(scene: &str, preset: &str) -> String {
-    // The preset first: no preset is called SCENE, and a scene may be called anything.
+    // The preset is replaced first: no preset is called SCENE, and a scene may be called anything.
     TEMPLATE.replace("PRESET", &toml_string(preset)).replacen("SCENE", &toml_string(scene), 1)
 }
 

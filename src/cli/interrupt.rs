@@ -8,9 +8,9 @@ use crate::scan::Progress;
 
 /// Watches for the signals that ask to stop.
 ///
-/// Work ends in two ways. Scanning looks at [`Progress::cancelled`] all the time, and everything else calls
-/// [`check`](Self::check) between steps. A step that is too long for that (a large scene's loading) is cut short by ending
-/// the process, but never while a file is being written: those go through [`uncut`](Self::uncut).
+/// Work stops in two ways. A scan looks at [`Progress::cancelled`] all the time, and all other work calls
+/// [`check`](Self::check) between its steps. The process ends during a step that takes too long for that, such as loading a
+/// large scene, but never while a file is being written: files are written through [`uncut`](Self::uncut).
 #[derive(Clone, Debug, Default)]
 pub struct Interrupt {
     shared: Arc<Shared>,
@@ -37,15 +37,15 @@ impl Interrupt {
         Ok(interrupt)
     }
 
-    /// What scanning reports to and is stopped by.
+    /// The progress of scans, by which they are stopped.
     pub fn progress(&self) -> &Progress {
         &self.shared.progress
     }
 
-    /// Whether to go on.
+    /// Checks whether to go on.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] once a signal came.
+    /// [`Error::Interrupted`] once a signal has come.
     pub fn check(&self) -> Result<(), Error> {
         match self.shared.signal.load(Ordering::SeqCst) {
             0 => Ok(()),
@@ -53,7 +53,7 @@ impl Interrupt {
         }
     }
 
-    /// Does something during which the process must not end.
+    /// Does work during which the process must not end.
     pub fn uncut<T>(&self, work: impl FnOnce() -> T) -> T {
         let _held = self.shared.uncut.lock().unwrap_or_else(PoisonError::into_inner);
         work()
@@ -74,7 +74,7 @@ mod unix {
     use super::Shared;
     use crate::error::Error;
 
-    /// How long work has to end by itself.
+    /// The time that work has to end by itself.
     const GRACE: Duration = Duration::from_millis(700);
 
     pub fn watch(shared: Arc<Shared>) -> io::Result<()> {

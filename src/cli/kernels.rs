@@ -1,4 +1,4 @@
-//! `beamcast kernels`: the published intersection methods side by side.
+//! `beamcast kernels`: compares the published intersection methods.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -18,16 +18,16 @@ use crate::trace::methods::{Culling, Edges};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Measure on this scene (.glb or .gltf), seen from 1.8 m above the world's origin or, if nothing is seen from there,
-    /// from its middle [default: one made in code]
+    /// from its middle [default: a scene made in code]
     #[arg(long, value_name = "SCENE")]
     scene: Option<PathBuf>,
-    /// Rays a method to look for leaks with; a tenth of them for each judgement against exact arithmetic
+    /// Look for leaks with this many rays for each method, and judge against exact arithmetic with a tenth of them
     #[arg(long, value_name = "N", default_value = "1000000", value_parser = clap::value_parser!(u64).range(1000..=1_000_000_000_000))]
     rays: u64,
     /// Print JSON
     #[arg(long, conflicts_with = "csv")]
     json: bool,
-    /// Print CSV, a line a method
+    /// Print CSV, one line for each method
     #[arg(long)]
     csv: bool,
 }
@@ -87,12 +87,12 @@ fn culls(figures: &Figures) -> &'static str {
     }
 }
 
-/// What a method keeps of a triangle; the definition keeps the corners.
+/// Bytes that a method stores for a triangle. The exact definition stores the corners.
 fn bytes_per_triangle(figures: &Figures) -> usize {
     figures.method.map_or(size_of::<[[f32; 3]; 3]>(), |m| m.bytes_per_triangle)
 }
 
-/// All figures of a method by the names of their columns.
+/// All figures of a method, each with the name of its column.
 fn columns(figures: &Figures) -> Vec<(String, Value)> {
     let mut all: Vec<(String, Value)> = vec![
         ("name".into(), name(figures).into()),
@@ -135,7 +135,7 @@ fn csv(all: &[Figures]) -> String {
     head.into_iter().chain(body).collect()
 }
 
-/// The figures for people: two tables of one line a method.
+/// The figures for people: two tables with a line for each method.
 fn table(all: &[Figures], triangles: u64) -> String {
     let mut text = String::new();
     let _ = writeln!(

@@ -1,27 +1,29 @@
-//! The command line: one file a subcommand. stdout carries data, stderr people.
+//! The command line: one file for each subcommand. Data goes to stdout, messages for people to stderr.
 
 mod bench;
 mod check;
 pub mod diagnostics;
 mod diff;
+mod facts;
 mod import;
 mod info;
 mod init;
 mod interrupt;
+mod job;
 mod kernels;
-pub mod lint;
-mod pipeline;
+mod lint;
 mod presets;
 mod scan;
 mod schema;
 mod selftest;
 mod shell;
 mod terminal;
+mod threads;
 mod view;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::error::Error;
 use terminal::Terminal;
@@ -39,19 +41,19 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run a job: cast its sensors' beams against its scene and write what they see
+    /// Run a job: cast its sensors' beams against its scene, and write the frames
     Scan(scan::Args),
-    /// Check jobs, sensor files and scenes without running them, and say what follows from them
+    /// Check jobs, sensor files and scenes without running them, and say which facts follow from them
     Lint(lint::Args),
-    /// Run jobs, and hold what they give to their baselines and expectations
+    /// Run jobs, and hold their frames to baselines and expectations
     Check(check::Args),
     /// Compare two outputs, channel by channel: images, clouds, folders, or jobs, which are run
     Diff(diff::Args),
-    /// Time a job: loading, building and casting apart
+    /// Time a job: loading, building and casting, each apart
     Bench(bench::Args),
     /// List the built-in sensors, or show one
     Presets(presets::Args),
-    /// Cast sensors' own patterns at planes, box, wedge and ball, and hold the ranges against closed forms
+    /// Cast sensors' own patterns at planes, a box, a wedge and a ball, and hold the ranges to closed forms
     Selftest(selftest::Args),
     /// Show frames as one HTML page: range images, and a cloud to turn
     View(view::Args),
@@ -61,9 +63,9 @@ enum Command {
     Init(init::Args),
     /// Make a sensor file of a unit's calibration: Ouster, Velodyne, Hesai, RoboSense, ROS and OpenCV cameras, tables of rays
     Import(import::Args),
-    /// Say what a file holds: a job, sensor file, scene, EXR, PLY, or a scan's folder
+    /// Say what a file holds: a job, a sensor file, a scene, an EXR, a PLY, or a scan's folder
     Info(info::Args),
-    /// Print the JSON Schema of jobs or sensor files, by which editors complete and check them
+    /// Print the JSON Schema of jobs or sensor files, with which editors complete and check them
     Schema(schema::Args),
     /// Print a shell's completion script
     Completions(shell::CompletionsArgs),
@@ -84,10 +86,30 @@ pub fn main() -> ExitCode {
     }
 }
 
+impl Command {
+    /// The threads that the subcommand works on, if it works on many.
+    fn threads(&self) -> Option<threads::Args> {
+        match self {
+            Self::Scan(args) => Some(args.threads()),
+            Self::Check(args) => Some(args.threads),
+            Self::Diff(args) => Some(args.threads),
+            Self::Bench(args) => Some(args.threads()),
+            Self::Lint(_) | Self::Selftest(_) | Self::View(_) | Self::Kernels(_) | Self::Info(_) => {
+                Some(threads::Args::default())
+            }
+            Self::Presets(_) | Self::Init(_) | Self::Import(_) | Self::Schema(_) => None,
+            Self::Completions(_) | Self::Man => None,
+        }
+    }
+}
+
 fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
+    if let Some(threads) = command.threads() {
+        threads.start()?;
+    }
     match command {
         Command::Scan(args) => scan::run(args, terminal),
-        Command::Lint(args) => lint::run(args, terminal.color()),
+        Command::Lint(args) => lint::run(args, terminal),
         Command::Check(args) => check::run(args, terminal),
         Command::Diff(args) => diff::run(args, terminal),
         Command::Bench(args) => bench::run(args, terminal),
@@ -99,7 +121,7 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Import(args) => import::run(args, terminal),
         Command::Info(args) => info::run(args, terminal),
         Command::Schema(args) => schema::run(args, terminal),
-        Command::Completions(args) => shell::completions(args, terminal),
-        Command::Man => shell::man(terminal),
+        Command::Completions(args) => shell::completions(args, Cli::command(), terminal),
+        Command::Man => shell::man(Cli::command(), terminal),
     }
 }

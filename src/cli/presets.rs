@@ -1,15 +1,17 @@
-//! `beamcast presets`: the built-in sensors.
+//! `beamcast presets`: lists and shows the built-in sensors.
 
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use super::lint::{SensorFacts, grouped, tidy};
+use super::facts::{grouped, tidy};
 use super::terminal::Terminal;
 use crate::config::{self, SensorFile, presets};
 use crate::error::Error;
 use crate::output::Destination;
 use crate::output::plot::{Dot, colour_of, scatter};
+use crate::run::facts::SensorSizes;
+use crate::sensor::facts::SensorFacts;
 use crate::sensor::{Capture, Sensor, azimuth_elevation};
 
 /// The arguments of `beamcast presets`.
@@ -35,23 +37,23 @@ enum What {
         /// The sensor, such as ouster/os1-128
         #[arg(value_name = "NAME")]
         name: String,
-        /// Plot its directions, azimuth by elevation and coloured by time, into this file
+        /// Plot the directions of its beams into this file: azimuth by elevation, coloured by time
         #[arg(long, value_name = "FILE")]
         png: Option<PathBuf>,
-        /// Plot so many frames one after the other; some patterns do not repeat
+        /// Plot this many frames, one after the other; some patterns do not repeat
         #[arg(long, value_name = "N", default_value_t = 1, requires = "png",
               value_parser = clap::value_parser!(u32).range(1..=1000))]
         frames: u32,
-        /// The sensor's mode that is plotted
+        /// Plot the sensor in this mode
         #[arg(long, value_name = "MODE", requires = "png")]
         mode: Option<String>,
-        /// Replace the file if it's there already
+        /// Replace the file if it is there already
         #[arg(long, requires = "png")]
         overwrite: bool,
     },
 }
 
-/// The most dots of a plot: more would only hide each other.
+/// The largest number of dots in a plot. More dots would only hide each other.
 const MOST_DOTS: usize = 20_000_000;
 
 /// Lists the built-in sensors, or shows one.
@@ -65,7 +67,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         Some(What::List { json }) => list(*json || args.json, terminal),
         Some(What::Show { name, png: None, .. }) => {
             config::load_preset(name)?;
-            // Wherever this is kept, the schema isn't two folders up, but may be beside it, as import has it.
+            // A copy of this file has no schema two folders up. It may have one beside it, as an imported file has.
             let text = presets::text(name).unwrap_or_default();
             terminal.data(&text.replacen(
                 "#:schema ../../schema/sensor.json",
@@ -111,21 +113,21 @@ fn list(as_json: bool, terminal: &Terminal) -> Result<(), Error> {
 }
 
 fn as_value(name: &str, file: &SensorFile) -> Value {
-    let mode = |(name, sensor): &(String, crate::sensor::Sensor)| json!({ "name": name, "sensor": SensorFacts::new(None, sensor, &[]) });
+    let mode = |(name, sensor): &(String, crate::sensor::Sensor)| json!({ "name": name, "sensor": SensorSizes::of(None, sensor, &[]) });
     json!({
         "name": name,
         "pattern": file.sensor.pattern.name(),
-        "sensor": SensorFacts::new(None, &file.sensor, &[]),
+        "sensor": SensorSizes::of(None, &file.sensor, &[]),
         "modes": file.modes.iter().map(mode).collect::<Vec<_>>(),
     })
 }
 
-/// The sensors in columns, each as wide as it must be.
+/// A table of the sensors, with columns as wide as their contents.
 fn as_table(files: &[(&str, SensorFile)]) -> String {
     let head = ["sensor", "pattern", "image", "field of view", "rate", "points/s", "range", "modes"];
     let mut rows = vec![head.map(str::to_owned)];
     for (name, file) in files {
-        let facts = SensorFacts::new(None, &file.sensor, &[]);
+        let facts = SensorFacts::of(&file.sensor);
         let [low, high] = facts.elevation_deg;
         let degrees = |x: f64| (x * 10.0).round() / 10.0;
         let modes: Vec<&str> = file.modes.iter().map(|(mode, _)| mode.as_str()).collect();
@@ -158,7 +160,7 @@ fn as_table(files: &[(&str, SensorFile)]) -> String {
     rows.iter().map(line).collect()
 }
 
-/// A picture of where the pulses of `frames` frames go, and what is to be said about it.
+/// A picture of the directions of the pulses of `frames` frames, and a sentence about it.
 fn plot(sensor: &Sensor, frames: u32) -> Result<(Vec<u8>, String), String> {
     let pattern = &sensor.pattern;
     let (rays, columns) = (pattern.rays(), pattern.columns());

@@ -1,20 +1,20 @@
 //! `beamcast scan`: runs a job.
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
-use super::pipeline::{self, Bytes, JobArgs, Plan, output_name};
+use super::job::{JobArgs, load_scene};
 use super::terminal::Terminal;
+use super::threads;
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::{Destination, Manifest, WrittenFile};
-use crate::scan::Frame;
-use crate::scene::{Scene, SourceFile};
+use crate::output::WrittenFile;
+use crate::run::{Bytes, Holding, Journal, Plan, Session, Statistics, memory, paths};
+use crate::scene::Scene;
 use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast scan`.
@@ -29,7 +29,7 @@ pub struct Args {
     /// Use this seed instead of the job's
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Check everything and say what would be written, but cast and write nothing
+    /// Check everything and list the files that would be written, but cast and write nothing
     #[arg(long)]
     dry_run: bool,
     #[command(flatten)]
@@ -39,41 +39,45 @@ pub struct Args {
     json: bool,
 }
 
-/// Runs a job: job → scene → hierarchy → frames → files → manifest.
+impl Args {
+    /// The threads to work on.
+    pub fn threads(&self) -> threads::Args {
+        self.job.threads
+    }
+}
+
+/// Runs a job: reads the job and its scene, builds the tracer, casts the frames, writes the files and then the manifest.
 ///
 /// # Errors
-/// Of the job, the scene, the output folder; nothing is cast before all three are known to be good.
+/// Of the job, the scene and the output folder. Nothing is cast before all three are known to be good.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
     let job = load_job(args, terminal)?;
-    let plan = Plan::of(&job)?;
-    let names = pipeline::output_names(&job);
-    let destination = Destination::check(&job.output.dir, names, args.overwrite)?;
+    let plan = Plan::of(&job, Holding::Files)?;
+    for warning in &plan.warnings {
+        terminal.warn(warning);
+    }
+    let mut journal = Journal::check(&job, &plan, args.overwrite)?;
 
-    let (scene, load) = timed(|| pipeline::load_scene(&job, terminal));
+    let (scene, load) = timed(|| load_scene(&job, terminal));
     let scene = scene?;
     interrupt.check()?;
+    plan.check_scene(&scene)?;
     if args.dry_run {
-        return print_plan(args, terminal, &job, &plan, &scene, &destination);
+        return print_plan(args, terminal, &job, &plan, &scene, &journal);
     }
     let (tracer, build) = timed(|| AnyTracer::build(&scene, job.kernel));
     interrupt.check()?;
 
-    interrupt.uncut(|| destination.prepare(Manifest::NAME))?;
-    let casting = || cast_and_write(&job, &scene, &tracer, &destination, &interrupt);
-    let (seen, outputs, cast, write) = terminal.with_progress(plan.rays, interrupt.progress(), casting)?;
-
-    let manifest = Manifest {
-        job: &job.resolved,
-        seed: job.seed,
-        inputs: &inputs(args, &job)?,
-        scene: &scene,
-        outputs: &outputs,
-    };
+    let session = Session::new(job, tracer);
+    interrupt.uncut(|| journal.begin())?;
+    let casting = || cast_and_write(&session, &plan, &mut journal, &interrupt);
+    let (seen, cast, write) = terminal.with_progress(plan.rays, interrupt.progress(), casting)?;
     interrupt.check()?;
-    interrupt.uncut(|| destination.write(Manifest::NAME, &manifest.encode()))?;
+    interrupt.uncut(|| journal.finish(&session))?;
 
-    for output in &outputs {
+    let outputs = journal.written();
+    for output in outputs {
         terminal.detail(format_args!(
             "wrote {} ({}, BLAKE3 {})",
             output.path,
@@ -82,102 +86,51 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         ));
     }
     let times = Times { load, build, cast, write };
-    terminal.say(summary(&job, &seen, &outputs, &times).trim_end());
+    terminal.say(summary(&session.job, &seen, outputs, &times).trim_end());
     if args.json {
-        terminal.data(&format!("{:#}\n", summary_as_json(&job, &seen, &outputs, &times)))?;
+        terminal.data(&format!("{:#}\n", summary_as_json(&session.job, &seen, outputs, &times)))?;
     }
     Ok(())
 }
 
 fn load_job(args: &Args, terminal: &Terminal) -> Result<Job, Error> {
     let mut job = args.job.load(terminal)?;
-    job.output.dir = pipeline::tidy(args.out.as_ref().unwrap_or(&job.output.dir));
+    job.output.dir = paths::tidy(args.out.as_ref().unwrap_or(&job.output.dir));
     if let Some(seed) = args.seed {
         job.seed = seed;
         if let Some(resolved) = job.resolved.as_object_mut() {
             resolved.insert("seed".into(), seed.into());
         }
     }
-    if let Some(warning) = pipeline::precision_warning(&job) {
-        terminal.warn(warning);
-    }
     Ok(job)
 }
 
-type Seen = (Vec<Statistics>, Vec<WrittenFile>, Duration, Duration);
-
-/// One sensor after the other, so that only one frame is in memory. Gives the times of casting and of writing apart.
+/// Casts and writes one frame after the other, so that only one is in memory. Returns the statistics of the frames, and the
+/// times of casting and of writing.
 fn cast_and_write(
-    job: &Job,
-    scene: &Scene,
-    tracer: &AnyTracer,
-    destination: &Destination,
+    session: &Session,
+    plan: &Plan,
+    journal: &mut Journal,
     interrupt: &Interrupt,
-) -> Result<Seen, Error> {
-    let (mut seen, mut outputs) = (Vec::new(), Vec::new());
+) -> Result<(Vec<Statistics>, Duration, Duration), Error> {
+    let mut seen = Vec::new();
     let (mut casting, mut writing) = (Duration::ZERO, Duration::ZERO);
-    for mounted in &job.sensors {
-        let (frame, time) = timed(|| pipeline::cast(job, mounted, scene, tracer, interrupt.progress()));
+    for item in &plan.items {
+        let (frame, time) = timed(|| session.cast(item, interrupt.progress()));
         casting += time;
         interrupt.check()?;
         let Some(frame) = frame else { continue };
         seen.push(Statistics::of(&frame));
-        let sensor_frame = pipeline::sensor_frame(job, mounted, &frame);
+        let sensor_frame = session.sensor_frame(item, &frame);
         let start = Instant::now();
-        for &format in &job.output.formats {
-            let name = output_name(&mounted.name, format);
-            let content = format.encode(&sensor_frame);
-            let content = content.map_err(|e| Error::output(job.output.dir.join(&name), e))?;
+        for output in &item.outputs {
+            let content = session.encode(output, &sensor_frame)?;
             interrupt.check()?;
-            outputs.push(interrupt.uncut(|| destination.write(&name, &content))?);
+            interrupt.uncut(|| journal.write(output, &content))?;
         }
         writing += start.elapsed();
     }
-    Ok((seen, outputs, casting, writing))
-}
-
-/// The job's and the sensors' files, as the manifest lists them.
-fn inputs(args: &Args, job: &Job) -> Result<Vec<SourceFile>, Error> {
-    let file = |name: &str, content: &[u8]| SourceFile {
-        name: name.to_owned(),
-        bytes: content.len() as u64,
-        blake3: blake3::hash(content).to_hex().to_string(),
-    };
-    let path = args.job.path();
-    let text =
-        fs::read(path).map_err(|e| Error::Usage(format!("{}: can't be read again: {e}", path.display())))?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let sensors = job.sensor_files.iter().map(|(name, text)| file(name, text.as_bytes()));
-    let rays = job.ray_files.iter().map(|f| SourceFile {
-        name: f.name.clone(),
-        bytes: f.bytes,
-        blake3: f.blake3.clone(),
-    });
-    Ok([file(&name, &text)].into_iter().chain(sensors).chain(rays).collect())
-}
-
-/// What a sensor saw, in short.
-struct Statistics {
-    /// Pixels that have a ray.
-    rays: usize,
-    /// Pixels that have none: the lens's or the prisms' model ends before them.
-    blind: usize,
-    hits: usize,
-    /// Least, mean and largest range in metres, of any returns.
-    range_m: Option<[f64; 3]>,
-}
-
-impl Statistics {
-    fn of(frame: &Frame) -> Self {
-        let ranges = frame.iter().map(|(_, hit)| hit.range_m);
-        let blind = frame.blind_pixels();
-        let (mut hits, mut low, mut sum, mut high) = (0, f64::INFINITY, 0.0, 0.0_f64);
-        for range in ranges {
-            (hits, low, sum, high) = (hits + 1, low.min(range), sum + range, high.max(range));
-        }
-        let range_m = (hits > 0).then(|| [low, sum / hits as f64, high]);
-        Self { rays: frame.pixels() - blind, blind, hits, range_m }
-    }
+    Ok((seen, casting, writing))
 }
 
 struct Times {
@@ -253,9 +206,9 @@ fn print_plan(
     job: &Job,
     plan: &Plan,
     scene: &Scene,
-    destination: &Destination,
+    journal: &Journal,
 ) -> Result<(), Error> {
-    let outputs = destination.paths().map(|path| path.to_string_lossy().into_owned());
+    let outputs = journal.paths().map(|path| path.to_string_lossy().into_owned());
     if args.json {
         let sensor = |s: &crate::config::MountedSensor| {
             let pattern = &s.sensor.pattern;
@@ -265,6 +218,7 @@ fn print_plan(
             "sensors": job.sensors.iter().map(sensor).collect::<Vec<_>>(),
             "rays": plan.rays,
             "memory_bytes": plan.bytes,
+            "scene_memory_bytes": memory::of_scene(scene),
             "triangles": scene.triangle_count(),
             "outputs": outputs.collect::<Vec<_>>(),
         });
@@ -279,11 +233,12 @@ fn print_plan(
     let triangles = scene.triangle_count();
     let _ = writeln!(text, "scene: {triangles} triangles, {} instances", scene.geometry.objects.len());
     let _ = writeln!(text, "memory for frames: at most {}", Bytes(plan.bytes));
+    let _ = writeln!(text, "memory for the scene: about {}", Bytes(memory::of_scene(scene)));
     let _ = writeln!(text, "would write:");
     for output in outputs {
         let _ = writeln!(text, "  {output}");
     }
-    terminal.data(&text)
+    terminal.print(&text)
 }
 
 fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {

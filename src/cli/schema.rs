@@ -7,7 +7,7 @@ use crate::error::Error;
 /// The arguments of `beamcast schema`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Of which kind of file
+    /// The kind of file
     #[arg(value_enum)]
     of: Of,
 }

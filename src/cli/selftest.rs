@@ -1,4 +1,4 @@
-//! `beamcast selftest`: a sensor's own pattern against shapes of known range.
+//! `beamcast selftest`: casts a sensor's own pattern at shapes of known range.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -12,6 +12,7 @@ use crate::angle::Angle;
 use crate::config::{self, Config};
 use crate::error::Error;
 use crate::frame::Pose;
+use crate::run::memory;
 use crate::selftest::{self, CASTS, Check, Report, ShapeResult, Wrong};
 use crate::sensor::Sensor;
 use crate::trace::methods::Method;
@@ -19,8 +20,8 @@ use crate::trace::methods::Method;
 /// The arguments of `beamcast selftest`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Built-in sensors, sensor files, or jobs, whose sensors are tested where they stand [default: one of each kind that is
-    /// built in]
+    /// Built-in sensors, sensor files, or jobs, whose sensors are tested where they stand [default: one built-in sensor of
+    /// each kind]
     #[arg(value_name = "SENSOR|JOB")]
     paths: Vec<PathBuf>,
     /// Print JSON
@@ -28,11 +29,11 @@ pub struct Args {
     json: bool,
 }
 
-/// What is tested if nothing is named.
+/// The sensors that are tested if none is named.
 const ONE_OF_EACH: &[&str] =
     &["velodyne/vlp-16", "ouster/os1-32", "livox/mid-40", "kinect/v2", "ideal/camera"];
 
-/// A sensor to test, and how.
+/// A sensor to be tested, and the place and the method of the test.
 struct Subject {
     name: String,
     sensor: Sensor,
@@ -40,13 +41,17 @@ struct Subject {
     method: Option<&'static Method>,
 }
 
-/// Casts the patterns of sensors at planes, box, wedge and ball, and reports the errors against their closed forms.
+/// Casts the patterns of sensors at planes, a box, a wedge and a ball, and reports the errors against closed forms.
 ///
 /// # Errors
-/// [`Error::Difference`] if a sensor fails; [`Error::Config`] with what is wrong in a file.
+/// [`Error::Difference`] if a sensor fails; [`Error::Config`] with everything that is wrong in a file; [`Error::Usage`] if a
+/// frame does not fit into the machine's memory.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
     let subjects = subjects(&args.paths, terminal)?;
+    for subject in &subjects {
+        memory::check(&format!("a frame of {}", subject.name), memory::of_frame(&subject.sensor))?;
+    }
     let rays: u64 = subjects.iter().map(|s| s.sensor.pattern.rays() as u64 * CASTS).sum();
     let test = |s: &Subject| {
         selftest::selftest(&s.sensor, &s.world_from_sensor, s.method, interrupt.progress())
@@ -75,7 +80,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 
 fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Error> {
     let of_sensor = |name: String, sensor: Sensor| {
-        // Nothing is level or at the origin here, so that nothing comes out right by chance.
+        // The sensor is neither level nor at the origin, so that nothing comes out right by chance.
         let position = DVec3::new(12.5, -7.25, 1.8);
         let world_from_sensor = Pose::from_rpy(position, Angle::deg(3.0), Angle::deg(-5.0), Angle::deg(40.0));
         Subject { name, sensor, world_from_sensor, method: None }
@@ -90,7 +95,7 @@ fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Erro
     for path in paths {
         let read = match path.to_str().filter(|_| path.extension().is_none() && !path.exists()) {
             Some(name) => config::load_preset(name).map(|file| Config::Sensor(Box::new(file))),
-            None => config::load(path),
+            None => config::load(path, &[]),
         };
         match read {
             Ok(Config::Sensor(file)) => {
@@ -175,7 +180,7 @@ fn as_text(subject: &Subject, report: &Report) -> String {
     text
 }
 
-/// Metres with three figures.
+/// Writes metres with three figures.
 fn short(metres: f64) -> String {
     let decimals =
         if metres >= 100.0 { 0 } else { 3 - usize::from(metres >= 1.0) - usize::from(metres >= 10.0) };

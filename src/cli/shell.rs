@@ -1,8 +1,5 @@
-//! `beamcast completions` and `beamcast man`: what shells and `man` want to know of the command line.
+//! `beamcast completions` and `beamcast man`: the command line, told to shells and to `man`.
 
-use clap::CommandFactory;
-
-use super::Cli;
 use super::terminal::Terminal;
 use crate::error::Error;
 
@@ -14,25 +11,28 @@ pub struct CompletionsArgs {
     shell: clap_complete::Shell,
 }
 
-/// Prints a shell's completion script on stdout.
+/// Prints a shell's completion script for the program `command` on stdout.
 ///
 /// # Errors
 /// If stdout can't be written to.
-pub fn completions(args: &CompletionsArgs, terminal: &Terminal) -> Result<(), Error> {
+pub fn completions(
+    args: &CompletionsArgs,
+    mut command: clap::Command,
+    terminal: &Terminal,
+) -> Result<(), Error> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "beamcast", &mut script);
+    clap_complete::generate(args.shell, &mut command, "beamcast", &mut script);
     terminal.data(&String::from_utf8_lossy(&script))
 }
 
-/// Prints the manual page on stdout: the program's, then each subcommand's synopsis and options.
+/// Prints the manual page of the program `command` on stdout, with the synopsis and the options of each subcommand.
 ///
 /// # Errors
 /// If stdout can't be written to.
-pub fn man(terminal: &Terminal) -> Result<(), Error> {
+pub fn man(mut command: clap::Command, terminal: &Terminal) -> Result<(), Error> {
     let mut page = Vec::new();
     let failed = |error| Error::output("stdout", error);
-    // Built, so that the subcommands know their whole names and the flags that all have.
-    let mut command = Cli::command();
+    // Only a command that is built gives its subcommands their whole names and the flags that all have.
     command.build();
     let whole = clap_mangen::Man::new(command.clone());
     whole.render(&mut page).map_err(failed)?;
@@ -44,7 +44,7 @@ pub fn man(terminal: &Terminal) -> Result<(), Error> {
         part.render_description_section(&mut text).map_err(failed)?;
         part.render_synopsis_section(&mut text).map_err(failed)?;
         part.render_options_section(&mut text).map_err(failed)?;
-        // Sections of the part are subsections of the page.
+        // The sections of a subcommand are subsections of the page.
         page.extend_from_slice(String::from_utf8_lossy(&text).replace("\n.SH ", "\n.SS ").as_bytes());
     }
     terminal.data(&String::from_utf8_lossy(&page))

@@ -1,4 +1,4 @@
-//! What people see: messages and progress on stderr, data on stdout.
+//! The terminal: messages and progress go to stderr, data goes to stdout.
 
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
@@ -15,17 +15,17 @@ use crate::scan::Progress;
 use crate::source::Diagnostic;
 use crate::source::suggest::escaped;
 
-/// The flags of every subcommand.
+/// The flags that every subcommand has.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Messages")]
 pub struct Args {
-    /// Say nothing but errors
+    /// Show nothing but errors
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     quiet: bool,
-    /// Say more: every file that is read and written
+    /// Show more: every file that is read and written
     #[arg(short, long, global = true)]
     verbose: bool,
-    /// Colour in messages; `auto`: on a terminal, unless NO_COLOR is set
+    /// Colour in messages; `auto` means on a terminal, unless NO_COLOR is set
     #[arg(long, global = true, value_enum, default_value_t, value_name = "WHEN")]
     color: Color,
 }
@@ -38,7 +38,7 @@ enum Color {
     Never,
 }
 
-/// The way to people, as the flags have it.
+/// The way to the user, as the flags have set it.
 #[derive(Clone, Copy, Debug)]
 pub struct Terminal {
     quiet: bool,
@@ -61,7 +61,7 @@ impl Terminal {
         Self { quiet: args.quiet, verbose: args.verbose, color }
     }
 
-    /// Says why the run ends.
+    /// Shows the error that ends the run.
     pub fn error(&self, error: &Error) {
         match error {
             Error::Config(problems) => to_stderr(diagnostics::render(problems, self.color).trim_end()),
@@ -69,33 +69,28 @@ impl Terminal {
         }
     }
 
-    /// Says what is probably not as meant in a job, unless quiet.
+    /// Shows problems of a file that do not stop the run, unless quiet.
     pub fn warn_of(&self, problems: &[Diagnostic]) {
         if !self.quiet && !problems.is_empty() {
             to_stderr(diagnostics::render(problems, self.color).trim_end());
         }
     }
 
-    /// Says what is probably not as meant, unless quiet.
+    /// Shows a warning, unless quiet.
     pub fn warn(&self, warning: impl Display) {
         if !self.quiet {
             self.labelled("warning", "1;33", warning);
         }
     }
 
-    /// Whether messages are coloured.
-    pub fn color(&self) -> bool {
-        self.color
-    }
-
-    /// Says what there is to know, unless quiet.
+    /// Shows a message, unless quiet.
     pub fn say(&self, text: impl Display) {
         if !self.quiet {
             to_stderr(&escaped(&text.to_string()));
         }
     }
 
-    /// Says what only the curious want to know.
+    /// Shows a detail, if `--verbose` asks for details.
     pub fn detail(&self, text: impl Display) {
         if self.verbose {
             to_stderr(&escaped(&text.to_string()));
@@ -111,7 +106,7 @@ impl Terminal {
         }
     }
 
-    /// Prints data. A reader that has gone away has read enough.
+    /// Prints data. It is no error if the reader has gone away: it has read enough.
     ///
     /// # Errors
     /// [`Error::Output`] when stdout can't be written to for another reason.
@@ -123,7 +118,7 @@ impl Terminal {
         }
     }
 
-    /// Prints a result in words on stdout: data, with names in it that are anything.
+    /// Prints text on stdout that has names from files in it. Characters that a terminal acts on are escaped.
     ///
     /// # Errors
     /// As [`Terminal::data`].
@@ -131,7 +126,7 @@ impl Terminal {
         self.data(&escaped(text))
     }
 
-    /// Works with a progress bar over `rays`, on a terminal only.
+    /// Works, with a progress bar over `rays` rays if stderr is a terminal.
     pub fn with_progress<T>(&self, rays: u64, progress: &Progress, work: impl FnOnce() -> T) -> T {
         if self.quiet || !io::stderr().is_terminal() {
             return work();
@@ -143,20 +138,22 @@ impl Terminal {
         }
         let done = AtomicBool::new(false);
         thread::scope(|scope| {
-            scope.spawn(|| {
+            let draw = || {
                 while !done.load(Ordering::Relaxed) {
                     bar.set_position(progress.rays_done.load(Ordering::Relaxed));
                     thread::sleep(Duration::from_millis(50));
                 }
                 bar.finish_and_clear();
-            });
+            };
+            // Where the system gives no thread, there is no bar.
+            let _drawing = thread::Builder::new().spawn_scoped(scope, draw);
             let _done = SetOnDrop(&done);
             work()
         })
     }
 }
 
-/// Ends the bar's thread even if the work panics.
+/// Ends the thread of the progress bar, even if the work panics.
 struct SetOnDrop<'a>(&'a AtomicBool);
 
 impl Drop for SetOnDrop<'_> {
@@ -165,7 +162,7 @@ impl Drop for SetOnDrop<'_> {
     }
 }
 
-/// A stderr that is closed is no reason to stop.
+/// Writes a line to stderr. A stderr that is closed is no reason to stop.
 fn to_stderr(line: &str) {
     let _ = writeln!(io::stderr().lock(), "{line}");
 }

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use super::interrupt::Interrupt;
-use super::pipeline::{self, Bytes, Plan};
+use super::job::load_scene;
 use super::terminal::Terminal;
-use crate::config::{self, Config};
+use crate::config::{self, Config, MountedSensor};
 use crate::error::Error;
 use crate::output::{Destination, write_file};
-use crate::trace::AnyTracer;
+use crate::run::{Bytes, Holding, Plan, Session};
 use crate::view::{View, of_recording, page};
 
 /// The arguments of `beamcast view`.
@@ -68,7 +68,7 @@ fn default_name(path: &Path) -> PathBuf {
 }
 
 fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec<View>, Error> {
-    let job = match config::load(path)? {
+    let job = match config::load(path, &[])? {
         Config::Job(job) => *job,
         Config::Sensor(_) => {
             return Err(Error::Usage(format!(
@@ -78,17 +78,17 @@ fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec
         }
     };
     terminal.warn_of(&job.warnings);
-    let plan = Plan::of(&job)?;
-    let scene = pipeline::load_scene(&job, terminal)?;
+    let plan = Plan::of(&job, Holding::Views)?;
+    let scene = load_scene(&job, terminal)?;
     interrupt.check()?;
-    let tracer = AnyTracer::build(&scene, job.kernel);
-    let cast = || {
-        let view = |mounted| {
-            let frame = pipeline::cast(&job, mounted, &scene, &tracer, interrupt.progress())?;
-            Some(View::of_frame(&mounted.name, &mounted.sensor, &frame, &scene))
-        };
-        job.sensors.iter().filter_map(view).collect()
+    plan.check_scene(&scene)?;
+    let session = Session::open(job, &scene);
+    let view = |item| {
+        let frame = session.cast(item, interrupt.progress())?;
+        let MountedSensor { name, sensor, .. } = session.sensor(item);
+        Some(View::of_frame(name, sensor, &frame, &scene))
     };
+    let cast = || plan.items.iter().filter_map(view).collect();
     let views = terminal.with_progress(plan.rays, interrupt.progress(), cast);
     interrupt.check()?;
     Ok(views)

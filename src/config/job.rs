@@ -9,7 +9,7 @@ use super::presets;
 use super::rays::RayFiles;
 use super::section::{self, Section};
 use super::tree::{self, Entry, Node, Table, Value};
-use super::{Job, MountedSensor, OutputSettings, check, sensor};
+use super::{InputFile, Job, MountedSensor, OutputSettings, check, sensor};
 use crate::angle::Angle;
 use crate::frame::{Pose, UpAxis};
 use crate::motion::Trajectory;
@@ -93,6 +93,10 @@ pub(super) fn job(report: &mut Report, path: &Path, mut table: Table, overrides:
         output: output?,
         check,
         expectations,
+        file: InputFile::new(
+            path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            report.text(0),
+        ),
         sensor_files: presets
             .into_iter()
             .map(|p| (portable(&p.as_written), report.text(p.source).to_owned()))

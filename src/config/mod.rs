@@ -55,6 +55,8 @@ pub struct Job {
     pub check: Option<Settings>,
     /// What its sensors should see.
     pub expectations: Vec<Expectation>,
+    /// The job's own file, as it was read.
+    pub file: InputFile,
     /// Sensor files that were read, each once: its name as the job writes it (an absolute path's last part), and its
     /// whole text.
     pub sensor_files: Vec<(String, String)>,
@@ -76,6 +78,14 @@ pub struct InputFile {
     pub bytes: u64,
     /// BLAKE3 of its content, in hexadecimal.
     pub blake3: String,
+}
+
+impl InputFile {
+    /// The file of this name, which was read once and had this content.
+    fn new(name: String, content: &str) -> Self {
+        let blake3 = blake3::hash(content.as_bytes()).to_hex().to_string();
+        Self { name, bytes: content.len() as u64, blake3 }
+    }
 }
 
 /// A sensor of the rig.
@@ -164,16 +174,17 @@ pub fn load_preset(name: &str) -> Result<SensorFile, Error> {
     }
 }
 
-/// Reads a job or a sensor file, whichever it is: a sensor file has a pattern, and no key of a job.
+/// Reads a job or a sensor file, whichever it is: a sensor file has a pattern, and no key of a job. A job is read with
+/// `overrides` as [`load_job`] has them; a sensor file has none.
 ///
 /// # Errors
 /// [`Error::Config`] as for [`load_job`] and [`load_sensor`].
-pub fn load(path: &Path) -> Result<Config, Error> {
+pub fn load(path: &Path, overrides: &[String]) -> Result<Config, Error> {
     let (report, table) = read(path)?;
     if is_sensor_file(&table) {
         into_sensor(report, path, table).map(|sensor| Config::Sensor(Box::new(sensor)))
     } else {
-        into_job(report, path, table, &[]).map(|job| Config::Job(Box::new(job)))
+        into_job(report, path, table, overrides).map(|job| Config::Job(Box::new(job)))
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod camera;
 mod capture;
+pub mod facts;
 mod lens;
 mod mirror;
 mod polynomial;

@@ -52,6 +52,11 @@ impl RayTable {
         self.pulses.len()
     }
 
+    /// Whether the rays of two tables are the same in memory, not only equal.
+    pub fn shares_rays_with(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.pulses, &other.pulses)
+    }
+
     /// Frames a second, if given.
     pub fn rate_hz(&self) -> Option<f64> {
         self.rate_hz

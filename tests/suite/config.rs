@@ -416,14 +416,14 @@ fn hostile_jobs_are_bounded() {
 #[test]
 fn jobs_and_sensor_files_are_told_apart() {
     let (folder, path) = folder(JOB, SENSOR);
-    assert!(matches!(config::load(&path), Ok(Config::Job(_))));
-    match config::load(&folder.path().join("sensor.toml")) {
+    assert!(matches!(config::load(&path, &[]), Ok(Config::Job(_))));
+    match config::load(&folder.path().join("sensor.toml"), &[]) {
         Ok(Config::Sensor(file)) => assert_eq!(file.sensor.pattern.rows(), 3),
         other => panic!("{other:?}"),
     }
     // A job with a pattern at its top is a job, and told where the pattern belongs.
     std::fs::write(&path, format!("{JOB}[rotating]\ncolumns = 3\n")).unwrap();
-    let found = diagnostics(config::load(&path).unwrap_err());
+    let found = diagnostics(config::load(&path, &[]).unwrap_err());
     let expected = "job.toml:15:2: unknown key `rotating` in a job |  | `rotating` belongs in `[[sensor]]`";
     assert_eq!(found.iter().map(told).collect::<Vec<_>>(), [expected]);
 }
@@ -439,7 +439,7 @@ fn shipped_configs_load_without_a_warning() {
                 continue;
             }
             count += 1;
-            match config::load(&path).unwrap_or_else(|e| panic!("{e}")) {
+            match config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}")) {
                 Config::Job(job) => {
                     assert_eq!(job.warnings, []);
                     // Each job's output has the job's own name, so that no two overwrite each other.

@@ -23,12 +23,19 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("selftest", &["angle", "frame", "motion", "output", "scan", "scene", "sensor", "trace"]),
     ("kernels", &["angle", "error", "frame", "motion", "scan", "scene", "sensor", "trace"]),
     ("config", &["angle", "check", "error", "frame", "motion", "output", "sensor", "source", "trace"]),
+    (
+        "run",
+        &[
+            "check", "config", "error", "frame", "output", "scan", "scene", "sensor", "source", "trace",
+            "view",
+        ],
+    ),
     ("import", &["config", "source"]),
     (
         "cli",
         &[
-            "angle", "check", "config", "error", "frame", "import", "kernels", "output", "scan", "scene",
-            "selftest", "sensor", "source", "trace", "view",
+            "angle", "check", "config", "error", "frame", "import", "kernels", "output", "run", "scan",
+            "scene", "selftest", "sensor", "source", "trace", "view",
         ],
     ),
     ("main", &["cli"]),
@@ -38,7 +45,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
 const CONFINED: &[(&str, &[&str], &str)] = &[
     (
         "std::fs",
-        &["source/", "scene/gltf/files.rs", "output/files.rs", "output/recorded/mod.rs", "cli/"],
+        &["source/", "scene/gltf/files.rs", "output/files.rs", "output/recorded/mod.rs", "run/", "cli/"],
         "files are opened at the edges only",
     ),
     (
@@ -51,6 +58,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
             "output/files.rs",
             "output/recorded/mod.rs",
             "view/recorded.rs",
+            "run/",
             "cli/",
         ],
         "only what opens files knows their names",

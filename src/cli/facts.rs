@@ -1,0 +1,183 @@
+//! Facts about files, for people.
+
+use std::fmt::Write as _;
+
+use crate::run::Bytes;
+use crate::run::facts::{FileFacts, SceneFacts, SensorSizes};
+use crate::source::suggest::quoted;
+
+/// The facts about a file as lines of text.
+pub fn text(facts: &FileFacts) -> String {
+    let mut text = format!("{}: {}\n", quoted(&facts.path).trim_matches('`'), facts.kind);
+    if let Some(scene) = &facts.scene {
+        write_scene(&mut text, scene);
+    }
+    for sensor in &facts.sensors {
+        write_sensor(&mut text, sensor);
+    }
+    text
+}
+
+/// Writes a line of facts. Writing to a string can't fail.
+macro_rules! fact {
+    ($text:expr, $name:literal, $($what:tt)*) => {
+        let _ = writeln!($text, "    {:<14}{}", $name, format_args!($($what)*));
+    };
+}
+
+fn write_scene(text: &mut String, scene: &SceneFacts) {
+    let _ = writeln!(text, "  scene {}", quoted(&scene.path).trim_matches('`'));
+    let skipped = match scene.skipped_triangles {
+        0 => String::new(),
+        n => format!(", {} of zero area left out", grouped(n)),
+    };
+    fact!(text, "triangles", "{}{skipped}", grouped(scene.triangles));
+    let [x, y, z] = scene.extent_m.map(|[low, high]| format!("{} to {}", tidy(low), tidy(high)));
+    fact!(text, "extent", "x {x}, y {y}, z {z} m");
+    let [x, y, z] = scene.centre_m.map(tidy);
+    fact!(text, "centre", "({x}, {y}, {z}) m");
+    fact!(text, "instances", "{}", grouped(scene.instances as u64));
+    fact!(text, "materials", "{}", grouped(scene.materials as u64));
+    let labels: Vec<String> = scene.labels.iter().take(32).map(u32::to_string).collect();
+    let more = if scene.labels.len() > 32 { ", …" } else { "" };
+    fact!(text, "labels", "{}{more}", labels.join(", "));
+    fact!(text, "memory", "about {}", Bytes(scene.memory_bytes));
+}
+
+fn write_sensor(text: &mut String, sensor: &SensorSizes) {
+    let facts = &sensor.facts;
+    let name = sensor.name.as_deref().map_or(String::new(), |name| format!(" {name}"));
+    let _ = writeln!(text, "  {}{name}", facts.kind);
+    let (rows, columns) = (grouped(facts.rows as u64), grouped(facts.columns as u64));
+    fact!(
+        text,
+        "image",
+        "{rows} rows × {columns} columns, {} rays a frame",
+        grouped(facts.rays_per_frame as u64)
+    );
+    let [low, high] = facts.elevation_deg.map(tidy);
+    fact!(
+        text,
+        "field of view",
+        "{}° × {}°, elevations from {low}° to {high}°",
+        tidy(facts.horizontal_fov_deg),
+        tidy(facts.elevation_deg[1] - facts.elevation_deg[0])
+    );
+    if let Some(horizontal) = facts.azimuth_step_deg {
+        let vertical = match facts.elevation_step_deg.map(|step| step.map(tidy)) {
+            None => String::new(),
+            Some([least, most]) if least == most => format!(" × {least}°"),
+            Some([least, most]) => format!(" × {least}° to {most}°"),
+        };
+        let place = if facts.kind == "camera" { " in the middle" } else { "" };
+        fact!(text, "steps", "{}°{vertical}{place}", tidy(horizontal));
+    }
+    if facts.blind_pixels > 0 {
+        fact!(
+            text,
+            "no ray for",
+            "{} pixels: the model ends before them",
+            grouped(facts.blind_pixels as u64)
+        );
+    }
+    match facts.max_range_m {
+        Some(max) => {
+            fact!(text, "range", "{} m to {} m", tidy(facts.min_range_m), tidy(max));
+        }
+        None => {
+            fact!(text, "range", "{} m, without an upper limit", tidy(facts.min_range_m));
+        }
+    }
+    if let (Some(rate), Some(points)) = (facts.rate_hz, facts.points_per_second) {
+        fact!(text, "rate", "{} Hz, at most {} points a second", tidy(rate), grouped(points.round() as u64));
+    }
+    if facts.frame_s > 0.0 {
+        fact!(text, "frame takes", "{} ms", tidy(facts.frame_s * 1e3));
+    }
+    fact!(text, "memory", "{} a frame", Bytes(sensor.frame_bytes));
+    let files: Vec<String> = sensor
+        .output_bytes
+        .iter()
+        .map(|(format, size)| format!("{format} {}", Bytes(size.as_u64().unwrap_or(0))))
+        .collect();
+    fact!(text, "output", "{} a frame, uncompressed", files.join(", "));
+}
+
+/// Rounds a number to four decimals, for display.
+pub fn tidy(x: f64) -> f64 {
+    let rounded = (x * 1e4).round() / 1e4;
+    if rounded == 0.0 { 0.0 } else { rounded }
+}
+
+/// `1234567` as `1,234,567`.
+pub fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::facts::SensorFacts;
+
+    #[test]
+    fn numbers_are_readable() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
+        assert_eq!(tidy(-0.00001).to_string(), "0");
+    }
+
+    #[test]
+    fn facts_are_told_in_lines() {
+        let facts = SensorFacts {
+            kind: "LiDAR",
+            rows: 3,
+            columns: 360,
+            rays_per_frame: 1080,
+            horizontal_fov_deg: 360.0,
+            elevation_deg: [-20.0, 10.0],
+            azimuth_step_deg: Some(1.0),
+            elevation_step_deg: Some([2.0, 28.0]),
+            rate_hz: Some(10.0),
+            points_per_second: Some(10_800.0),
+            min_range_m: 0.5,
+            max_range_m: Some(50.0),
+            frame_s: 0.0997,
+            blind_pixels: 0,
+        };
+        let output_bytes = [("exr".to_owned(), 43_200.into())].into_iter().collect();
+        let sensor = SensorSizes { name: Some("top".to_owned()), facts, frame_bytes: 51_840, output_bytes };
+        let scene = SceneFacts {
+            path: "a.glb".to_owned(),
+            triangles: 6,
+            stored_triangles: 2,
+            skipped_triangles: 0,
+            instances: 3,
+            materials: 1,
+            labels: vec![3, 7],
+            extent_m: [[0.0, 5.0], [0.0, 1.0], [0.0, 0.0]],
+            centre_m: [2.5, 0.5, 0.0],
+            memory_bytes: 200,
+        };
+        let file =
+            FileFacts { path: "a.toml".to_owned(), kind: "job", sensors: vec![sensor], scene: Some(scene) };
+        let text = text(&file);
+        for line in [
+            "a.toml: job\n",
+            "  LiDAR top\n",
+            "3 rows × 360 columns, 1,080 rays a frame\n",
+            "1° × 2° to 28°\n",
+            "exr 43.2 kB a frame, uncompressed\n",
+            "extent        x 0 to 5, y 0 to 1, z 0 to 0 m\n",
+            "labels        3, 7\n",
+        ] {
+            assert!(text.contains(line), "{line:?} in:\n{text}");
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! The job that a subcommand runs: the flags that choose and change it, and the messages while it is read.
+
+use std::path::{Path, PathBuf};
+
+use super::terminal::Terminal;
+use super::threads;
+use crate::config::{self, Job};
+use crate::error::{Error, SceneError};
+use crate::run::{self, Bytes};
+use crate::scene::{Scene, gltf};
+
+/// The flags that every subcommand that runs one job has.
+#[derive(Debug, clap::Args)]
+pub struct JobArgs {
+    /// The job's file
+    #[arg(value_name = "JOB.toml")]
+    job: PathBuf,
+    /// Change a key of the job, such as sensor.top.range.max_m=50; can be given again
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<String>,
+    #[command(flatten)]
+    pub threads: threads::Args,
+}
+
+impl JobArgs {
+    /// Reads the job, and shows its warnings.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with everything that is wrong with the job.
+    pub fn load(&self, terminal: &Terminal) -> Result<Job, Error> {
+        load_job(&self.job, &self.overrides, terminal)
+    }
+}
+
+/// Reads a job, and shows its warnings.
+///
+/// # Errors
+/// [`Error::Config`] with everything that is wrong with the job.
+pub fn load_job(path: &Path, overrides: &[String], terminal: &Terminal) -> Result<Job, Error> {
+    let job = config::load_job(path, overrides)?;
+    terminal.warn_of(&job.warnings);
+    Ok(job)
+}
+
+/// Reads a job's scene, and shows its warnings and, if the user wants to know, its files.
+///
+/// # Errors
+/// With the element of the file that is wrong.
+pub fn load_scene(job: &Job, terminal: &Terminal) -> Result<Scene, SceneError> {
+    let gltf::Loaded { scene, warnings } = run::load_scene(job)?;
+    for warning in warnings {
+        terminal.warn(warning);
+    }
+    for file in &scene.geometry.files {
+        terminal.detail(format_args!("read {} ({}, BLAKE3 {})", file.name, Bytes(file.bytes), file.blake3));
+    }
+    Ok(scene)
+}

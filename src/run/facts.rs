@@ -1,0 +1,263 @@
+//! Facts about files: jobs, sensor files and scenes are read, and nothing is cast.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::paths::configs_in;
+use super::{memory, session};
+use crate::config::{self, Config, Job};
+use crate::error::{Error, SceneError};
+use crate::frame::UpAxis;
+use crate::output::Format;
+use crate::scene::{Mesh, Scene, gltf};
+use crate::sensor::Sensor;
+use crate::sensor::facts::SensorFacts;
+use crate::source::{Diagnostic, Severity};
+
+/// The facts about a job, a sensor file or a scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FileFacts {
+    /// The file as the user named it.
+    pub path: String,
+    /// `job`, `sensor` or `scene`.
+    pub kind: &'static str,
+    /// The job's sensors, or the sensor file's one.
+    pub sensors: Vec<SensorSizes>,
+    /// The scene, if the file is one or names one.
+    pub scene: Option<SceneFacts>,
+}
+
+/// The facts about a sensor, and the sizes of its frames.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SensorSizes {
+    /// The sensor's name in the job.
+    pub name: Option<String>,
+    /// The facts that follow from the pattern.
+    #[serde(flatten)]
+    pub facts: SensorFacts,
+    /// The memory that a frame takes while it is made.
+    pub frame_bytes: u64,
+    /// The size of a frame's file before compression, by format: an upper limit.
+    pub output_bytes: serde_json::Map<String, serde_json::Value>,
+}
+
+impl SensorSizes {
+    /// Works the facts out, and the sizes of files in `formats`.
+    pub fn of(name: Option<&str>, sensor: &Sensor, formats: &[Format]) -> Self {
+        let facts = SensorFacts::of(sensor);
+        let rays = facts.rays_per_frame as u64;
+        let size = |format: &Format| {
+            let bytes = (format.0.file_bytes_a_ray)(sensor).saturating_mul(rays);
+            (format.name().to_owned(), bytes.into())
+        };
+        Self {
+            name: name.map(str::to_owned),
+            frame_bytes: memory::FRAME_BYTES_A_RAY.saturating_mul(rays),
+            output_bytes: formats.iter().map(size).collect(),
+            facts,
+        }
+    }
+}
+
+/// Reads every path: jobs, sensor files, scenes, and folders of jobs and sensor files. Returns the facts about the good
+/// ones, and everything that is wrong with the others.
+pub fn examine(paths: &[PathBuf]) -> (Vec<FileFacts>, Vec<Diagnostic>) {
+    let mut facts = Vec::new();
+    let mut diagnostics = Vec::new();
+    for path in paths {
+        let files = if path.is_dir() { configs_in(path) } else { vec![path.clone()] };
+        if files.is_empty() {
+            let help = "name a folder that has some, or a file";
+            diagnostics.push(Diagnostic::about_file(
+                path,
+                "the folder has no *.toml files".into(),
+                Some(help.into()),
+            ));
+        }
+        for file in &files {
+            examine_file(file, &mut facts, &mut diagnostics);
+        }
+    }
+    (facts, diagnostics)
+}
+
+/// Reads one job, sensor file or scene. Returns its facts and its warnings.
+///
+/// # Errors
+/// [`Error::Scene`] if it is a scene that can't be read, else [`Error::Config`] with everything that is wrong.
+pub fn facts_of(path: &Path) -> Result<(FileFacts, Vec<Diagnostic>), Error> {
+    let mut diagnostics = Vec::new();
+    if is_scene(path) {
+        let name = path.to_string_lossy();
+        let scene = open_scene(path, &name, None, &mut diagnostics)?;
+        return Ok((FileFacts::of_scene(&name, &scene), diagnostics));
+    }
+    let mut facts = Vec::new();
+    examine_file(path, &mut facts, &mut diagnostics);
+    match facts.pop() {
+        Some(facts) if diagnostics.iter().all(|d| d.severity == Severity::Warning) => {
+            Ok((facts, diagnostics))
+        }
+        _ => Err(Error::Config(diagnostics)),
+    }
+}
+
+fn is_scene(path: &Path) -> bool {
+    path.extension().map(|e| e.to_ascii_lowercase()).is_some_and(|e| e == "gltf" || e == "glb")
+}
+
+fn examine_file(path: &Path, facts: &mut Vec<FileFacts>, diagnostics: &mut Vec<Diagnostic>) {
+    let name = path.to_string_lossy();
+    if is_scene(path) {
+        match open_scene(path, &name, None, diagnostics) {
+            Ok(scene) => facts.push(FileFacts::of_scene(&name, &scene)),
+            Err(error) => diagnostics.push(about_scene(error)),
+        }
+        return;
+    }
+    match config::load(path, &[]) {
+        Ok(Config::Sensor(file)) => {
+            diagnostics.extend(file.warnings);
+            let sensors = vec![SensorSizes::of(None, &file.sensor, &Format::all().collect::<Vec<_>>())];
+            facts.push(FileFacts { path: name.into_owned(), kind: "sensor", sensors, scene: None });
+        }
+        Ok(Config::Job(job)) => {
+            match open_scene(&job.scene_path, &job.scene_as_written, Some(&job), diagnostics) {
+                Ok(scene) => {
+                    let sizes = |mounted: &config::MountedSensor| {
+                        SensorSizes::of(Some(&mounted.name), &mounted.sensor, &job.output.formats)
+                    };
+                    let sensors = job.sensors.iter().map(sizes).collect();
+                    let scene = Some(SceneFacts::of(&job.scene_as_written, &scene));
+                    facts.push(FileFacts { path: name.into_owned(), kind: "job", sensors, scene });
+                }
+                Err(error) => {
+                    let mut problem = about_scene(error);
+                    problem.message = format!("the scene of {name}: {}", problem.message);
+                    diagnostics.push(problem);
+                }
+            }
+            diagnostics.extend(job.warnings);
+        }
+        Err(Error::Config(found)) => diagnostics.extend(found),
+        Err(other) => diagnostics.push(Diagnostic::about_file(path, other.to_string(), None)),
+    }
+}
+
+/// Opens a scene as a run would: with the job's settings, or without a job as the file has it.
+fn open_scene(
+    path: &Path,
+    as_written: &str,
+    job: Option<&Job>,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Result<Scene, SceneError> {
+    let no_labels = BTreeMap::new();
+    let options = gltf::Options {
+        scene_name: job.and_then(|job| job.scene_name.as_deref()),
+        up: job.map_or(UpAxis::default(), |job| job.up),
+        labels: job.map_or(&no_labels, |job| &job.labels),
+    };
+    let loaded = session::open_scene(path, as_written, &options)?;
+    let warning =
+        |text| Diagnostic { severity: Severity::Warning, ..Diagnostic::about_file(path, text, None) };
+    diagnostics.extend(loaded.warnings.into_iter().map(warning));
+    Ok(loaded.scene)
+}
+
+fn about_scene(error: SceneError) -> Diagnostic {
+    let message = if error.element.is_empty() {
+        error.problem
+    } else {
+        format!("{}: {}", error.element, error.problem)
+    };
+    Diagnostic::about_file(&error.path, message, error.help)
+}
+
+impl FileFacts {
+    fn of_scene(path: &str, scene: &Scene) -> Self {
+        let scene = Some(SceneFacts::of(path, scene));
+        Self { path: path.to_owned(), kind: "scene", sensors: vec![], scene }
+    }
+}
+
+/// The facts about a scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SceneFacts {
+    /// The scene's file, as the user or the job named it.
+    pub path: String,
+    /// Triangles, each counted as often as it is placed.
+    pub triangles: u64,
+    /// Triangles that are stored.
+    pub stored_triangles: u64,
+    /// Triangles of the file that no beam can hit, because they have no area.
+    pub skipped_triangles: u64,
+    /// Objects that meshes are placed as.
+    pub instances: usize,
+    /// Materials.
+    pub materials: usize,
+    /// Every semantic label that a surface has, in ascending order.
+    pub labels: Vec<u32>,
+    /// The least and the largest x, y and z in the world. Of a mesh that is placed more than once, the corners of its box
+    /// count.
+    pub extent_m: [[f64; 2]; 3],
+    /// The middle of the extent.
+    pub centre_m: [f64; 3],
+    /// An estimate of the memory that the scene and its tracer take.
+    pub memory_bytes: u64,
+}
+
+impl SceneFacts {
+    fn of(path: &str, scene: &Scene) -> Self {
+        let mut labels: Vec<u32> = (0..scene.arrangement.placements.len())
+            .flat_map(|placement| {
+                let parts =
+                    &scene.geometry.meshes[scene.arrangement.placements[placement].mesh as usize].parts;
+                parts.iter().map(move |part| scene.surface(placement as u32, part.first_triangle))
+            })
+            .map(|surface| scene.label(surface))
+            .collect();
+        labels.sort_unstable();
+        labels.dedup();
+        let extent_m = extent(scene);
+        Self {
+            path: path.to_owned(),
+            triangles: scene.triangle_count(),
+            stored_triangles: scene.geometry.stored_triangle_count(),
+            skipped_triangles: scene.geometry.skipped_triangles,
+            instances: scene.geometry.objects.len(),
+            materials: scene.geometry.materials.len(),
+            labels,
+            extent_m,
+            centre_m: extent_m.map(|[low, high]| (low + high) / 2.0),
+            memory_bytes: memory::of_scene(scene),
+        }
+    }
+}
+
+fn extent(scene: &Scene) -> [[f64; 2]; 3] {
+    let (nothing, everything) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let own = |mesh: &Mesh| {
+        let positions = mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from)));
+        positions.fold((nothing, everything), |(low, high), p| (low.min(p), high.max(p)))
+    };
+    let own: Vec<_> = scene.geometry.meshes.iter().map(own).collect();
+    let (mut low, mut high) = (nothing, everything);
+    for placement in &scene.arrangement.placements {
+        let (a, b) = own[placement.mesh as usize];
+        if a.x > b.x {
+            continue; // mesh 0 may be empty
+        }
+        for corner in 0..8 {
+            let p = DVec3::from_array([0, 1, 2].map(|i| if corner >> i & 1 == 0 { a[i] } else { b[i] }));
+            let p = placement.scene_from_mesh().transform_point3(p) + scene.geometry.centre;
+            (low, high) = (low.min(p), high.max(p));
+        }
+    }
+    [0, 1, 2].map(|axis| [low[axis], high[axis]])
+}
+
+#[cfg(test)]
+mod tests;

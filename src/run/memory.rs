@@ -1,0 +1,227 @@
+//! Memory: how much this process may have, and estimates of how much a run needs.
+
+use std::fmt;
+use std::fs;
+
+use crate::config::MountedSensor;
+use crate::error::Error;
+use crate::output::Format;
+use crate::scan::Frame;
+use crate::scene::Scene;
+use crate::sensor::{Pattern, Pulse, RayTable, Sensor};
+
+/// What a run holds in memory at the same time, which decides how much it needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Holding {
+    /// One frame after the other, and nothing that outlives it.
+    Frame,
+    /// One frame after the other, each encoded in the job's formats.
+    Files,
+    /// The images of all frames.
+    Images,
+    /// The views of all frames, and the page that shows them.
+    Views,
+    /// All frames and their images, and of one frame at a time the image of its baseline and the pixels that differ.
+    Comparisons,
+    /// As [`Comparisons`](Self::Comparisons), and for the page the views and the baselines of all frames.
+    ComparedViews,
+}
+
+/// Bytes that a frame takes for each ray.
+pub const FRAME_BYTES_A_RAY: u64 = Frame::BYTES_A_PIXEL as u64;
+
+/// Bytes that a view takes for each point: three coordinates of 32 bits.
+const POINT_BYTES: u64 = 12;
+
+/// Bytes that an image with all channels takes for each pixel: as many as in an EXR that is not compressed.
+fn image_bytes_a_ray(sensor: &Sensor) -> u64 {
+    (Format::EXR.0.file_bytes_a_ray)(sensor)
+}
+
+/// Pixels of a sensor's frame. Too many to count give the largest number.
+fn pixels(sensor: &Sensor) -> u64 {
+    (sensor.pattern.rows() as u64).saturating_mul(sensor.pattern.columns() as u64)
+}
+
+/// The memory that one frame of a sensor takes, in bytes.
+pub fn of_frame(sensor: &Sensor) -> u64 {
+    pixels(sensor).saturating_mul(FRAME_BYTES_A_RAY)
+}
+
+/// An upper estimate of the memory that the frames of a rig take, with everything that is made of them, in bytes. Too many
+/// rays to count give the largest number.
+pub fn of_frames(sensors: &[MountedSensor], formats: &[Format], holding: Holding) -> u64 {
+    let (mut largest, mut all) = (0, 0_u64);
+    for MountedSensor { sensor, .. } in sensors {
+        let frame = FRAME_BYTES_A_RAY;
+        let image = image_bytes_a_ray(sensor);
+        let view = image + POINT_BYTES;
+        let (once, kept) = match holding {
+            Holding::Frame => (frame, 0),
+            Holding::Files => {
+                (frame + formats.iter().map(|f| f.encoding_bytes_a_ray(sensor)).max().unwrap_or(0), 0)
+            }
+            Holding::Images => (frame, image),
+            // The page holds numbers as text, six bits a character.
+            Holding::Views => (frame, view + view * 4 / 3),
+            // A channel's list of pixels that differ takes as much as the channel.
+            Holding::Comparisons => (2 * image, frame + image),
+            Holding::ComparedViews => (2 * image, frame + image + view + image + (view + image) * 4 / 3),
+        };
+        let rays = pixels(sensor);
+        largest = largest.max(rays.saturating_mul(once));
+        all = all.saturating_add(rays.saturating_mul(kept));
+    }
+    all.saturating_add(largest)
+}
+
+/// The memory that the tables of rays of a rig take, in bytes. A table that sensors share counts once.
+pub fn of_tables(sensors: &[MountedSensor]) -> u64 {
+    let mut tables: Vec<&RayTable> = Vec::new();
+    for MountedSensor { sensor, .. } in sensors {
+        if let Pattern::Rays(table) = &sensor.pattern
+            && !tables.iter().any(|known| known.shares_rays_with(table))
+        {
+            tables.push(table);
+        }
+    }
+    tables.iter().map(|table| (table.len() * size_of::<Pulse>()) as u64).sum()
+}
+
+/// Bytes that a stored triangle takes, with its vertices and its part of the tracer's hierarchy, roughly.
+const TRIANGLE_BYTES: u64 = 100;
+
+/// Bytes that a placement takes while the hierarchy over all placements is built, roughly.
+const PLACEMENT_BYTES: u64 = 2000;
+
+/// An estimate of the memory that a scene and its tracer take, in bytes.
+pub fn of_scene(scene: &Scene) -> u64 {
+    // A placement of meshes that are placed once is part of the scene's first mesh.
+    let placements = scene.arrangement.placements.len().saturating_sub(1) as u64;
+    scene.geometry.stored_triangle_count() * TRIANGLE_BYTES + placements * PLACEMENT_BYTES
+}
+
+/// Refuses work that needs more memory than the process may have. `what` names the work, such as `a frame of sensor "top"`.
+///
+/// # Errors
+/// [`Error::Usage`] with the estimate.
+pub fn check(what: &str, needed: u64) -> Result<(), Error> {
+    check_against(what, needed, of_machine())
+}
+
+fn check_against(what: &str, needed: u64, memory: Option<u64>) -> Result<(), Error> {
+    match memory {
+        Some(memory) if needed > memory => Err(Error::Usage(format!(
+            "{what} takes about {} ({needed} bytes), and this machine has {} ({memory} bytes): \
+             fewer rows or columns would fit",
+            Bytes(needed),
+            Bytes(memory)
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Bytes of memory that this process may have, where the system says so.
+pub fn of_machine() -> Option<u64> {
+    let machine = proc_kilobytes("/proc/meminfo", "MemTotal:");
+    // A container's limit may be less.
+    let limit =
+        fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());
+    [machine, limit].into_iter().flatten().min()
+}
+
+/// The most memory that this process held at any time, in bytes, where the system says so.
+pub fn peak() -> Option<u64> {
+    proc_kilobytes("/proc/self/status", "VmHWM:")
+}
+
+/// Reads a line such as `MemTotal:  1024 kB`, in bytes.
+fn proc_kilobytes(file: &str, key: &str) -> Option<u64> {
+    let text = fs::read_to_string(file).ok()?;
+    let value = text.lines().find_map(|line| line.strip_prefix(key))?;
+    value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+/// Shows a number of bytes in a decimal unit that suits it.
+#[derive(Clone, Copy, Debug)]
+pub struct Bytes(pub u64);
+
+impl fmt::Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const UNITS: [&str; 6] = ["kB", "MB", "GB", "TB", "PB", "EB"];
+        if self.0 < 1000 {
+            return write!(f, "{} bytes", self.0);
+        }
+        let mut value = self.0 as f64 / 1e3;
+        let mut unit = 0;
+        while value >= 999.95 && unit + 1 < UNITS.len() {
+            value /= 1e3;
+            unit += 1;
+        }
+        write!(f, "{value:.1} {}", UNITS[unit])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::angle::Angle;
+    use crate::frame::Pose;
+    use crate::sensor::{Camera, RangeLimits, RingOrder};
+
+    #[test]
+    fn bytes_are_readable() {
+        let shown = [0, 999, 1000, 999_949, 999_950, 13_000_000_000, u64::MAX].map(|n| Bytes(n).to_string());
+        assert_eq!(shown, ["0 bytes", "999 bytes", "1.0 kB", "999.9 kB", "1.0 MB", "13.0 GB", "18.4 EB"]);
+    }
+
+    #[test]
+    fn more_memory_than_there_is_is_refused_with_the_estimate() {
+        let frame = "a frame of sensor \"top\"";
+        assert!(check_against(frame, 1000, Some(1000)).is_ok());
+        assert!(check_against(frame, u64::MAX, None).is_ok());
+        let error = check_against(frame, 1_500_000, Some(1_000_000)).unwrap_err();
+        assert_eq!(error.exit_code(), 2);
+        let message = error.to_string();
+        assert!(message.contains("\"top\" takes about 1.5 MB (1500000 bytes)"), "{message}");
+    }
+
+    fn mounted(pattern: Pattern) -> MountedSensor {
+        let sensor = Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row };
+        MountedSensor { name: "top".to_owned(), sensor, body_from_sensor: Pose::IDENTITY }
+    }
+
+    #[test]
+    fn frames_that_are_kept_add_up_and_others_do_not() {
+        let camera = |width| {
+            let camera = Camera::from_hfov((width, 10), Angle::deg(90.0), None).unwrap();
+            mounted(Pattern::Camera(camera))
+        };
+        let rig = [camera(10), camera(30)];
+        let bytes = |holding| of_frames(&rig, &[Format::EXR], holding);
+        assert_eq!(bytes(Holding::Frame), 300 * FRAME_BYTES_A_RAY);
+        assert!(bytes(Holding::Files) > bytes(Holding::Frame));
+        assert_eq!(bytes(Holding::Images), 400 * 44 + 300 * FRAME_BYTES_A_RAY);
+        assert_eq!(bytes(Holding::Comparisons), 400 * (FRAME_BYTES_A_RAY + 44) + 300 * 88);
+        assert!(bytes(Holding::ComparedViews) > bytes(Holding::Comparisons));
+        assert!(bytes(Holding::Views) > bytes(Holding::Images));
+    }
+
+    #[test]
+    fn a_table_that_sensors_share_counts_once() {
+        let pulse = Pulse { origin: glam::DVec3::ZERO, direction: glam::DVec3::X, time_s: 0.0 };
+        let table = RayTable::new(vec![pulse; 100], None).unwrap();
+        let other = RayTable::new(vec![pulse; 10], None).unwrap();
+        let rig = [table.clone(), table, other].map(|table| mounted(Pattern::Rays(table)));
+        assert_eq!(of_tables(&rig), 110 * size_of::<Pulse>() as u64);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn linux_tells_of_its_memory() {
+        assert!(of_machine().unwrap() > 1 << 20);
+        assert!(peak().unwrap() > 1 << 16);
+        assert_eq!(proc_kilobytes("/proc/self/status", "NoSuchKey:"), None);
+        assert_eq!(proc_kilobytes("/nowhere", "MemTotal:"), None);
+    }
+}

@@ -1,0 +1,34 @@
+//! Running jobs: everything between a job's file and the files that it gives.
+//!
+//! ```text
+//! session     a job with its scene and its tracer: casts the job's frames
+//! plan        the frames of a job, the files that they become and the memory that they take, checked before anything is cast
+//! memory      the machine's memory, and estimates of how much a run needs
+//! journal     the folder that a run writes, and the record of the files in it
+//! statistics  a frame in short
+//! checking    jobs that have something to be checked, and the outcome of each
+//! baseline    the folder of a job's baseline: compared and accepted
+//! sides       the two sides that a comparison has: recorded files, or the frames of a job
+//! facts       facts about jobs, sensor files and scenes that are only read
+//! paths       paths as people write them
+//! ```
+//!
+//! Nothing here prints, reads a clock or knows a terminal: warnings are returned, and the caller, which drives a run step by
+//! step, measures times and looks at signals between the steps.
+
+pub mod baseline;
+pub mod checking;
+pub mod facts;
+pub mod journal;
+pub mod memory;
+pub mod paths;
+pub mod plan;
+pub mod session;
+pub mod sides;
+pub mod statistics;
+
+pub use journal::Journal;
+pub use memory::{Bytes, Holding};
+pub use plan::{Item, Output, Plan};
+pub use session::{Session, load_scene};
+pub use statistics::Statistics;

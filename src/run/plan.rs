@@ -1,0 +1,119 @@
+//! What a job asks for, found and checked before anything is cast.
+
+use super::memory::{self, Holding};
+use crate::config::{Job, MountedSensor};
+use crate::error::Error;
+use crate::frame::Pose;
+use crate::output::{CloudFrame, Format, Manifest};
+use crate::scene::Scene;
+use crate::sensor::Capture;
+
+/// The frames that a job casts and the files that they become.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The frames, in the order in which they are cast.
+    pub items: Vec<Item>,
+    /// Rays of all frames.
+    pub rays: u64,
+    /// An upper estimate of the memory that the frames take with everything that is made of them, in bytes. The memory of
+    /// the scene comes on top.
+    pub bytes: u64,
+    /// Sentences about outputs that are probably not what was meant.
+    pub warnings: Vec<String>,
+}
+
+/// A frame of a sensor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Item {
+    /// The index of the sensor in the job.
+    pub sensor: usize,
+    /// The frame's number, from 0.
+    pub frame: u64,
+    /// The files that the frame is written to.
+    pub outputs: Vec<Output>,
+}
+
+/// A file that a frame is written to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// The file's format.
+    pub format: Format,
+    /// The file's path in the output folder, with forward slashes.
+    pub name: String,
+}
+
+impl Item {
+    /// The frame of a job before it is cast: the sensor, its pulses, and where they are sent from.
+    pub fn capture<'j>(&self, job: &'j Job) -> Capture<'j> {
+        let MountedSensor { sensor, body_from_sensor, .. } = &job.sensors[self.sensor];
+        Capture::new(sensor, *body_from_sensor, &job.trajectory, self.frame, job.seed)
+    }
+}
+
+impl Plan {
+    /// Plans a job whose run holds so much in memory at the same time.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a frame does not fit one of its formats, or if the frames do not fit into the machine's memory.
+    pub fn of(job: &Job, holding: Holding) -> Result<Self, Error> {
+        let mut plan = Self { items: Vec::new(), rays: 0, bytes: 0, warnings: Vec::new() };
+        for (index, MountedSensor { name, sensor, .. }) in job.sensors.iter().enumerate() {
+            for format in &job.output.formats {
+                let fits = format.check(sensor);
+                fits.map_err(|e| Error::Usage(format!("sensor {name:?} has no {}: {e}", format.name())))?;
+            }
+            let (rows, columns) = (sensor.pattern.rows() as u64, sensor.pattern.columns() as u64);
+            let rays = rows.checked_mul(columns).and_then(|rays| plan.rays.checked_add(rays));
+            let too_many = || Error::Usage(format!("sensor {name:?} has too many rays: {rows} × {columns}"));
+            plan.rays = rays.ok_or_else(too_many)?;
+            let alone = memory::of_frames(&job.sensors[index..=index], &job.output.formats, holding);
+            memory::check(&format!("a frame of sensor {name:?}"), alone)?;
+            let frame = 0;
+            let output =
+                |&format: &Format| Output { format, name: format!("{name}/{frame:06}.{}", format.name()) };
+            let outputs = job.output.formats.iter().map(output).collect();
+            plan.items.push(Item { sensor: index, frame, outputs });
+        }
+        plan.bytes = memory::of_tables(&job.sensors).saturating_add(memory::of_frames(
+            &job.sensors,
+            &job.output.formats,
+            holding,
+        ));
+        memory::check("the rig", plan.bytes)?;
+        plan.warnings.extend(precision_warning(job, &plan.items));
+        Ok(plan)
+    }
+
+    /// Checks that the scene fits into the machine's memory beside the frames.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] with the estimate.
+    pub fn check_scene(&self, scene: &Scene) -> Result<(), Error> {
+        memory::check("the job with its scene", self.bytes.saturating_add(memory::of_scene(scene)))
+    }
+
+    /// The paths of all outputs in the output folder; the manifest is the last.
+    pub fn output_names(&self) -> Vec<String> {
+        let outputs = self.items.iter().flat_map(|item| &item.outputs);
+        outputs.map(|output| output.name.clone()).chain([Manifest::NAME.to_owned()]).collect()
+    }
+}
+
+/// The loss of a cloud in 32-bit coordinates, if it is more than a millimetre.
+fn precision_warning(job: &Job, items: &[Item]) -> Option<String> {
+    let pose = |item: &Item| match job.output.cloud_frame {
+        CloudFrame::Sensor => Pose::IDENTITY,
+        CloudFrame::Body => job.sensors[item.sensor].body_from_sensor,
+        CloudFrame::World => item.capture(job).world_from_sensor(0.0),
+    };
+    let coordinates = items.iter().map(|item| pose(item).translation.abs().max_element());
+    let farthest = coordinates.fold(0.0, f64::max) as f32;
+    let step = farthest.next_up() - farthest;
+    (job.output.formats.contains(&Format::PLY) && step > 1e-3).then(|| {
+        format!(
+            "points {farthest} m from the origin come in steps of {} mm, the spacing of 32-bit floats there; \
+             output.frame = \"sensor\" keeps them exact",
+            step * 1e3
+        )
+    })
+}

@@ -1,0 +1,127 @@
+//! The two sides of a comparison: recorded files, or the frames of a job.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::plan::Item;
+use super::session::Session;
+use crate::check::words;
+use crate::error::Error;
+use crate::output::recorded::{Cloud, Recorded};
+use crate::output::{Image, MAIN_DEPTH_ALIAS};
+use crate::scan::Frame;
+
+/// The images and clouds of one side, by name. A single file has the empty name.
+#[derive(Default)]
+pub struct Side(BTreeMap<String, Content>);
+
+/// An image or a cloud.
+pub enum Content {
+    /// An image.
+    Image(Image),
+    /// A cloud.
+    Cloud(Cloud),
+}
+
+/// A name, with the images or clouds that go by it on the two sides.
+pub type Pair<'a> = (String, &'a Content, &'a Content);
+
+impl Side {
+    /// Reads an EXR, a PLY or the folder that a scan wrote.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a file can't be read, or if the folder has neither images nor clouds.
+    pub fn of_recording(path: &Path) -> Result<Self, Error> {
+        let mut side = Self::default();
+        match Recorded::open(path)? {
+            Recorded::Folder(folder) => {
+                let is = |output: &str, extension: &str| {
+                    Path::new(output).extension().is_some_and(|e| e == extension)
+                };
+                let has_image = |cloud: &str| {
+                    let image = Path::new(cloud).with_extension("exr");
+                    folder.outputs.iter().any(|output| Path::new(output) == image)
+                };
+                // A cloud says nothing that the image of the same frame doesn't say.
+                let wanted =
+                    |output: &&String| is(output, "exr") || (is(output, "ply") && !has_image(output));
+                for output in folder.outputs.iter().filter(wanted) {
+                    let frame = output.rsplit_once('.').map_or(output.as_str(), |(stem, _)| stem);
+                    side.add_recorded(frame, folder.read(output)?);
+                }
+                if side.0.is_empty() {
+                    return Err(Error::input(path, "has neither EXR images nor PLY clouds"));
+                }
+            }
+            single => side.add_recorded("", single),
+        }
+        Ok(side)
+    }
+
+    /// Adds the images or the cloud of a file.
+    fn add_recorded(&mut self, frame: &str, recorded: Recorded) {
+        match recorded {
+            Recorded::Exr(parts) => {
+                for (index, part) in parts.into_iter().enumerate() {
+                    let name = match index {
+                        0 => frame.to_owned(),
+                        _ => format!("{frame}:{}", part.name),
+                    };
+                    self.0.insert(name, Content::Image(without_repeats(part.image)));
+                }
+            }
+            Recorded::Cloud(cloud) => {
+                self.0.insert(frame.to_owned(), Content::Cloud(cloud));
+            }
+            Recorded::Folder(_) => {}
+        }
+    }
+
+    /// Adds a frame that was cast, by the name of the file that it would be written to.
+    pub fn add_frame(&mut self, session: &Session, item: &Item, frame: &Frame) {
+        let image = Image::of(&session.sensor_frame(item, frame));
+        let name = format!("{}/{:06}", session.sensor(item).name, item.frame);
+        self.0.insert(name, Content::Image(without_repeats(image)));
+    }
+
+    /// Whether an image has a channel of that name, or a cloud a field.
+    pub fn has(&self, field: &str) -> bool {
+        self.0.values().any(|content| match content {
+            Content::Image(image) => image.channel(field).is_some(),
+            Content::Cloud(cloud) => cloud.field(field).is_some(),
+        })
+    }
+
+    /// Pairs two sides by name, or the only content of one with the only content of the other. `paths` name the sides.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a side lacks a name that the other has.
+    pub fn pairs<'a>(&'a self, other: &'a Self, paths: [&Path; 2]) -> Result<Vec<Pair<'a>>, Error> {
+        let single = |side: &'a Self| if side.0.len() == 1 { side.0.first_key_value() } else { None };
+        if let (Some((name, content)), Some((other_name, other))) = (single(self), single(other)) {
+            let name = if name.is_empty() { other_name } else { name };
+            return Ok(vec![(name.clone(), content, other)]);
+        }
+        let only = |one: &Self, other: &Self| -> Vec<String> {
+            one.0.keys().filter(|name| !other.0.contains_key(*name)).cloned().collect()
+        };
+        let [path, other_path] = paths;
+        for (lacking, path, other_path) in
+            [(only(self, other), other_path, path), (only(other, self), path, other_path)]
+        {
+            if !lacking.is_empty() {
+                let problem = format!("has no {}, and {} does", words::list(&lacking), other_path.display());
+                return Err(Error::input(path, problem));
+            }
+        }
+        Ok(self.0.iter().map(|(name, content)| (name.clone(), content, &other.0[name])).collect())
+    }
+}
+
+/// Leaves out the channel `Y`, which repeats another channel, if that one is there.
+fn without_repeats(mut image: Image) -> Image {
+    if image.channel("range").is_some() || image.channel("Z").is_some() {
+        image.channels.retain(|channel| channel.name != MAIN_DEPTH_ALIAS);
+    }
+    image
+}
