@@ -1,6 +1,6 @@
 //! The channels of frames: one declaration each. A range image holds them, a baseline hashes them, and a page shows them.
 
-use super::SensorFrame;
+use super::sensor_frame::SensorFrame;
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::scan::Returns;
 use crate::sensor::Sensor;

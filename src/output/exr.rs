@@ -12,9 +12,10 @@ use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 use rayon::prelude::*;
 
-use super::{
-    BYTES_A_VALUE, CHANNELS, EncodeError, FormatSpec, Image, Kind, Samples, SensorFrame, pose_as_toml,
-};
+use super::channel::{BYTES_A_VALUE, CHANNELS};
+use super::format::{EncodeError, FormatSpec, Kind};
+use super::image::{Image, Samples};
+use super::sensor_frame::{SensorFrame, pose_as_toml};
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::sensor::{Pattern, Sensor};
 

@@ -1,7 +1,7 @@
 //! A frame as named channels: what a range image holds, whether it was just cast or is read back.
 
-use super::SensorFrame;
 use super::channel::{CHANNELS, ChannelSpec, MAIN_DEPTH_ALIAS, Place, Values, main_depth_of};
+use super::sensor_frame::SensorFrame;
 
 /// A range image: channels of the same size. [`CHANNELS`] says what each means.
 #[derive(Clone, Debug, Default, PartialEq)]

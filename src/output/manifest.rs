@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::WrittenFile;
+use super::files::WrittenFile;
 use crate::scene::{Scene, SourceFile};
 
 /// What `manifest.json` says. It is written last, so that a folder with a manifest is complete.

@@ -1,6 +1,18 @@
 //! Frames to files and back: the channels, the formats, and the folder that a run writes. [`recorded`] reads files again.
 //!
-//! A miss is encoded by the declaration of each channel and nowhere else.
+//! The declaration of a channel says how a pixel without a return is encoded. Nothing else does.
+//!
+//! ```text
+//! sensor_frame   a sensor's frame with all that a writer needs to know about it
+//! channel        the channels, one declaration each
+//! image          a frame as channels, whether it was just cast or is read back
+//! format         what a format declares; registry: all of them
+//! exr ply png    one format a file
+//! plot           directions as dots, for previews of patterns that are no picture
+//! picture        pictures as PNG files
+//! files          the folder of a run: files that are whole or absent
+//! manifest       the record of a run
+//! ```
 
 mod channel;
 mod exr;
@@ -8,123 +20,22 @@ mod files;
 mod format;
 mod image;
 mod manifest;
+mod picture;
 pub mod plot;
 mod ply;
 mod png;
 pub mod recorded;
-
-use glam::{DQuat, DVec3};
-
-use crate::frame::{BODY_FROM_OPTICAL, Pose};
-use crate::scan::Frame;
-use crate::sensor::Capture;
+mod registry;
+mod sensor_frame;
 
 pub use channel::{
     BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, MAIN_DEPTH_ALIAS, NO_RETURN_M, Place, Sensors,
     Values, channel, main_depth_of, no_return,
 };
 pub use files::{Destination, WrittenFile, write_file};
-pub use format::{EncodeError, FORMATS, Format, FormatSpec, Kind, Stream};
+pub use format::{EncodeError, FormatSpec, Kind, Stream};
 pub use image::{Channel, Image, Samples};
 pub use manifest::Manifest;
-
-/// The frame that a cloud's points are given in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CloudFrame {
-    /// The sensor's; a camera's optical frame.
-    #[default]
-    Sensor,
-    /// The body that the sensor is mounted on.
-    Body,
-    /// The world.
-    World,
-}
-
-/// A sensor's frame with all that a writer needs to know about where it came from.
-#[derive(Clone, Copy, Debug)]
-pub struct SensorFrame<'a> {
-    /// The sensor, where it was and when, and the pulses that it sent.
-    pub capture: Capture<'a>,
-    /// What it saw.
-    pub frame: &'a Frame,
-    /// The sensor's name in the job.
-    pub name: &'a str,
-    /// The frame of the cloud's points.
-    pub cloud_frame: CloudFrame,
-}
-
-/// A PNG of a picture of 8 bits a colour: red, green, blue, row by row.
-///
-/// # Errors
-/// If a side is 0 or more than a PNG has room for.
-pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
-    png::write(width, height, pixels).map_err(|e| EncodeError::new(format!("it can't be made a PNG: {e}")))
-}
-
-impl SensorFrame<'_> {
-    /// Where the sensor's body frame was in the world when the frame started.
-    pub fn world_from_sensor(&self) -> Pose {
-        self.capture.world_from_sensor(0.0)
-    }
-
-    /// The point at a range along a pixel's ray, in the cloud's frame, in metres. `None` if the pixel has no pulse.
-    pub fn point(&self, row: usize, column: usize, range_m: f64) -> Option<DVec3> {
-        let pulse = self.capture.pulse(row, column)?;
-        Some(self.cloud_from_sensor(pulse.time_s).point(pulse.point(range_m)))
-    }
-
-    /// From the sensor's body frame, as it is `time_s` after the frame's start, to the cloud's.
-    fn cloud_from_sensor(&self, time_s: f64) -> Pose {
-        match self.cloud_frame {
-            CloudFrame::Sensor if self.capture.sensor.pattern.is_camera() => BODY_FROM_OPTICAL.inverse(),
-            CloudFrame::Sensor => Pose::IDENTITY,
-            CloudFrame::Body => self.capture.body_from_sensor,
-            CloudFrame::World => self.capture.world_from_sensor(time_s),
-        }
-    }
-
-    /// The same if it is one pose for the whole frame.
-    fn fixed_cloud_from_sensor(&self) -> Option<Pose> {
-        match self.cloud_frame {
-            CloudFrame::World => self.capture.fixed_world_from_sensor(),
-            CloudFrame::Sensor | CloudFrame::Body => Some(self.cloud_from_sensor(0.0)),
-        }
-    }
-}
-
-/// A pose as a job writes it: an inline TOML table, every number with all its digits.
-fn pose_as_toml(pose: &Pose) -> String {
-    let numbers = |values: &[f64]| {
-        // Adding 0 makes a negative zero positive.
-        values.iter().map(|v| format!("{:?}", v + 0.0)).collect::<Vec<_>>().join(", ")
-    };
-    let position = numbers(&pose.translation.to_array());
-    let quaternion = numbers(&DQuat::from_mat3(&pose.rotation).to_array());
-    format!("{{ position_m = [{position}], quaternion_xyzw = [{quaternion}] }}")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::angle::Angle;
-
-    #[test]
-    fn a_pose_is_written_as_a_job_would_write_it() {
-        let quarter = Pose::from_rpy(
-            DVec3::new(1.5, -0.0, 4.5e6),
-            Angle::default(),
-            Angle::default(),
-            Angle::deg(90.0),
-        );
-        let text = pose_as_toml(&quarter);
-        let table: toml::Table = format!("pose = {text}").parse().unwrap();
-        let numbers = |key: &str| -> Vec<f64> {
-            table["pose"][key].as_array().unwrap().iter().map(|v| v.as_float().unwrap()).collect()
-        };
-        assert_eq!(numbers("position_m"), [1.5, 0.0, 4.5e6]);
-        let half = std::f64::consts::FRAC_1_SQRT_2;
-        let q = numbers("quaternion_xyzw");
-        assert!(q.iter().zip([0.0, 0.0, half, half]).all(|(a, b)| (a - b).abs() < 1e-15), "{q:?}");
-        assert!(!text.contains("-0.0"), "{text}");
-    }
-}
+pub use picture::encode_png;
+pub use registry::{FORMATS, Format};
+pub use sensor_frame::{CloudFrame, SensorFrame};

@@ -1,7 +1,7 @@
 //! Scatter plots of directions: azimuth to the left, elevation upward, as the sensor sees them.
 
-use super::EncodeError;
-use super::png::{NO_RETURN_COLOUR, write};
+use super::format::EncodeError;
+use super::picture::{NO_RETURN_COLOUR, encode_png};
 use crate::angle::Angle;
 
 /// A direction, and the colour that it has.
@@ -65,8 +65,7 @@ pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
     for dot in dots {
         canvas.dot(x(dot.azimuth.degrees()), y(dot.elevation.degrees()), size, dot.colour);
     }
-    write(canvas.width, canvas.height, &canvas.pixels)
-        .map_err(|e| EncodeError::new(format!("it can't be made a PNG: {e}")))
+    encode_png(canvas.width, canvas.height, &canvas.pixels)
 }
 
 /// Round degrees in a range, at least 40 pixels apart.

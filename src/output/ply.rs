@@ -1,6 +1,7 @@
 //! Binary PLY point clouds.
 
-use super::{CloudFrame, EncodeError, FormatSpec, Kind, SensorFrame, pose_as_toml};
+use super::format::{EncodeError, FormatSpec, Kind};
+use super::sensor_frame::{CloudFrame, SensorFrame, pose_as_toml};
 use crate::sensor::Sensor;
 
 /// The fields in their order. Only `float` and `int`: Open3D silently drops fields of other integer types.

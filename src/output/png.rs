@@ -1,11 +1,10 @@
 //! Colour previews for people.
 
+use super::format::{EncodeError, FormatSpec, Kind};
+use super::picture::{NO_RETURN_COLOUR, encode_png};
 use super::plot::{Dot, scatter};
-use super::{EncodeError, FormatSpec, Kind, SensorFrame};
+use super::sensor_frame::SensorFrame;
 use crate::sensor::{Pattern, Rotating, Sensor, azimuth_elevation};
-
-/// The colour of a pixel with no return.
-pub(super) const NO_RETURN_COLOUR: [u8; 3] = [0x10, 0x10, 0x14];
 
 /// Ranges in the colours of Turbo, red near and blue far. Of several returns the first is shown.
 pub(super) static FORMAT: FormatSpec = FormatSpec {
@@ -49,7 +48,7 @@ fn encode(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
             pixels.extend_from_within(start..end);
         }
     }
-    super::encode_png(frame.columns(), frame.rows() * stretch, &pixels)
+    encode_png(frame.columns(), frame.rows() * stretch, &pixels)
 }
 
 /// The range of each pixel's first return, row by row.
@@ -76,18 +75,6 @@ fn scattered(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
 
 /// The colour of a direction with no return, where the ground is [`NO_RETURN_COLOUR`].
 const MISS_COLOUR: [u8; 3] = [0x3a, 0x3a, 0x42];
-
-pub(super) fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
-    let mut file = Vec::new();
-    let side = |n: usize| u32::try_from(n).unwrap_or(0); // which no side may be
-    let mut encoder = png::Encoder::new(&mut file, side(width), side(height));
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(pixels)?;
-    writer.finish()?;
-    Ok(file)
-}
 
 /// How many times each row is repeated. A LiDAR has far fewer beams than firings: with its rows repeated, a degree is about
 /// as tall as it is wide, and a person recognises what it saw.

@@ -45,7 +45,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
 const CONFINED: &[(&str, &[&str], &str)] = &[
     (
         "std::fs",
-        &["source/", "scene/gltf/files.rs", "output/files.rs", "output/recorded/mod.rs", "run/", "cli/"],
+        &["source/", "scene/gltf/files.rs", "output/files.rs", "output/recorded/folder.rs", "run/", "cli/"],
         "files are opened at the edges only",
     ),
     (
@@ -56,7 +56,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
             "config/",
             "scene/gltf/",
             "output/files.rs",
-            "output/recorded/mod.rs",
+            "output/recorded/folder.rs",
             "view/recorded.rs",
             "run/",
             "cli/",

@@ -9,7 +9,7 @@ use exr::meta::MetaData;
 use exr::meta::attribute::AttributeValue;
 use exr::prelude::{ReadChannels, ReadLayers};
 
-use super::ReadError;
+use super::error::ReadError;
 use crate::output::{Channel, Image, Samples};
 
 /// A part of an EXR: an image and what is said about it.

@@ -1,6 +1,6 @@
 //! PLY point clouds, read: binary of either byte order, and text.
 
-use super::ReadError;
+use super::error::ReadError;
 
 /// A point cloud.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,0 +1,115 @@
+//! Files and folders of recorded frames, told apart by what they hold.
+
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use serde_json::Value;
+
+use super::error::ReadError;
+use super::exr::{Part, read_exr};
+use super::ply::{Cloud, read_ply};
+use crate::error::Error;
+use crate::output::manifest::Manifest;
+use crate::source::read_file;
+
+/// A file or a folder of recorded frames.
+#[derive(Clone, Debug)]
+pub enum Recorded {
+    /// An EXR's parts; at least one. The first is the main one.
+    Exr(Vec<Part>),
+    /// A PLY.
+    Cloud(Cloud),
+    /// A scan's output folder.
+    Folder(Folder),
+}
+
+impl Recorded {
+    /// Opens an EXR, a PLY, a scan's output folder or that folder's manifest: what it is is told by its first bytes, not by
+    /// its name.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it is neither, or broken.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        if path.is_dir() {
+            return Folder::open(path).map(Self::Folder);
+        }
+        if path.file_name().is_some_and(|name| name == Manifest::NAME) {
+            return Folder::open(path.parent().unwrap_or(Path::new(""))).map(Self::Folder);
+        }
+        let bytes = read(path)?;
+        let read = match bytes.get(..4) {
+            Some([0x76, 0x2f, 0x31, 0x01]) => read_exr(&bytes).map(Self::Exr),
+            Some([b'p', b'l', b'y', b'\n' | b'\r']) => read_ply(&bytes).map(Self::Cloud),
+            _ => Err(ReadError::new("this is neither an EXR, nor a PLY, nor a folder that a scan wrote")),
+        };
+        read.map_err(|e| Error::input(path, e))
+    }
+}
+
+/// A folder that a scan wrote.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    path: PathBuf,
+    /// What its manifest says.
+    pub manifest: Value,
+    /// The outputs that it lists, by their paths in the folder with forward slashes. None leads out of it.
+    pub outputs: Vec<String>,
+}
+
+impl Folder {
+    /// Reads a folder's manifest.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is none, if it can't be read, or if it lists a file outside the folder.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        let name = path.join(Manifest::NAME);
+        if !name.exists() {
+            let problem =
+                format!("has no {}, so no scan wrote it, or none that came to its end", Manifest::NAME);
+            return Err(Error::input(path, problem));
+        }
+        let manifest: Value = serde_json::from_slice(&read(&name)?)
+            .map_err(|e| Error::input(&name, format!("this is not valid JSON: {e}")))?;
+        let mut outputs = Vec::new();
+        let listed = manifest.get("outputs").and_then(Value::as_array);
+        let listed =
+            listed.ok_or_else(|| Error::input(&name, "this is no scan's manifest: it has no `outputs`"))?;
+        for output in listed {
+            let output = output.get("path").and_then(Value::as_str);
+            let output = output.ok_or_else(|| Error::input(&name, "an output has no `path`"))?;
+            let inside = Path::new(output).components().all(|part| matches!(part, Component::Normal(_)));
+            if !inside || output.is_empty() || output.contains('\\') {
+                return Err(Error::input(&name, format!("lists {output:?}, which is not in its folder")));
+            }
+            outputs.push(output.to_owned());
+        }
+        Ok(Self { path: path.to_path_buf(), manifest, outputs })
+    }
+
+    /// The folder, as it was opened.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Reads one of [`Folder::outputs`].
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it can't be read, is not what its name says, or is a link that leads out of the folder.
+    pub fn read(&self, output: &str) -> Result<Recorded, Error> {
+        let path = self.path.join(output);
+        let inside =
+            fs::canonicalize(&path).and_then(|file| Ok(file.starts_with(fs::canonicalize(&self.path)?)));
+        match inside {
+            Ok(true) => Recorded::open(&path),
+            Ok(false) => Err(Error::input(path, "is a link that leads out of the folder")),
+            Err(e) => Err(Error::input(path, format!("can't be read: {e}"))),
+        }
+    }
+}
+
+/// The largest file that is read.
+const MAX_FILE_BYTES: u64 = 8 << 30;
+
+fn read(path: &Path) -> Result<Vec<u8>, Error> {
+    read_file(path, MAX_FILE_BYTES).map_err(|e| Error::input(path, e))
+}

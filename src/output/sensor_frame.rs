@@ -1,0 +1,100 @@
+//! A sensor's frame with all that a writer needs to know about where it came from.
+
+use glam::{DQuat, DVec3};
+
+use crate::frame::{BODY_FROM_OPTICAL, Pose};
+use crate::scan::Frame;
+use crate::sensor::Capture;
+
+/// The frame that a cloud's points are given in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CloudFrame {
+    /// The sensor's; a camera's optical frame.
+    #[default]
+    Sensor,
+    /// The body that the sensor is mounted on.
+    Body,
+    /// The world.
+    World,
+}
+
+/// A sensor's frame with all that a writer needs to know about where it came from.
+#[derive(Clone, Copy, Debug)]
+pub struct SensorFrame<'a> {
+    /// The sensor, where it was and when, and the pulses that it sent.
+    pub capture: Capture<'a>,
+    /// What it saw.
+    pub frame: &'a Frame,
+    /// The sensor's name in the job.
+    pub name: &'a str,
+    /// The frame of the cloud's points.
+    pub cloud_frame: CloudFrame,
+}
+
+impl SensorFrame<'_> {
+    /// Where the sensor's body frame was in the world when the frame started.
+    pub fn world_from_sensor(&self) -> Pose {
+        self.capture.world_from_sensor(0.0)
+    }
+
+    /// The point at a range along a pixel's ray, in the cloud's frame, in metres. `None` if the pixel has no pulse.
+    pub fn point(&self, row: usize, column: usize, range_m: f64) -> Option<DVec3> {
+        let pulse = self.capture.pulse(row, column)?;
+        Some(self.cloud_from_sensor(pulse.time_s).point(pulse.point(range_m)))
+    }
+
+    /// From the sensor's body frame, as it is `time_s` after the frame's start, to the cloud's.
+    pub(super) fn cloud_from_sensor(&self, time_s: f64) -> Pose {
+        match self.cloud_frame {
+            CloudFrame::Sensor if self.capture.sensor.pattern.is_camera() => BODY_FROM_OPTICAL.inverse(),
+            CloudFrame::Sensor => Pose::IDENTITY,
+            CloudFrame::Body => self.capture.body_from_sensor,
+            CloudFrame::World => self.capture.world_from_sensor(time_s),
+        }
+    }
+
+    /// The same if it is one pose for the whole frame.
+    pub(super) fn fixed_cloud_from_sensor(&self) -> Option<Pose> {
+        match self.cloud_frame {
+            CloudFrame::World => self.capture.fixed_world_from_sensor(),
+            CloudFrame::Sensor | CloudFrame::Body => Some(self.cloud_from_sensor(0.0)),
+        }
+    }
+}
+
+/// A pose as a job writes it: an inline TOML table, every number with all its digits.
+pub(super) fn pose_as_toml(pose: &Pose) -> String {
+    let numbers = |values: &[f64]| {
+        // Adding 0 makes a negative zero positive.
+        values.iter().map(|v| format!("{:?}", v + 0.0)).collect::<Vec<_>>().join(", ")
+    };
+    let position = numbers(&pose.translation.to_array());
+    let quaternion = numbers(&DQuat::from_mat3(&pose.rotation).to_array());
+    format!("{{ position_m = [{position}], quaternion_xyzw = [{quaternion}] }}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::angle::Angle;
+
+    #[test]
+    fn a_pose_is_written_as_a_job_would_write_it() {
+        let quarter = Pose::from_rpy(
+            DVec3::new(1.5, -0.0, 4.5e6),
+            Angle::default(),
+            Angle::default(),
+            Angle::deg(90.0),
+        );
+        let text = pose_as_toml(&quarter);
+        let table: toml::Table = format!("pose = {text}").parse().unwrap();
+        let numbers = |key: &str| -> Vec<f64> {
+            table["pose"][key].as_array().unwrap().iter().map(|v| v.as_float().unwrap()).collect()
+        };
+        assert_eq!(numbers("position_m"), [1.5, 0.0, 4.5e6]);
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let q = numbers("quaternion_xyzw");
+        assert!(q.iter().zip([0.0, 0.0, half, half]).all(|(a, b)| (a - b).abs() < 1e-15), "{q:?}");
+        assert!(!text.contains("-0.0"), "{text}");
+    }
+}
