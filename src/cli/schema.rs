@@ -1,4 +1,4 @@
-//! `beamcast schema`: the JSON Schema of jobs and of sensor files.
+//! `beamcast schema`: the JSON Schema of jobs and of sensor files, and the reference page of their keys.
 
 use super::terminal::Terminal;
 use crate::config::{self, Document};
@@ -7,27 +7,30 @@ use crate::error::Error;
 /// The arguments of `beamcast schema`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The kind of file
+    /// A kind of file, or the page of all keys
     #[arg(value_enum)]
     of: Of,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Of {
-    /// Jobs
+    /// The JSON Schema of jobs
     Job,
-    /// Sensor files
+    /// The JSON Schema of sensor files
     Sensor,
+    /// All keys of jobs and sensor files, as a page of Markdown
+    Keys,
 }
 
-/// Prints the schema on stdout.
+/// Prints the schema or the page on stdout.
 ///
 /// # Errors
 /// If stdout can't be written to.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
-    let document = match args.of {
-        Of::Job => Document::Job,
-        Of::Sensor => Document::Sensor,
+    let text = match args.of {
+        Of::Job => format!("{:#}\n", config::schema(Document::Job)),
+        Of::Sensor => format!("{:#}\n", config::schema(Document::Sensor)),
+        Of::Keys => config::reference(),
     };
-    terminal.data(&format!("{:#}\n", config::schema(document)))
+    terminal.data(&text)
 }

@@ -8,6 +8,7 @@
 use super::fields::Fields;
 use super::file::File;
 use super::writer::Toml;
+use crate::config::keys::sensor::{FISHEYE, PINHOLE, camera};
 use crate::source::Spanned;
 use crate::source::tree::Value;
 
@@ -55,14 +56,16 @@ pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
         );
     }
     toml.comment("Not in the file, and to be checked: rate and range limits (none are set).");
-    toml.table(if lens.is_fisheye { "fisheye" } else { "pinhole" });
-    toml.integer("width_px", width);
-    toml.integer("height_px", height);
-    for (key, value) in [("fx_px", fx), ("fy_px", fy), ("cx_px", cx + 0.5), ("cy_px", cy + 0.5)] {
-        toml.number(key, value);
+    toml.table(if lens.is_fisheye { FISHEYE.name() } else { PINHOLE.name() });
+    toml.integer(camera::WIDTH.name(), width);
+    toml.integer(camera::HEIGHT.name(), height);
+    use camera::{CX, CY, FX, FY};
+    for (key, value) in [(&FX, fx), (&FY, fy), (&CX, cx + 0.5), (&CY, cy + 0.5)] {
+        toml.number(key.name(), value);
     }
     if !lens.coefficients.is_empty() {
-        toml.numbers("distortion", &lens.coefficients);
+        let key = if lens.is_fisheye { &camera::FISHEYE_DISTORTION } else { &camera::DISTORTION };
+        toml.numbers(key.name(), &lens.coefficients);
     }
     Some(())
 }

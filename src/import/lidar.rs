@@ -1,6 +1,7 @@
 //! A LiDAR with a turning head: the keys of a sensor file that the vendors' calibrations are brought to.
 
 use super::writer::Toml;
+use crate::config::keys::sensor::{RANGE, RING, ROTATING, range, rotating};
 
 /// The keys of a rotating LiDAR's sensor file. Lists have one entry a beam, in the vendor's order of channels.
 #[derive(Debug)]
@@ -45,31 +46,31 @@ impl Lidar {
 
     /// Writes `ring` and `[rotating]`.
     pub fn write(&self, ring: &str, toml: &mut Toml) {
-        toml.text("ring", ring);
-        toml.table("rotating");
-        toml.numbers("elevations_deg", &self.elevations_deg);
+        toml.text(RING.name(), ring);
+        toml.table(ROTATING.name());
+        toml.numbers(rotating::ELEVATIONS.name(), &self.elevations_deg);
         if self.azimuth_offsets_deg.iter().any(|offset| *offset != 0.0) {
-            toml.numbers("azimuth_offsets_deg", &self.azimuth_offsets_deg);
+            toml.numbers(rotating::AZIMUTH_OFFSETS.name(), &self.azimuth_offsets_deg);
         }
         if let Some(times) = &self.beam_times_us {
-            toml.numbers("beam_times_us", times);
-            toml.line("turns_while_firing = true");
+            toml.numbers(rotating::BEAM_TIMES.name(), times);
+            toml.flag(rotating::TURNS_WHILE_FIRING.name(), true);
         }
         if let Some(origins) = &self.origins_m {
-            toml.vectors("beam_origins_m", origins);
+            toml.vectors(rotating::BEAM_ORIGINS.name(), origins);
         }
         if self.range_offset_m != 0.0 {
-            toml.number("range_offset_m", self.range_offset_m);
+            toml.number(rotating::RANGE_OFFSET.name(), self.range_offset_m);
         }
-        toml.integer("columns", self.columns);
+        toml.integer(rotating::COLUMNS.name(), self.columns);
         if let Some((from, to)) = self.sector_deg {
-            toml.sector("sector_deg", from, to);
+            toml.sector(rotating::SECTOR.name(), from, to);
         }
-        toml.number("rate_hz", self.rate_hz);
+        toml.number(rotating::RATE.name(), self.rate_hz);
         if self.range_offset_m != 0.0 {
             toml.line("\n# Every range includes the offset, so none is less.");
-            toml.line("[range]");
-            toml.number("min_m", self.range_offset_m);
+            toml.line(&format!("[{}]", RANGE.name()));
+            toml.number(range::MIN.name(), self.range_offset_m);
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::file::File;
 use super::writer::Toml;
+use crate::config::keys::sensor::{RAYS, rays};
 
 /// Whether a header in lower case has the columns of a ray's direction.
 pub(super) fn is_header(header: &[String]) -> bool {
@@ -23,7 +24,7 @@ pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
     }
     toml.comment(&format!("{count} rays, in the order of {}.", file.short_name()));
     toml.comment("\nNot in the file, and to be checked: rate (none), range limits (none).");
-    toml.table("rays");
-    toml.text("file", file.name);
+    toml.table(RAYS.name());
+    toml.text(rays::FILE.name(), file.name);
     Some(())
 }

@@ -51,6 +51,10 @@ impl Toml {
         let _ = writeln!(self.0, "{key} = {value}");
     }
 
+    pub fn flag(&mut self, key: &str, value: bool) {
+        let _ = writeln!(self.0, "{key} = {value}");
+    }
+
     pub fn number(&mut self, key: &str, value: f64) {
         let _ = writeln!(self.0, "{key} = {}", number(value));
     }

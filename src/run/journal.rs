@@ -65,14 +65,7 @@ impl Journal {
             bytes: file.bytes,
             blake3: file.blake3.clone(),
         };
-        let sensor_files = job.sensor_files.iter().map(|(name, text)| SourceFile {
-            name: name.clone(),
-            bytes: text.len() as u64,
-            blake3: blake3::hash(text.as_bytes()).to_hex().to_string(),
-        });
-        let ray_files = job.ray_files.iter().map(read);
-        let inputs: Vec<SourceFile> =
-            [read(&job.file)].into_iter().chain(sensor_files).chain(ray_files).collect();
+        let inputs: Vec<SourceFile> = job.inputs.iter().map(read).collect();
         let manifest = Manifest {
             job: &job.resolved,
             seed: job.seed,

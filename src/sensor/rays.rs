@@ -33,9 +33,6 @@ impl RayTable {
         if pulses.is_empty() {
             return Err(RayTableError::Empty);
         }
-        if rate_hz.is_some_and(|rate| !(rate > 0.0 && rate.is_finite())) {
-            return Err(RayTableError::Rate);
-        }
         let mut last_pulse_s = 0.0_f64;
         for (index, pulse) in pulses.iter_mut().enumerate() {
             let direction = pulse.direction.try_normalize();
@@ -43,7 +40,15 @@ impl RayTable {
             pulse.direction = direction.filter(|_| fine).ok_or(RayTableError::Ray(index))?;
             last_pulse_s = last_pulse_s.max(pulse.time_s);
         }
-        Ok(Self { pulses: pulses.into(), rate_hz, last_pulse_s })
+        Self { pulses: pulses.into(), rate_hz: None, last_pulse_s }.with_rate(rate_hz)
+    }
+
+    /// The same rays at another rate; they are shared, not copied.
+    pub fn with_rate(self, rate_hz: Option<f64>) -> Result<Self, RayTableError> {
+        match rate_hz {
+            Some(rate) if !(rate > 0.0 && rate.is_finite()) => Err(RayTableError::Rate),
+            _ => Ok(Self { rate_hz, ..self }),
+        }
     }
 
     /// Number of rays.

@@ -4,7 +4,7 @@ mod mistakes;
 
 use std::path::{Path, PathBuf};
 
-use beamcast::config::{self, Config, Job};
+use beamcast::config::{self, Config, InputFile, Job};
 use beamcast::error::Error;
 use beamcast::output::{CloudFrame, Format};
 use beamcast::sensor::{Pattern, RingOrder};
@@ -105,7 +105,12 @@ fn a_job_is_read_with_its_sensor_file() {
         pattern.beams().iter().map(|b| (b.elevation.degrees().round(), b.file_index)).collect();
     assert_eq!(beams, [(15.0, 2), (1.0, 1), (-15.0, 0)]);
     assert!((pattern.beams()[0].time_s - 4e-6).abs() < 1e-18);
-    assert_eq!(job.sensor_files, [("sensor.toml".to_owned(), SENSOR.to_owned())]);
+    let input = |name: &str, text: &str| InputFile {
+        name: name.to_owned(),
+        bytes: text.len() as u64,
+        blake3: blake3::hash(text.as_bytes()).to_hex().to_string(),
+    };
+    assert_eq!(job.inputs, [input("job.toml", JOB), input("sensor.toml", SENSOR)]);
 }
 
 #[test]
@@ -194,7 +199,8 @@ fn all_that_is_wrong_is_told_file_by_file_from_top_to_bottom() {
 fn a_sensor_file_that_two_sensors_share_is_told_about_once() {
     let second = "[[sensor]]\nname = \"rear\"\npreset = \"sensor.toml\"\n[output]";
     let job = JOB.replace("[output]", second);
-    assert_eq!(load(&job, SENSOR, &[]).unwrap().sensor_files.len(), 1);
+    let names: Vec<_> = load(&job, SENSOR, &[]).unwrap().inputs.into_iter().map(|file| file.name).collect();
+    assert_eq!(names, ["job.toml", "sensor.toml"]);
     let found = load(&job, &SENSOR.replace("10.0", "-10.0"), &[]).unwrap_err();
     assert_eq!(found.len(), 1, "{found:?}");
 }
@@ -283,7 +289,7 @@ fn overrides_that_cannot_be_are_told() {
         ),
         (
             "sensor.top.range.max_m=far",
-            "--set:1:24: `max_m` is the string \"far\" | expected a number of metres | ",
+            "--set:1:24: `max_m` is the string \"far\" | expected a number of metres, greater than 0, or `inf` | ",
         ),
         (
             "sensor.top.range.min_m=60",
@@ -342,7 +348,7 @@ fn the_resolved_job_is_what_was_given_and_nothing_of_this_machine() {
         (&job.resolved["scene"], &job.resolved["sensor"][0]["preset"]),
         (&"a.glb".into(), &"sensor.toml".into())
     );
-    assert_eq!((job.scene_as_written.as_str(), job.sensor_files[0].0.as_str()), ("a.glb", "sensor.toml"));
+    assert_eq!((job.scene_as_written.as_str(), job.inputs[1].name.as_str()), ("a.glb", "sensor.toml"));
     assert_eq!(job.scene_path, Path::new("/data/a.glb"));
 }
 
@@ -384,7 +390,7 @@ fn hostile_jobs_are_bounded() {
     let keys: String = (0..5000).map(|i| format!("[[sensor]]\nname = \"s{i}\"\nx{i} = 1\n")).collect();
     let found = load(&keys, SENSOR, &[]).unwrap_err();
     assert!(found.len() < 300, "{}", found.len());
-    assert!(found.iter().any(|d| d.message == "the job has 5000 sensors"), "{:?}", found[0]);
+    assert!(found.iter().any(|d| d.message == "`sensor` has 5000 tables"), "{:?}", found[0]);
 
     let labels: String = (0..5000).map(|i| format!("l{i} = -1\n")).collect();
     let found = load(&JOB.replace("wall = 3", &labels), SENSOR, &[]).unwrap_err();

@@ -206,7 +206,7 @@ fn mistakes_in_patterns_are_told() {
         ),
         (
             "[equirectangular]\nwidth_px = 4\nheight_px = 4\nvfov_deg = 190\n",
-            "sensor.toml:4:12: `vfov_deg` is 190 | expected more than 0 and at most 180 degrees | ",
+            "sensor.toml:4:12: `vfov_deg` is 190 | expected a number of degrees, greater than 0 and at most 180 | ",
         ),
         (
             "[mirror]\nazimuth = { motion = \"cosine\", rate_hz = 1, from_deg = 1, to_deg = 0 }\n\
@@ -437,7 +437,9 @@ fn a_job_takes_a_built_in_sensor_in_one_of_its_modes() {
     assert_eq!(job.sensors[0].sensor.pattern.columns(), 2048);
     assert_eq!(job.sensors[0].sensor.range.max_m, 50.0);
     let text = presets::text("ouster/os1-128").unwrap();
-    assert_eq!(job.sensor_files, [("ouster/os1-128".to_owned(), text.to_owned())]);
+    let file = &job.inputs[1];
+    let hash = blake3::hash(text.as_bytes()).to_hex().to_string();
+    assert_eq!((file.name.as_str(), file.bytes, &file.blake3), ("ouster/os1-128", text.len() as u64, &hash));
     let message = |sensor: &str| match load(sensor) {
         Err(Error::Config(found)) => {
             format!("{} | {}", found[0].message, found[0].help.as_deref().unwrap_or(""))

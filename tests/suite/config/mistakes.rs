@@ -43,7 +43,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "ring = \"bottom_up\"",
         "name = \"x\"",
-        "sensor.toml:1:1: unknown key `name` in a sensor file |  | `name` belongs in the job's `[[sensor]]`",
+        "sensor.toml:1:1: unknown key `name` in a sensor file |  | `name` belongs in `[[sensor]]`",
     ),
     (
         "dir = \"out\"",
@@ -79,15 +79,23 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "max_m = 50",
         "max_m = \"far\"",
-        "job.toml:10:9: `max_m` is the string \"far\" | expected a number of metres | ",
+        "job.toml:10:9: `max_m` is the string \"far\" | expected a number of metres, greater than 0, or `inf` | ",
     ),
     (
         "max_m = 50",
         "max_m = nan",
-        "job.toml:10:9: `max_m` is NaN | expected a number of metres, greater than 0 | ",
+        "job.toml:10:9: `max_m` is NaN | expected a number of metres, greater than 0, or `inf` | ",
     ),
-    ("min_m = 0.5", "min_m = inf", "sensor.toml:8:9: `min_m` is inf | expected a finite number of metres | "),
-    ("min_m = 0.5", "min_m = -1", "sensor.toml:8:9: `min_m` is -1 | expected metres, 0 or more | "),
+    (
+        "min_m = 0.5",
+        "min_m = inf",
+        "sensor.toml:8:9: `min_m` is inf | expected a finite number of metres, 0 or more | ",
+    ),
+    (
+        "min_m = 0.5",
+        "min_m = -1",
+        "sensor.toml:8:9: `min_m` is -1 | expected a number of metres, 0 or more | ",
+    ),
     (
         "columns = 1800",
         "columns = 0",
@@ -106,14 +114,18 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "[-15.0, 1, 15.0]",
         "[-15.0, [1], 15.0]",
-        "sensor.toml:3:26: `elevations_deg` is a list of 1 value | expected a number of degrees | ",
+        "sensor.toml:3:26: `elevations_deg` has a list of 1 value | expected a number of degrees | ",
     ),
     (
         "[-15.0, 1, 15.0]",
         "15.0",
-        "sensor.toml:3:18: `elevations_deg` is 15 | expected a list of numbers of degrees | ",
+        "sensor.toml:3:18: `elevations_deg` is 15 | expected a list of numbers of degrees, from -90 to 90, or a table of `from`, `to` and `count` | ",
     ),
-    ("[1.0, 2, 3.0]", "[1.0, 2]", "job.toml:8:23: `position_m` has 2 numbers | expected 3: x, y, z | "),
+    (
+        "[1.0, 2, 3.0]",
+        "[1.0, 2]",
+        "job.toml:8:23: `position_m` is a list of 2 values | expected a list of 3 numbers of metres: x, y, z | ",
+    ),
     (
         "frame = \"world\"",
         "frame = \"wrld\"",
@@ -159,7 +171,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "[0.0, 2.0, 4.0]",
         "[0.0, -2.0, 4.0]",
-        "sensor.toml:4:23: `beam_times_us` has -2 | expected microseconds after the column's own time, 0 or more | ",
+        "sensor.toml:4:23: `beam_times_us` has -2 | expected a number of microseconds, 0 or more | ",
     ),
     (
         "[sensor.range]\nmax_m = 50",

@@ -1,70 +1,68 @@
 //! Tables of rays: CSV → pulses.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::InputFile;
-use super::tree::{Table, Value};
+use super::super::job::InputFile;
+use super::super::keys::sensor::{RAYS, rays};
 use crate::angle::Angle;
-use crate::sensor::{Pulse, direction};
+use crate::sensor::{Pulse, RayTable, direction};
 use crate::source::suggest::{list, missing_file_help, nearest, quoted};
+use crate::source::tree::{Entries, Value};
 use crate::source::{Layer, Report, Span, Spanned, Unreadable, portable};
 
-/// The largest file that is read.
+/// The largest file that is read, in bytes.
 const MAX_BYTES: u64 = 256 << 20;
 
 /// Most rays of a table.
 const MAX_RAYS: usize = 4_000_000;
 
-/// How many errors of a file are told: most of them are the same mistake.
+/// Most errors of a file that are reported: most of them are the same mistake.
 const MAX_ERRORS: usize = 10;
 
-/// The tables of rays that a configuration names.
+/// The tables of rays that a configuration names. Sensors that name the same file share its rays.
 #[derive(Default)]
 pub(super) struct RayFiles {
-    /// By the text that names it and the name. `None`: it can't be used, which was reported.
-    tables: BTreeMap<(u32, String), Option<Vec<Pulse>>>,
-    /// What was read, in that order.
-    pub files: Vec<InputFile>,
+    /// By path. `None`: the file can't be used, which was reported.
+    tables: BTreeMap<PathBuf, Option<RayTable>>,
+    /// The files in the order in which they were read.
+    pub inputs: Vec<InputFile>,
 }
 
 impl RayFiles {
     /// Reads the file that a sensor's `[rays]` names, unless it was read before. Its path is relative to the file that
     /// names it.
-    pub fn read(&mut self, report: &mut Report, sensor: &Table) {
-        let Some(Value::Table(rays)) = sensor.get("rays").map(|entry| &entry.node.value) else { return };
-        let Some(file) = rays.get("file").map(|entry| &entry.node) else { return };
-        let Value::String(as_written) = &file.value else { return }; // reported when it's read
-        let key = (file.span.source, as_written.clone());
-        if as_written.is_empty() || self.tables.contains_key(&key) {
+    pub fn read(&mut self, report: &mut Report, sensor: &Entries) {
+        let Some(Value::Table(table)) = sensor.get(RAYS.name()).map(|entry| &entry.node.value) else {
             return;
+        };
+        let Some(file) = table.get(rays::FILE.name()).map(|entry| &entry.node) else { return };
+        let Value::String(as_written) = &file.value else { return }; // reported when it is read
+        let path = report.folder(file.span).join(as_written);
+        if !as_written.is_empty() && !self.tables.contains_key(&path) {
+            let table = self.open(report, as_written, &path, file.span);
+            self.tables.insert(path, table);
         }
-        let table = self.open(report, as_written, file.span);
-        self.tables.insert(key, table);
     }
 
-    /// The rays of a file that was read, `None` if there is something wrong with it.
-    pub fn pulses(&self, file: Spanned<&str>) -> Option<Vec<Pulse>> {
-        self.tables.get(&(file.span.source, file.value.to_owned()))?.clone()
+    /// The rays of a file that was read, without a rate. `None` if there is something wrong with the file.
+    pub fn table(&self, report: &Report, file: Spanned<&str>) -> Option<RayTable> {
+        self.tables.get(&report.folder(file.span).join(file.value))?.clone()
     }
 
-    fn open(&mut self, report: &mut Report, as_written: &str, span: Span) -> Option<Vec<Pulse>> {
-        let path = report.folder(span).join(as_written);
-        match report.open_up_to(&path, Layer::Preset, MAX_BYTES) {
+    fn open(&mut self, report: &mut Report, as_written: &str, path: &Path, span: Span) -> Option<RayTable> {
+        match report.open_up_to(path, Layer::Preset, MAX_BYTES) {
             Ok(source) => {
-                let content = report.text(source);
-                self.files.push(InputFile {
-                    name: portable(as_written),
-                    bytes: content.len() as u64,
-                    blake3: blake3::hash(content.as_bytes()).to_hex().to_string(),
-                });
-                parse(report, source)
+                self.inputs.push(InputFile::new(portable(as_written), report.text(source)));
+                // Every ray was checked as it was parsed.
+                RayTable::new(parse(report, source)?, None).ok()
             }
             Err(Unreadable::Reported) => None,
             Err(problem) => {
                 let help = match problem {
-                    Unreadable::Missing => missing_file_help(as_written, &path),
+                    Unreadable::Missing => missing_file_help(as_written, path),
                     _ => None,
                 };
                 let message = format!("the table of rays {} can't be used", quoted(as_written));

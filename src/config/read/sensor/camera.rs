@@ -1,92 +1,96 @@
 //! `[pinhole]`, `[fisheye]` and `[equirectangular]`.
 
-use super::super::section::Section;
-use super::{MAX_SIDE, check_rays};
+use super::super::super::keys::sensor::FRAME_RATE;
+use super::super::super::keys::sensor::camera as keys;
+use super::super::super::kinds::{List, Number};
+use super::super::super::table::{Key, Table};
+use super::check_rays;
 use crate::angle::Angle;
 use crate::sensor::{BrownConrady, Camera, CameraError, KannalaBrandt, Lens, Raster};
-use crate::source::{Report, Spanned};
+use crate::source::Spanned;
 
 /// A pinhole; `distortion` has OpenCV's 4, 5 or 8 numbers.
-pub(super) fn pinhole(report: &Report, s: &Section<'_>) -> Option<Camera> {
-    let lens = lens(report, s, &[4, 5, 8], "k1, k2, p1, p2, then k3, then k4, k5, k6", |c| {
+pub(super) fn pinhole(t: &Table<'_>) -> Option<Camera> {
+    let names = "k1, k2, p1, p2, then k3, then k4, k5, k6";
+    let lens = lens(t, &keys::DISTORTION, &[4, 5, 8], names, |c| {
         let mut all = [0.0; 8];
         all[..c.len()].copy_from_slice(c);
         BrownConrady::new(all).map(Lens::BrownConrady)
     });
-    camera(report, s, lens, Lens::Ideal, "hfov_deg = 87.0")
+    let fields = (t.read(&keys::HFOV), t.read(&keys::VFOV));
+    camera(t, lens, Lens::Ideal, &keys::HFOV, fields, "hfov_deg = 87.0")
 }
 
 /// A fisheye; `distortion` has OpenCV's 4 numbers, and none is an equidistant lens.
-pub(super) fn fisheye(report: &Report, s: &Section<'_>) -> Option<Camera> {
+pub(super) fn fisheye(t: &Table<'_>) -> Option<Camera> {
     let from = |c: &[f64]| KannalaBrandt::new(c.try_into().ok()?).map(Lens::KannalaBrandt);
-    let lens = lens(report, s, &[4], "k1, k2, k3, k4", from);
-    camera(report, s, lens, from(&[0.0; 4])?, "hfov_deg = 180.0")
+    let lens = lens(t, &keys::FISHEYE_DISTORTION, &[4], "k1, k2, k3, k4", from);
+    let fields = (t.read(&keys::FISHEYE_HFOV), None);
+    camera(t, lens, from(&[0.0; 4])?, &keys::FISHEYE_HFOV, fields, "hfov_deg = 180.0")
 }
 
-/// The lens of `distortion`: `Some(None)` if that is left out.
+/// The lens of a `distortion`: `Some(None)` if that is left out.
 fn lens(
-    report: &Report,
-    s: &Section<'_>,
+    t: &Table<'_>,
+    key: &Key<List<Number>>,
     counts: &[usize],
     names: &str,
     from: impl Fn(&[f64]) -> Option<Lens>,
 ) -> Option<Option<Lens>> {
-    if s.get("distortion").is_none() {
+    if !t.has(key) {
         return Some(None);
     }
-    let given = s.numbers("distortion")?;
-    let values: Vec<f64> = given.value.iter().map(|at| at.value).collect();
+    let given = t.read(key)?;
+    let values: Vec<f64> = given.value.iter().map(|number| number.value).collect();
     if !counts.contains(&values.len()) {
-        let message = format!("`distortion` has {} numbers", values.len());
+        let message = format!("`{}` has {} numbers", key.name(), values.len());
         let counts: Vec<String> = counts.iter().map(usize::to_string).collect();
-        report.error(given.span, message, format!("expected {}: {names}", counts.join(" or ")), None);
+        t.report().error(given.span, message, format!("expected {}: {names}", counts.join(" or ")), None);
         return None;
     }
     from(&values).map(Some)
 }
 
-/// A camera behind `lens` or, if none is given, `default`. `example` is a field of view.
+/// A camera behind `lens` or, if none is given, `default`, with its horizontal and vertical fields of view as they were read.
+/// `example` is a right `hfov_key`.
 fn camera(
-    report: &Report,
-    s: &Section<'_>,
+    t: &Table<'_>,
     lens: Option<Option<Lens>>,
     default: Lens,
+    hfov_key: &Key<Number>,
+    (hfov, vfov): (Option<Spanned<f64>>, Option<Spanned<f64>>),
     example: &str,
 ) -> Option<Camera> {
-    let is_pinhole = default == Lens::Ideal;
-    s.need("width_px", "`width_px = 640`");
-    s.need("height_px", "`height_px = 480`");
-    let width = s.integer("width_px", 1, MAX_SIDE);
-    let height = s.integer("height_px", 1, MAX_SIDE);
-    let rate = s.positive("rate_hz", false);
-    let hfov = s.number("hfov_deg");
-    let vfov = if is_pinhole { s.number("vfov_deg") } else { None };
-    let fx = s.positive("fx_px", false);
-    let fy = s.positive("fy_px", false);
-    let (cx, cy) = (s.number("cx_px"), s.number("cy_px"));
+    let width = t.read(&keys::WIDTH);
+    let height = t.read(&keys::HEIGHT);
+    let rate = t.read(&FRAME_RATE);
+    let (fx, fy) = (t.read(&keys::FX), t.read(&keys::FY));
+    let (cx, cy) = (t.read(&keys::CX), t.read(&keys::CY));
 
-    let intrinsic = ["fx_px", "fy_px", "cx_px", "cy_px"].into_iter().find(|key| s.get(key).is_some());
-    match (s.get("hfov_deg"), intrinsic) {
-        (Some(hfov), Some(key)) => {
-            let span = s.get(key).map_or(hfov.span, |node| report.later(hfov.span, node.span));
-            let message = format!("{} has both `hfov_deg` and `{key}`", s.title());
+    let intrinsics: [&Key<Number>; 4] = [&keys::FX, &keys::FY, &keys::CX, &keys::CY];
+    let intrinsic = intrinsics.into_iter().find(|key| t.has(*key));
+    match (t.has(hfov_key), intrinsic) {
+        (true, Some(key)) => {
+            let span = t.report().later(t.span_of(hfov_key), t.span_of(key));
+            let message = format!("{} has both `hfov_deg` and `{}`", t.title(), key.name());
             let help = "give the field of view or the intrinsics: each follows from the other";
-            report.error(span, message, "one too many", Some(help.into()));
+            t.report().error(span, message, "one too many", Some(help.into()));
             return None;
         }
-        (None, Some(_)) => s.need("fx_px", "`fx_px`, the horizontal focal length in pixels"),
-        (None, None) => {
+        (false, Some(_)) => t.need(&keys::FX, "`fx_px`, the horizontal focal length in pixels"),
+        (false, None) => {
             let help =
                 format!("`{example}`, the horizontal field of view, or the intrinsics from `fx_px` on");
-            s.need("hfov_deg", &help);
+            t.need(hfov_key, &help);
         }
-        (Some(_), None) => {}
+        (true, None) if hfov.is_none() => return None, // reported when it was read
+        (true, None) => {}
     }
     let (width, height, lens) = (width?, height?, lens?.unwrap_or(default));
-    check_rays(report, height.value, width.value, width.span)?;
+    check_rays(t.report(), height.value, width.value, width.span)?;
     let size = (width.value as usize, height.value as usize);
     let (half_width, half_height) = (width.value as f64 / 2.0, height.value as f64 / 2.0);
-    // A rate that is there and wrong has been reported; the camera is made without, for what else there is to say.
+    // A wrong rate has been reported. The camera is made without one, to find what else is wrong.
     let rate_hz = rate.map(|r| r.value);
     let made = match hfov {
         Some(hfov) => focal_length(half_width, hfov.value, &lens).and_then(|fx| {
@@ -115,7 +119,7 @@ fn camera(
                 (CameraError::FieldOfView, Some(hfov), None) => format!("{} degrees", hfov.value),
                 _ => String::new(),
             };
-            report.error(span.unwrap_or(s.span), error.to_string(), label, None);
+            t.report().error(span.unwrap_or(t.span), error.to_string(), label, None);
         })
         .ok()
 }
@@ -134,27 +138,15 @@ fn focal_length(half: f64, fov_deg: f64, lens: &Lens) -> Result<f64, CameraError
 }
 
 /// A spherical image, or a part of one.
-pub(super) fn equirectangular(report: &Report, s: &Section<'_>) -> Option<Raster> {
-    s.need("width_px", "`width_px = 2048`");
-    s.need("height_px", "`height_px = 1024`");
-    let width = s.integer("width_px", 1, MAX_SIDE);
-    let height = s.integer("height_px", 1, MAX_SIDE);
-    let rate = s.positive("rate_hz", false);
-    let fov = |key: &str, most: f64| match (s.get(key), s.number(key)) {
-        (None, _) => Some(most),
-        (Some(_), Some(at)) if at.value > 0.0 && at.value <= most => Some(at.value),
-        (Some(_), Some(at)) => {
-            let message = format!("`{key}` is {}", at.value);
-            report.error(at.span, message, format!("expected more than 0 and at most {most} degrees"), None);
-            None
-        }
-        _ => None,
-    };
-    let (hfov, vfov) = (fov("hfov_deg", 360.0), fov("vfov_deg", 180.0));
+pub(super) fn equirectangular(t: &Table<'_>) -> Option<Raster> {
+    let (width, height) = (t.read(&keys::WIDTH), t.read(&keys::HEIGHT));
+    let rate = t.read(&FRAME_RATE);
+    let (hfov, vfov) = (t.read_or_default(&keys::PANORAMA_HFOV), t.read_or_default(&keys::PANORAMA_VFOV));
     let (width, height) = (width?, height?);
-    check_rays(report, height.value, width.value, width.span)?;
+    check_rays(t.report(), height.value, width.value, width.span)?;
     let size = (width.value as usize, height.value as usize);
-    Raster::equirectangular(size, (Angle::deg(hfov?), Angle::deg(vfov?)), rate.map(|r| r.value))
-        .map_err(|error| report.error(s.span, error.to_string(), "", None))
+    let fields = (Angle::deg(hfov?.value), Angle::deg(vfov?.value));
+    Raster::equirectangular(size, fields, rate.map(|rate| rate.value))
+        .map_err(|error| t.report().error(t.span, error.to_string(), "", None))
         .ok()
 }

@@ -1,0 +1,212 @@
+//! The keys of a job, apart from those of its sensors' tables and its expectations.
+
+use super::super::kinds::{
+    ByName, Choice, Choices, FolderName, Integer, Names, Nested, Number, NumberOrTable, Tables, Text, Vector,
+};
+use super::super::table::{Key, TableKeys, key, table};
+use super::expect::EXPECT;
+use super::sensor;
+use crate::frame::UpAxis;
+use crate::output::{self, CHANNEL_NAMES, CloudFrame, Format};
+use crate::trace::methods::{METHODS, Method};
+
+/// Most sensors of a rig.
+pub(crate) const MAX_SENSORS: usize = 64;
+
+pub(crate) static JOB: TableKeys = table(
+    "a job",
+    &[
+        &SCENE,
+        &SCENE_NAME,
+        &UP,
+        &SEED,
+        &LABELS,
+        &SENSORS,
+        &TRAJECTORY,
+        &TRACE,
+        &OUTPUT,
+        &CHECK,
+        &EXPECTATIONS,
+    ],
+);
+pub(crate) static SCENE: Key<Text> =
+    key("scene", Text, "The glTF scene, .glb or .gltf, relative to this file.")
+        .required("`scene = \"../scenes/room.glb\"`, a glTF file")
+        .starts_as("\"scene.glb\"");
+pub(crate) static SCENE_NAME: Key<Text> =
+    key("scene_name", Text, "Which of the file's scenes, by name; left out: its default scene.");
+pub(crate) static UP: Key<Choice<UpAxis>> = key(
+    "up",
+    Choice(&[("z", UpAxis::Z), ("y", UpAxis::Y)]),
+    "The world's upward axis: \"z\" turns glTF's axes so that z is up, \"y\" keeps them.",
+)
+.or("\"z\"");
+pub(crate) static SEED: Key<Integer<u64>> =
+    key("seed", Integer::within(0, u64::MAX), "Everything random follows from this number.")
+        .or("0")
+        .starts_as("0");
+pub(crate) static LABELS: Key<ByName<Integer<u32>>> = key(
+    "labels",
+    ByName {
+        of: Integer::within(0, u32::MAX as u64),
+        names: Names::Any("nodes or materials"),
+        example: "`[labels]`, then `wall = 3`",
+    },
+    "Semantic labels by the names of nodes or materials, such as wall = 3.",
+)
+.suggested_as("{ wall = 3 }");
+pub(crate) static SENSORS: Key<Tables> = key(
+    "sensor",
+    Tables::with_headers(&SENSOR, "sensor", 1).at_most(MAX_SENSORS),
+    "The rig: one table a sensor.",
+)
+.required("a `[[sensor]]`");
+pub(crate) static TRAJECTORY: Key<Nested> =
+    key("trajectory", Nested(&TRAJECTORY_KEYS), "Where the body stands in the world.");
+pub(crate) static TRACE: Key<Nested> = key("trace", Nested(&TRACE_KEYS), "How the beams are cast.");
+pub(crate) static OUTPUT: Key<Nested> = key("output", Nested(&OUTPUT_KEYS), "What to write, and where.")
+    .required("`[output]` with `dir = \"../out\"`");
+pub(crate) static CHECK: Key<Nested> = key(
+    "check",
+    Nested(&CHECK_KEYS),
+    "What of the frames `beamcast check` holds to the baseline, and how closely.",
+);
+pub(crate) static EXPECTATIONS: Key<Tables> = key(
+    "expect",
+    Tables::with_headers(&EXPECT, "expectation", 0),
+    "What the rig should see: one table an expectation.",
+);
+
+/// What only a job says of a sensor, and then what a sensor file may say, too.
+pub(crate) static SENSOR: TableKeys = table(
+    "`[[sensor]]`",
+    &[
+        &NAME,
+        &PRESET,
+        &MODE,
+        &POSE,
+        &sensor::ROTATING,
+        &sensor::RASTER,
+        &sensor::MIRROR,
+        &sensor::RISLEY,
+        &sensor::RAYS,
+        &sensor::PINHOLE,
+        &sensor::FISHEYE,
+        &sensor::EQUIRECTANGULAR,
+        &sensor::RANGE,
+        &sensor::RING,
+    ],
+)
+.one_of(sensor::PATTERNS)
+.unless(&PRESET);
+pub(crate) static NAME: Key<FolderName> =
+    key("name", FolderName, "Names the sensor's output folder; a lone sensor needs none.")
+        .or("\"sensor\"")
+        .starts_as("\"sensor\"");
+pub(crate) static PRESET: Key<Text> = key(
+    "preset",
+    Text,
+    "A built-in sensor such as \"ouster/os1-128\" (`beamcast presets`), or a sensor file, relative to this file; the tables here add to it or override its keys.",
+)
+.starts_as("\"velodyne/vlp-16\"");
+pub(crate) static MODE: Key<Text> =
+    key("mode", Text, "One of the preset's modes, by name; left out: the preset as it stands.");
+pub(crate) static POSE: Key<Nested> =
+    key("pose", Nested(&POSE_KEYS), "body_from_sensor: where the sensor sits on the body.")
+        .starts_as("{ position_m = [0.0, 0.0, 1.8], rpy_deg = [0.0, 0.0, 0.0] }");
+
+pub(crate) static TRAJECTORY_KEYS: TableKeys = table("`[trajectory]`", &[&BODY_POSE]);
+pub(crate) static BODY_POSE: Key<Nested> = key("pose", Nested(&POSE_KEYS), "world_from_body.")
+    .starts_as("{ position_m = [0.0, 0.0, 0.0], rpy_deg = [0.0, 0.0, 0.0] }");
+
+pub(crate) static POSE_KEYS: TableKeys = table("`pose`", &[&POSITION, &RPY, &QUATERNION]);
+pub(crate) static POSITION: Key<Vector<3>> =
+    key("position_m", Vector("x, y, z"), "x (forward), y (left), z (up) in metres.").or("[0.0, 0.0, 0.0]");
+pub(crate) static RPY: Key<Vector<3>> = key(
+    "rpy_deg",
+    Vector("roll, pitch, yaw"),
+    "Roll, pitch, yaw in degrees: R = Rz(yaw) Ry(pitch) Rx(roll); a positive pitch looks down.",
+)
+.or("[0.0, 0.0, 0.0]")
+.replaces(&["quaternion_xyzw"]);
+pub(crate) static QUATERNION: Key<Vector<4>> =
+    key("quaternion_xyzw", Vector("x, y, z, w"), "The rotation as a unit quaternion, instead of rpy_deg.")
+        .replaces(&["rpy_deg"]);
+
+pub(crate) static TRACE_KEYS: TableKeys = table("`[trace]`", &[&KERNEL]);
+pub(crate) static KERNEL: Key<Choice<Option<&'static Method>>> = key(
+    "kernel",
+    Choice(&METHODS_BY_NAME),
+    "The ray-triangle method that decides what a beam hits: the exact definition, or a published method to compare with.",
+)
+.or("\"exact\"");
+/// The published methods; the exact definition goes by a name of its own.
+static METHODS_BY_NAME: [(&str, Option<&Method>); METHODS.len() + 1] = {
+    let mut all: [(&str, Option<&Method>); METHODS.len() + 1] = [("exact", None); METHODS.len() + 1];
+    let mut index = 0;
+    while index < METHODS.len() {
+        all[index + 1] = (METHODS[index].about.name, Some(&METHODS[index]));
+        index += 1;
+    }
+    all
+};
+
+pub(crate) static OUTPUT_KEYS: TableKeys = table("`[output]`", &[&DIR, &FORMATS, &CLOUD_FRAME]);
+pub(crate) static DIR: Key<Text> = key("dir", Text, "The folder to write to, relative to this file.")
+    .required("`dir = \"../out\"`, the folder to write to")
+    .starts_as("\"out\"");
+pub(crate) static FORMATS: Key<Choices<Format>> = key(
+    "formats",
+    Choices(Choice(&FORMAT_WORDS)),
+    "Range images with all channels (exr), clouds (ply), previews (png).",
+)
+.or("[\"exr\", \"ply\", \"png\"]")
+.starts_as("[\"exr\", \"ply\", \"png\"]");
+/// The formats of the registry, by their names.
+static FORMAT_WORDS: [(&str, Format); output::FORMATS.len()] = {
+    let mut all = [("", Format(output::FORMATS[0])); output::FORMATS.len()];
+    let mut index = 0;
+    while index < output::FORMATS.len() {
+        all[index] = (output::FORMATS[index].name, Format(output::FORMATS[index]));
+        index += 1;
+    }
+    all
+};
+pub(crate) static CLOUD_FRAME: Key<Choice<CloudFrame>> = key(
+    "frame",
+    Choice(&[("sensor", CloudFrame::Sensor), ("body", CloudFrame::Body), ("world", CloudFrame::World)]),
+    "The frame of the clouds; \"sensor\" is a camera's optical frame.",
+)
+.or("\"sensor\"")
+.starts_as("\"sensor\"");
+
+pub(crate) static CHECK_KEYS: TableKeys = table("`[check]`", &[&COMPARED, &TOLERANCES]);
+pub(crate) static COMPARED: Key<Choices<&'static str>> =
+    key("channels", Choices(Choice(&CHANNEL_WORDS)), "The channels that are compared; left out: all.");
+pub(crate) static TOLERANCES: Key<ByName<NumberOrTable>> = key(
+    "tolerance",
+    ByName {
+        of: NumberOrTable(Number::NOT_NEGATIVE, &TOLERANCE),
+        names: Names::Of("channel", &CHANNEL_NAMES),
+        example: "`[check.tolerance]`, then `range = 0.001`",
+    },
+    "By channel, how far a pixel may be off: a number in the channel's unit, or a table.",
+);
+/// The channels' names, each standing for itself.
+static CHANNEL_WORDS: [(&str, &str); CHANNEL_NAMES.len()] = {
+    let mut all = [("", ""); CHANNEL_NAMES.len()];
+    let mut index = 0;
+    while index < CHANNEL_NAMES.len() {
+        all[index] = (CHANNEL_NAMES[index], CHANNEL_NAMES[index]);
+        index += 1;
+    }
+    all
+};
+
+pub(crate) static TOLERANCE: TableKeys = table("a tolerance", &[&ABSOLUTE, &RELATIVE, &PIXELS]);
+pub(crate) static ABSOLUTE: Key<Number> =
+    key("absolute", Number::NOT_NEGATIVE, "In the channel's unit.").or("0.0");
+pub(crate) static RELATIVE: Key<Number> =
+    key("relative", Number::NOT_NEGATIVE, "As a part of the value.").or("0.0");
+pub(crate) static PIXELS: Key<Number> =
+    key("pixels", Number::SHARE, "The part of the pixels that may be off by more.").or("0.0");

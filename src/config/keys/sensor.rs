@@ -1,0 +1,361 @@
+//! The keys of a sensor file: patterns, range limits, ring order, modes.
+
+use std::ops::Bound::{Excluded, Included};
+
+use super::super::kinds::{
+    ByName, Choice, Flag, Integer, List, Names, Nested, Number, OneOrEach, Tables, Text, Vector,
+};
+use super::super::table::{AnyKey, Key, TableKeys, key, table};
+use super::angles::Angles;
+use crate::sensor::{Motion, Order, RingOrder, Tilted};
+
+/// Most rows and most columns of a range image.
+pub(crate) const MAX_SIDE: u64 = 1_000_000;
+
+const SIDE: Integer<u64> = Integer::within(1, MAX_SIDE);
+
+pub(crate) static SENSOR_FILE: TableKeys = table(
+    "a sensor file",
+    &[
+        &ROTATING,
+        &RASTER,
+        &MIRROR,
+        &RISLEY,
+        &RAYS,
+        &PINHOLE,
+        &FISHEYE,
+        &EQUIRECTANGULAR,
+        &RANGE,
+        &RING,
+        &MODES,
+    ],
+)
+.one_of(PATTERNS);
+pub(crate) static MODE_KEYS: TableKeys = table(
+    "a mode",
+    &[&ROTATING, &RASTER, &MIRROR, &RISLEY, &RAYS, &PINHOLE, &FISHEYE, &EQUIRECTANGULAR, &RANGE],
+);
+
+/// The tables of a sensor of which one is its pattern.
+pub(crate) const PATTERNS: &[&dyn AnyKey] =
+    &[&ROTATING, &RASTER, &MIRROR, &RISLEY, &RAYS, &PINHOLE, &FISHEYE, &EQUIRECTANGULAR];
+pub(crate) static ROTATING: Key<Nested> =
+    key("rotating", Nested(&rotating::KEYS), "A LiDAR with a turning head.");
+pub(crate) static RASTER: Key<Nested> =
+    key("raster", Nested(&raster::KEYS), "A grid of azimuths and elevations: line scans, flashes.");
+pub(crate) static MIRROR: Key<Nested> =
+    key("mirror", Nested(&mirror::KEYS), "Beams on a mirror that moves about two axes.");
+pub(crate) static RISLEY: Key<Nested> = key("risley", Nested(&risley::KEYS), "Beams through turning prisms.");
+pub(crate) static RAYS: Key<Nested> = key("rays", Nested(&rays::KEYS), "Rays from a table.");
+pub(crate) static PINHOLE: Key<Nested> = key("pinhole", Nested(&camera::PINHOLE_KEYS), "A depth camera.");
+pub(crate) static FISHEYE: Key<Nested> =
+    key("fisheye", Nested(&camera::FISHEYE_KEYS), "A camera with a fisheye lens.");
+pub(crate) static EQUIRECTANGULAR: Key<Nested> =
+    key("equirectangular", Nested(&camera::EQUIRECTANGULAR_KEYS), "A spherical image, or a part of one.");
+pub(crate) static RANGE: Key<Nested> =
+    key("range", Nested(&range::KEYS), "What is nearer or farther gives no return.");
+pub(crate) static RING: Key<Choice<RingOrder>> = key(
+    "ring",
+    Choice(&[("row", RingOrder::Row), ("bottom_up", RingOrder::BottomUp), ("file", RingOrder::File)]),
+    "What a cloud's ring counts: the image's rows from the top, from the bottom, or the order of the beam table.",
+)
+.or("\"row\"");
+pub(crate) static MODES: Key<ByName<Nested>> = key(
+    "modes",
+    ByName {
+        of: Nested(&MODE_KEYS),
+        names: Names::Any("modes"),
+        example: "`[modes.2048x10.rotating]`, then `columns = 2048`",
+    },
+    "What differs in the unit's modes, by their names; a job chooses one with `mode`.",
+);
+
+/// Keys of several patterns.
+pub(crate) static BEAMS: Key<List<Vector<2>>> = key(
+    "beams_deg",
+    List { of: Vector("azimuth, elevation"), least: 1 },
+    "Azimuth and elevation of each beam in degrees; left out: one straight ahead.",
+);
+pub(crate) static PULSE_RATE: Key<Number> =
+    key("pulse_rate_hz", Number::POSITIVE, "Pulses of each beam a second.")
+        .required("`pulse_rate_hz = 100000.0`, the pulses of each beam a second");
+/// The frame rate of a pattern that can do without one.
+pub(crate) static FRAME_RATE: Key<Number> = key("rate_hz", Number::POSITIVE, "Frames a second.");
+/// The frame rate of a pattern that never repeats.
+pub(crate) static NEEDED_FRAME_RATE: Key<Number> =
+    key("rate_hz", Number::POSITIVE, "Frames a second.").required("`rate_hz = 10.0`, the frames a second");
+
+/// `[rotating]`.
+pub(crate) mod rotating {
+    use super::*;
+
+    pub static KEYS: TableKeys = table(
+        "`[rotating]`",
+        &[
+            &ELEVATIONS,
+            &AZIMUTH_OFFSETS,
+            &BEAM_TIMES,
+            &BEAM_ORIGINS,
+            &RANGE_OFFSET,
+            &TURNS_WHILE_FIRING,
+            &LAYOUT,
+            &PIXEL_SHIFTS,
+            &COLUMNS,
+            &SECTOR,
+            &RATE,
+        ],
+    )
+    .partial();
+    pub static ELEVATIONS: Key<Angles> = key(
+        "elevations_deg",
+        Angles::ELEVATIONS,
+        "One a beam, degrees, up positive: a list in any order, or evenly spaced ones.",
+    )
+    .required("`elevations_deg = { from = 15.0, to = -15.0, count = 16 }`, or a list, one a beam");
+    pub static AZIMUTH_OFFSETS: Key<List<Number>> = key(
+        "azimuth_offsets_deg",
+        List { of: Number::ANY, least: 0 },
+        "One a beam, degrees, counterclockwise seen from above: added to the column's azimuth; left out: 0.",
+    );
+    pub static BEAM_TIMES: Key<List<Number>> = key(
+        "beam_times_us",
+        List { of: Number::NOT_NEGATIVE, least: 0 },
+        "One a beam, microseconds after the column's own time, 0 or more; left out: 0.",
+    );
+    pub static BEAM_ORIGINS: Key<OneOrEach<Vector<3>>> = key(
+        "beam_origins_m",
+        OneOrEach(Vector("x, y, z in the head's frame")),
+        "Where beams leave the head: [x, y, z] for all, or one a beam; x forward at the head's azimuth, y left, z up, metres.",
+    )
+    .or("[0.0, 0.0, 0.0]");
+    pub static RANGE_OFFSET: Key<Number> = key(
+        "range_offset_m",
+        Number::NOT_NEGATIVE,
+        "How far before a beam's origin its range begins, as the unit reports it, in metres.",
+    )
+    .or("0.0");
+    pub static TURNS_WHILE_FIRING: Key<Flag> = key(
+        "turns_while_firing",
+        Flag,
+        "Whether the head turns on while the beams of a column fire one after the other.",
+    )
+    .or("false");
+    /// Whether the image is destaggered.
+    pub static LAYOUT: Key<Choice<bool>> = key(
+        "layout",
+        Choice(&[("staggered", false), ("destaggered", true)]),
+        "The image as it is measured, or with its rows moved so that columns are azimuths.",
+    )
+    .or("\"staggered\"");
+    pub static PIXEL_SHIFTS: Key<List<Number>> = key(
+        "pixel_shift_by_row",
+        List { of: Number::ANY, least: 0 },
+        "One a beam: by how many columns a destaggered image moves its row; left out: as the azimuth offsets say.",
+    );
+    pub static COLUMNS: Key<Integer<u64>> = key("columns", SIDE, "Firings in the sector.")
+        .required("`columns = 1800`, the firings in the sector");
+    pub static SECTOR: Key<Nested> = key(
+        "sector_deg",
+        Nested(&SECTOR_KEYS),
+        "Azimuths in degrees, counterclockwise from forward. A full turn has no repeated last column.",
+    )
+    .or("{ from = 180.0, to = -180.0 }");
+    pub static RATE: Key<Number> =
+        key("rate_hz", Number::POSITIVE, "Turns a second.").required("`rate_hz = 10.0`, the turns a second");
+
+    pub static SECTOR_KEYS: TableKeys = table("`sector_deg`", &[&FROM, &TO]);
+    pub static FROM: Key<Number> = key("from", Number::ANY, "The azimuth of the first column in degrees.")
+        .required("`from = 180.0`, the azimuth of the first column in degrees");
+    pub static TO: Key<Number> =
+        key("to", Number::ANY, "The azimuth where the sector ends in degrees: at most 360 from its start.")
+            .required("`to = -180.0`, the azimuth where the sector ends in degrees");
+}
+
+/// `[raster]`.
+pub(crate) mod raster {
+    use super::*;
+
+    pub static KEYS: TableKeys =
+        table("`[raster]`", &[&AZIMUTHS, &ELEVATIONS, &ORDER, &PULSE_RATE, &FRAME_RATE]).partial();
+    pub static AZIMUTHS: Key<Angles> = key(
+        "azimuths_deg",
+        Angles::ANY,
+        "One a column, degrees, counterclockwise: a list, or evenly spaced ones.",
+    )
+    .required("`azimuths_deg = { from = 60.0, to = -60.0, count = 600 }`, or a list");
+    pub static ELEVATIONS: Key<Angles> = key(
+        "elevations_deg",
+        Angles::ELEVATIONS,
+        "One a row, degrees, up positive: a list, or evenly spaced ones.",
+    )
+    .required("`elevations_deg = { from = 12.5, to = -12.5, count = 126 }`, or a list");
+    pub static ORDER: Key<Choice<Order>> = key(
+        "order",
+        Choice(&[("lines", Order::Lines), ("back_and_forth", Order::BackAndForth), ("flash", Order::Flash)]),
+        "Line by line, every other line backward, or all at once.",
+    )
+    .or("\"lines\"");
+    pub static PULSE_RATE: Key<Number> =
+        key("pulse_rate_hz", Number::POSITIVE, "Pulses a second; left out: as many as fill a frame.");
+}
+
+/// `[mirror]`.
+pub(crate) mod mirror {
+    use super::*;
+
+    pub static KEYS: TableKeys =
+        table("`[mirror]`", &[&AZIMUTH, &ELEVATION, &BEAMS, &PULSE_RATE, &NEEDED_FRAME_RATE]).partial();
+    pub static AZIMUTH: Key<Nested> = key("azimuth", Nested(&AXIS), "How the azimuth moves.")
+        .required("`azimuth = { motion = \"sine\", rate_hz = 1000.0, from_deg = 30.0, to_deg = -30.0 }`");
+    pub static ELEVATION: Key<Nested> = key("elevation", Nested(&AXIS), "How the elevation moves.")
+        .required("`elevation = { motion = \"triangle\", rate_hz = 10.0, from_deg = 12.0, to_deg = -12.0 }`");
+
+    pub static AXIS: TableKeys = table("an axis of `[mirror]`", &[&MOTION, &RATE, &FROM, &TO, &PHASE]);
+    pub static MOTION: Key<Choice<Motion>> = key(
+        "motion",
+        Choice(&[("sine", Motion::Sine), ("triangle", Motion::Triangle), ("sawtooth", Motion::Sawtooth)]),
+        "How the angle goes from one end to the other, and back.",
+    )
+    .required("`motion = \"sine\"`, or \"triangle\" or \"sawtooth\"");
+    pub static RATE: Key<Number> = key("rate_hz", Number::POSITIVE, "Periods a second.")
+        .required("`rate_hz = 100.0`, the periods a second");
+    pub static FROM: Key<Number> = key("from_deg", Number::ANY, "Where a period begins, in degrees.")
+        .required("`from_deg = 30.0`, where a period begins");
+    pub static TO: Key<Number> = key("to_deg", Number::ANY, "The other end of the motion, in degrees.")
+        .required("`to_deg = -30.0`, the other end of the motion");
+    pub static PHASE: Key<Number> =
+        key("phase_deg", Number::ANY, "Where in its period the motion starts, in degrees of 360.").or("0.0");
+}
+
+/// `[risley]`.
+pub(crate) mod risley {
+    use super::*;
+
+    pub static KEYS: TableKeys =
+        table("`[risley]`", &[&PRISMS, &BEAMS, &PULSE_RATE, &NEEDED_FRAME_RATE]).partial();
+    pub static PRISMS: Key<Tables> =
+        key("prisms", Tables::in_braces(&PRISM, 1), "The turning wedges, in the beam's way.")
+            .required("`prisms = [{ rate_hz = -121.6, wedge_deg = 18.7, index = 1.51 }]`, in the beam's way");
+
+    pub static PRISM: TableKeys = table("a prism", &[&RATE, &WEDGE, &INDEX, &PHASE, &TILTED]);
+    pub static RATE: Key<Number> =
+        key("rate_hz", Number::ANY, "Turns a second, negative the other way round.")
+            .required("`rate_hz = 121.6`, turns a second, negative the other way round");
+    pub static WEDGE: Key<Number> = key("wedge_deg", Number::ANY, "The angle between the faces in degrees.")
+        .required("`wedge_deg = 18.7`, the angle between the faces");
+    pub static INDEX: Key<Number> = key("index", Number::POSITIVE, "The refractive index.")
+        .required("`index = 1.51`, the refractive index");
+    pub static PHASE: Key<Number> =
+        key("phase_deg", Number::ANY, "The angle at time 0 in degrees.").or("0.0");
+    pub static TILTED: Key<Choice<Tilted>> = key(
+        "tilted",
+        Choice(&[("entry", Tilted::Entry), ("exit", Tilted::Exit)]),
+        "Which face is the oblique one.",
+    );
+}
+
+/// `[rays]`.
+pub(crate) mod rays {
+    use super::*;
+
+    pub static KEYS: TableKeys = table("`[rays]`", &[&FILE, &FRAME_RATE]).partial();
+    pub static FILE: Key<Text> = key(
+        "file",
+        Text,
+        "A CSV with a ray a line, relative to this file: azimuth_deg, elevation_deg or x, y, z; time_s or time_us; origin_x_m, origin_y_m, origin_z_m.",
+    )
+    .required("`file = \"rays.csv\"`");
+}
+
+/// `[pinhole]`, `[fisheye]` and `[equirectangular]`.
+pub(crate) mod camera {
+    use super::*;
+
+    pub static PINHOLE_KEYS: TableKeys =
+        table("`[pinhole]`", &[&WIDTH, &HEIGHT, &HFOV, &VFOV, &FX, &FY, &CX, &CY, &DISTORTION, &FRAME_RATE])
+            .partial();
+    pub static FISHEYE_KEYS: TableKeys = table(
+        "`[fisheye]`",
+        &[&WIDTH, &HEIGHT, &FISHEYE_HFOV, &FX, &FY, &CX, &CY, &FISHEYE_DISTORTION, &FRAME_RATE],
+    )
+    .partial();
+    pub static EQUIRECTANGULAR_KEYS: TableKeys =
+        table("`[equirectangular]`", &[&WIDTH, &HEIGHT, &PANORAMA_HFOV, &PANORAMA_VFOV, &FRAME_RATE])
+            .partial();
+
+    pub static WIDTH: Key<Integer<u64>> =
+        key("width_px", SIDE, "Columns of the image.").required("`width_px = 640`");
+    pub static HEIGHT: Key<Integer<u64>> =
+        key("height_px", SIDE, "Rows of the image.").required("`height_px = 480`");
+    pub static HFOV: Key<Number> = key(
+        "hfov_deg",
+        Number::within(Excluded(0.0), Excluded(180.0)),
+        "Field of view in degrees from the left edge of the image to the right; instead of fx_px to cy_px.",
+    )
+    .replaces(INTRINSICS);
+    pub static VFOV: Key<Number> = key(
+        "vfov_deg",
+        Number::within(Excluded(0.0), Excluded(180.0)),
+        "Field of view from the top edge to the bottom, if pixels aren't square; with hfov_deg.",
+    );
+    pub static FISHEYE_HFOV: Key<Number> = key(
+        "hfov_deg",
+        Number::within(Excluded(0.0), Included(360.0)),
+        "Field of view in degrees from the left edge of the image to the right; instead of fx_px to cy_px.",
+    )
+    .replaces(INTRINSICS);
+    pub static PANORAMA_HFOV: Key<Number> = key(
+        "hfov_deg",
+        Number::within(Excluded(0.0), Included(360.0)),
+        "Field of view in degrees, at most 360.",
+    )
+    .or("360.0");
+    pub static PANORAMA_VFOV: Key<Number> = key(
+        "vfov_deg",
+        Number::within(Excluded(0.0), Included(180.0)),
+        "Field of view in degrees, at most 180.",
+    )
+    .or("180.0");
+    /// The keys of the intrinsics.
+    const INTRINSICS: &[&str] = &["fx_px", "fy_px", "cx_px", "cy_px"];
+    pub static FX: Key<Number> =
+        key("fx_px", Number::POSITIVE, "Horizontal focal length in pixels; instead of hfov_deg.")
+            .replaces(&["hfov_deg", "vfov_deg"]);
+    pub static FY: Key<Number> =
+        key("fy_px", Number::POSITIVE, "Vertical focal length in pixels; left out: fx_px.");
+    pub static CX: Key<Number> = key(
+        "cx_px",
+        Number::ANY,
+        "Principal point; the centre of the top left pixel is at (0.5, 0.5). Left out: the image's middle.",
+    );
+    pub static CY: Key<Number> = key(
+        "cy_px",
+        Number::ANY,
+        "Principal point; the centre of the top left pixel is at (0.5, 0.5). Left out: the image's middle.",
+    );
+    pub static DISTORTION: Key<List<Number>> = key(
+        "distortion",
+        List { of: Number::ANY, least: 0 },
+        "k1, k2, p1, p2, then k3, then k4, k5, k6, as OpenCV has them; left out: none.",
+    );
+    pub static FISHEYE_DISTORTION: Key<List<Number>> = key(
+        "distortion",
+        List { of: Number::ANY, least: 0 },
+        "k1, k2, k3, k4 of OpenCV's fisheye model; left out: an equidistant lens.",
+    );
+}
+
+/// `[range]`.
+pub(crate) mod range {
+    use super::*;
+
+    pub static KEYS: TableKeys = table("`[range]`", &[&MIN, &MAX]);
+    pub static MIN: Key<Number> =
+        key("min_m", Number::NOT_NEGATIVE, "The least range in metres along the ray, included.").or("0.0");
+    pub static MAX: Key<Number> = key(
+        "max_m",
+        Number::POSITIVE.or_infinite(),
+        "The largest range in metres along the ray, included; left out: no limit.",
+    )
+    .suggested_as("50.0");
+}

@@ -1,0 +1,211 @@
+//! A job's `[[expect]]` tables → [`Expectation`]s.
+
+use glam::DVec3;
+
+use super::super::keys::expect as keys;
+use super::super::keys::job::EXPECTATIONS;
+use super::super::kinds::{Nested, Number};
+use super::super::table::{Key, Table};
+use crate::angle::Angle;
+use crate::check::expect::{Bounds, Expectation, Expected, Ground, Target, Zone};
+use crate::source::Spanned;
+use crate::source::suggest::{list, nearest, quoted};
+
+/// Most cells of a zone.
+const MAX_CELLS: f64 = 1e7;
+
+/// The job's `[[expect]]`, in their order; `sensors` are the names of its sensors.
+pub(super) fn expectations(job: &Table<'_>, sensors: &[String]) -> Vec<Expectation> {
+    let Some(tables) = job.read(&EXPECTATIONS) else { return Vec::new() };
+    let report = job.report();
+    let mut found = Vec::new();
+    let mut taken: Vec<&str> = Vec::new();
+    for t in &tables.value {
+        let name = t.read(&keys::NAME);
+        if let Some(name) = name {
+            if taken.contains(&name.value) {
+                let message = format!("two expectations are called {}", quoted(name.value));
+                report.error(name.span, message, "expected another name", None);
+            }
+            taken.push(name.value);
+        }
+        let sensor = t.read(&keys::SENSOR);
+        if let Some(Spanned { value, span }) = sensor
+            && !sensors.iter().any(|known| known == value)
+            && !sensors.is_empty()
+        {
+            let names = sensors.iter().map(String::as_str);
+            let help = match nearest(value, names.clone()) {
+                Some(near) => format!("did you mean {}?", quoted(near)),
+                None => format!("the job's sensors are {}", list(names, "and")),
+            };
+            report.error(span, format!("there is no sensor {}", quoted(value)), "", Some(help));
+        }
+        let what = expected(t);
+        if let (Some(name), Some(what)) = (name, what) {
+            let sensor = sensor.map(|sensor| sensor.value.to_owned());
+            found.push(Expectation { name: name.value.to_owned(), sensor, what });
+        }
+    }
+    found
+}
+
+/// The reader of a subject's table.
+type Read = fn(&Table<'_>) -> Option<Expected>;
+
+/// The tables that an expectation has one of, each with its reader.
+const SUBJECTS: &[(&Key<Nested>, Read)] = &[
+    (&keys::POINTS, points),
+    (&keys::PLANE, plane),
+    (&keys::RESOLUTION, resolution),
+    (&keys::COVERAGE, coverage),
+    (&keys::BLIND_ZONE, blind_zone),
+    (&keys::RETURNS, |t| bounds(t, &keys::returns::AT_LEAST, &keys::returns::AT_MOST).map(Expected::Returns)),
+    (&keys::UNOBSTRUCTED, unobstructed),
+    (&keys::POINTS_PER_S, |t| {
+        bounds(t, &keys::points_per_s::AT_LEAST, &keys::points_per_s::AT_MOST).map(Expected::PointsPerSecond)
+    }),
+    (&keys::SPEED, |t| Some(Expected::Speed { at_least: t.read(&keys::speed::AT_LEAST)?.value })),
+];
+
+/// The one thing that an `[[expect]]` is about.
+fn expected(t: &Table<'_>) -> Option<Expected> {
+    let given: Vec<_> = SUBJECTS.iter().filter(|(key, _)| t.has(*key)).collect();
+    match given.as_slice() {
+        [(key, read)] => read(&t.read(key)?.value),
+        [] => {
+            let help = "such as `points = { object = \"crate_3\", at_least = 50 }`";
+            let names = SUBJECTS.iter().map(|(key, _)| key.name());
+            let label = format!("needs one of {}", list(names, "or"));
+            t.report().error(t.span, "the expectation expects nothing", label, Some(help.into()));
+            None
+        }
+        [_, (second, _), ..] => {
+            let message = "an expectation is about one thing, and this is about more";
+            let help = "write an `[[expect]]` of its own for it".to_owned();
+            let label = format!("`{}` is one too many", second.name());
+            t.report().error(t.span_of(*second), message, label, Some(help));
+            None
+        }
+    }
+}
+
+fn points(t: &Table<'_>) -> Option<Expected> {
+    use keys::points::{AT_LEAST, AT_MOST, MAX_RANGE, MIN_RANGE};
+    let range_m = Bounds {
+        at_least: t.read(&MIN_RANGE).map(|at| at.value),
+        at_most: t.read(&MAX_RANGE).map(|at| at.value),
+    };
+    let count = bounds(t, &AT_LEAST, &AT_MOST);
+    Some(Expected::Points { target: target(t), count: count?, range_m })
+}
+
+fn plane(t: &Table<'_>) -> Option<Expected> {
+    use keys::plane::{MAX_ERROR, NORMAL, OFFSET};
+    let (normal, offset, max_error) = (t.read(&NORMAL), t.read(&OFFSET), t.read(&MAX_ERROR));
+    let normal = normal.and_then(|n| {
+        let unit = DVec3::from_array(n.value).try_normalize();
+        if unit.is_none() {
+            t.report().error(n.span, "a plane's normal has no length", "expected a direction", None);
+        }
+        unit
+    });
+    let target = target(t);
+    Some(Expected::Plane { target, normal: normal?, offset_m: offset?.value, max_error_m: max_error?.value })
+}
+
+fn resolution(t: &Table<'_>) -> Option<Expected> {
+    use keys::resolution::{MAX_HORIZONTAL, MAX_VERTICAL};
+    let angle = |key| t.read(key).map(|at: Spanned<f64>| Angle::deg(at.value));
+    let (horizontal, vertical) = (angle(&MAX_HORIZONTAL), angle(&MAX_VERTICAL));
+    if !t.has(&MAX_HORIZONTAL) {
+        t.need(&MAX_VERTICAL, "`max_horizontal_deg = 0.2` or `max_vertical_deg = 0.4`, or both");
+    }
+    Some(Expected::Resolution { target: target(t), horizontal, vertical })
+}
+
+fn coverage(t: &Table<'_>) -> Option<Expected> {
+    use keys::coverage::{AT_LEAST, CELL, X, Y};
+    let side = |key| {
+        let side: Spanned<[f64; 2]> = t.read(key)?;
+        if side.value[0] >= side.value[1] {
+            let message = format!("nothing lies between {} and {}", side.value[0], side.value[1]);
+            t.report().error(side.span, message, "expected the lesser first", None);
+            return None;
+        }
+        Some(side.value)
+    };
+    let (x_m, y_m, cell) = (side(&X), side(&Y), t.read(&CELL));
+    let at_least = t.read(&AT_LEAST);
+    let ground = ground(t);
+    let (x_m, y_m, cell) = (x_m?, y_m?, cell?);
+    let cells = ((x_m[1] - x_m[0]) / cell.value).ceil() * ((y_m[1] - y_m[0]) / cell.value).ceil();
+    if cells.is_nan() || cells > MAX_CELLS {
+        let message = format!("a zone of {cells:e} cells");
+        t.report().error(cell.span, message, format!("expected at most {MAX_CELLS:e}"), None);
+        return None;
+    }
+    let zone = Zone { ground, x_m, y_m, cell_m: cell.value };
+    Some(Expected::Coverage { zone, at_least: at_least?.value })
+}
+
+fn blind_zone(t: &Table<'_>) -> Option<Expected> {
+    use keys::blind_zone::{AT_MOST, SECTOR};
+    let at_most = t.read(&AT_MOST);
+    let sector_deg =
+        if t.has(&SECTOR) { t.read(&SECTOR).and_then(|s| sector(&s.value)) } else { Some((-180, 180)) };
+    let ground = ground(t);
+    Some(Expected::BlindZone { ground, at_most_m: at_most?.value, sector_deg: sector_deg? })
+}
+
+fn unobstructed(t: &Table<'_>) -> Option<Expected> {
+    let at_most = t.value(&keys::unobstructed::AT_MOST);
+    let body = target(t);
+    if body == Target::default() {
+        t.need(&keys::OBJECT, "`object = \"ego*\"`, the vehicle's own body");
+    }
+    Some(Expected::Unobstructed { body, at_most })
+}
+
+/// An object, a label, both or anything.
+fn target(t: &Table<'_>) -> Target {
+    Target {
+        object: t.read(&keys::OBJECT).map(|at| at.value.to_owned()),
+        label: t.read(&keys::LABEL).map(|at| at.value),
+    }
+}
+
+fn ground(t: &Table<'_>) -> Ground {
+    Ground { z_m: t.value(&keys::GROUND_Z), tolerance_m: t.value(&keys::GROUND_TOLERANCE), target: target(t) }
+}
+
+/// A least and a most, of which at least one must be there.
+fn bounds(t: &Table<'_>, least: &Key<Number>, most: &Key<Number>) -> Option<Bounds> {
+    let (at_least, at_most) = (t.read(least), t.read(most));
+    if !t.has(most) {
+        t.need(least, &format!("`{}` or `{}`, or both", least.name(), most.name()));
+    }
+    if let (Some(least), Some(most)) = (at_least, at_most)
+        && least.value > most.value
+    {
+        let message = format!("nothing is at least {} and at most {}", least.value, most.value);
+        t.report().error(t.report().later(most.span, least.span), message, "", None);
+        return None;
+    }
+    let bounds = Bounds { at_least: at_least.map(|at| at.value), at_most: at_most.map(|at| at.value) };
+    (bounds != Bounds::default()).then_some(bounds)
+}
+
+/// A sector of whole degrees, counterclockwise.
+fn sector(t: &Table<'_>) -> Option<(i32, i32)> {
+    use keys::blind_zone::{FROM, TO};
+    let (from, to) = (t.read(&FROM), t.read(&TO));
+    let (from, to) = (from?.value, to?.value);
+    if !(from < to && to - from <= 360.0 && from.abs() <= 360.0) {
+        let message = format!("the sector from {from} to {to} degrees");
+        let label = "expected `from` less than `to`, and a turn at most";
+        t.report().error(t.span, message, label, None);
+        return None;
+    }
+    Some((from.floor() as i32, to.ceil() as i32))
+}

@@ -1,0 +1,131 @@
+//! A sensor file's tables → [`Sensor`].
+
+mod camera;
+mod rotating;
+mod scanner;
+
+use super::super::keys::sensor::{self as keys, range};
+use super::super::kinds::Nested;
+use super::super::table::{Key, Table};
+use super::rays::RayFiles;
+use crate::sensor::{Pattern, RangeLimits, Sensor};
+use crate::source::{Report, Span, Spanned};
+
+/// Most rays of a frame: pixels have 32-bit numbers.
+const MAX_RAYS: u64 = 1 << 32;
+
+/// The reader of a pattern's table.
+type Read = fn(&Table<'_>, &RayFiles) -> Option<Pattern>;
+
+/// The tables that a sensor may have one of, each with its reader.
+const PATTERNS: &[(&Key<Nested>, Read)] = &[
+    (&keys::ROTATING, |t, _| rotating::pattern(t).map(Pattern::Rotating)),
+    (&keys::RASTER, |t, _| scanner::raster(t).map(Pattern::Raster)),
+    (&keys::MIRROR, |t, _| scanner::mirror(t).map(Pattern::Mirror)),
+    (&keys::RISLEY, |t, _| scanner::risley(t).map(Pattern::Risley)),
+    (&keys::RAYS, |t, files| scanner::rays(t, files).map(Pattern::Rays)),
+    (&keys::PINHOLE, |t, _| camera::pinhole(t).map(Pattern::Camera)),
+    (&keys::FISHEYE, |t, _| camera::fisheye(t).map(Pattern::Camera)),
+    (&keys::EQUIRECTANGULAR, |t, _| camera::equirectangular(t).map(Pattern::Raster)),
+];
+
+/// Whether a key of a sensor is a pattern's.
+pub(in super::super) fn is_pattern(key: &str) -> bool {
+    PATTERNS.iter().any(|(pattern, _)| pattern.name() == key)
+}
+
+/// The sensor of a table with a pattern, `range` and `ring`. `None` if the report has errors about it. `is_pattern_lost`
+/// says that there would be a pattern, had its file not been reported as unreadable.
+pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> Option<Sensor> {
+    let report = t.report();
+    let range = range(t);
+    let ring = t.value(&keys::RING);
+    let given: Vec<_> = PATTERNS.iter().filter(|(key, _)| t.has(*key)).collect();
+    let tables: Vec<_> = given.iter().map(|(key, _)| t.read(key)).collect();
+    if let [(a, _), (b, _), ..] = given.as_slice() {
+        report.error(
+            report.later(t.span_of(*a), t.span_of(*b)),
+            format!("a sensor has one pattern, and this has both `[{}]` and `[{}]`", a.name(), b.name()),
+            "one too many",
+            Some("keep one of the two; a second sensor is a `[[sensor]]` of its own".into()),
+        );
+    }
+    if given.is_empty() && !is_pattern_lost {
+        let help = "add `[rotating]`, `[pinhole]` or another pattern or, in a job, a `preset` that has one";
+        report.error(t.span, "the sensor has no pattern", "needs one", Some(help.into()));
+    }
+    let read =
+        |((_, read), table): (&&(_, Read), &Option<Spanned<Table<'_>>>)| read(&table.as_ref()?.value, files);
+    let patterns: Vec<_> = given.iter().zip(&tables).map(read).collect();
+    let [Some(pattern)] = <[Option<Pattern>; 1]>::try_from(patterns).ok()? else { return None };
+    check_range_offset(t, &pattern, range)?;
+    warn_of_ambiguity(t, &pattern, range);
+    Some(Sensor { pattern, range, ring })
+}
+
+/// Warns of a sensor that sees farther than light goes and comes back from one pulse to the beam's next.
+fn warn_of_ambiguity(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) {
+    const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
+    let period_s = match pattern {
+        Pattern::Rotating(p) => p.column_s(),
+        Pattern::Mirror(_) | Pattern::Risley(_) if pattern.columns() > 1 => {
+            pattern.last_pulse_s() / (pattern.columns() - 1) as f64
+        }
+        _ => return,
+    };
+    let unambiguous = SPEED_OF_LIGHT_M_S * period_s / 2.0;
+    if period_s > 0.0 && range.max_m.is_finite() && range.max_m > unambiguous {
+        let message = format!(
+            "the sensor sees {} m far, and a beam pulses every {:.3} µs: the unambiguous range is {unambiguous:.1} m",
+            range.max_m,
+            period_s * 1e6
+        );
+        let label = "farther than light comes back from in time";
+        t.report().warning(t.span_of(&keys::RANGE), message, label, None);
+    }
+}
+
+/// A range that begins before the beam's origin must not end there: the beam is not cast inside the sensor.
+fn check_range_offset(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) -> Option<()> {
+    let Pattern::Rotating(rotating) = pattern else { return Some(()) };
+    let offset = rotating.range_offset_m();
+    if offset == 0.0 || range.min_m >= offset {
+        return Some(());
+    }
+    let span = if t.has(&keys::RANGE) { t.span_of(&keys::RANGE) } else { t.span_of(&keys::ROTATING) };
+    let message =
+        format!("the least range is {} m, and ranges begin {offset} m before the beam", range.min_m);
+    let label = "expected a `min_m` of at least `range_offset_m`";
+    t.report().error(span, message, label, None);
+    None
+}
+
+fn range(t: &Table<'_>) -> RangeLimits {
+    let mut limits = RangeLimits::default();
+    let Some(t) = t.read(&keys::RANGE).map(|range| range.value) else { return limits };
+    let (min, max) = (t.read_or_default(&range::MIN), t.read(&range::MAX));
+    if let Some(min) = min {
+        limits.min_m = min.value;
+    }
+    if let Some(max) = max {
+        limits.max_m = max.value;
+    }
+    if let (Some(min), Some(max)) = (min, max)
+        && min.value >= max.value
+    {
+        let message = format!("nothing lies between `min_m` = {} and `max_m` = {}", min.value, max.value);
+        let span = t.report().later(max.span, t.span_of(&range::MIN));
+        t.report().error(span, message, "`max_m` must be greater than `min_m`", None);
+    }
+    limits
+}
+
+/// Refuses more rays than pixels can be numbered; `span` is the columns'.
+fn check_rays(report: &Report, rows: u64, columns: u64, span: Span) -> Option<()> {
+    if rows.checked_mul(columns).is_some_and(|rays| rays <= MAX_RAYS) {
+        return Some(());
+    }
+    let message = format!("{rows} rows of {columns} columns are more than {MAX_RAYS} rays a frame");
+    report.error(span, message, "expected fewer", None);
+    None
+}
