@@ -14,7 +14,6 @@
 //! does.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -37,8 +36,7 @@ fn main() {
         return;
     };
     let start = Instant::now();
-    let labels = BTreeMap::new();
-    let options = gltf::Options { scene_name: None, up: UpAxis::Y, labels: &labels };
+    let options = gltf::Options { up: UpAxis::Y, ..gltf::Options::default() };
     let scene = gltf::load(Path::new(&path), &path, &options).expect("a scene that loads").scene;
     let load_s = start.elapsed().as_secs_f64();
     let start = Instant::now();

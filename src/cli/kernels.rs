@@ -1,6 +1,5 @@
 //! `beamcast kernels`: compares the published intersection methods.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -9,7 +8,6 @@ use serde_json::{Value, json};
 
 use super::terminal::Terminal;
 use crate::error::Error;
-use crate::frame::UpAxis;
 use crate::kernels::{self, AIMS, DISTANCES_M, Figures, HIT_RATIOS};
 use crate::scene::{Scene, gltf};
 use crate::trace::methods::{Culling, Edges};
@@ -57,8 +55,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 }
 
 fn load(path: &Path, terminal: &Terminal) -> Result<Scene, Error> {
-    let labels = BTreeMap::new();
-    let options = gltf::Options { scene_name: None, up: UpAxis::default(), labels: &labels };
+    let options = gltf::Options::default();
     let gltf::Loaded { scene, warnings } = gltf::load(path, &path.to_string_lossy(), &options)?;
     for warning in warnings {
         terminal.warn(warning);

@@ -1,6 +1,5 @@
 //! Facts about files: jobs, sensor files and scenes are read, and nothing is cast.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -10,7 +9,6 @@ use super::paths::configs_in;
 use super::{memory, session};
 use crate::config::{self, Config, Job};
 use crate::error::{Error, SceneError};
-use crate::frame::UpAxis;
 use crate::output::Format;
 use crate::scene::{Mesh, Scene, gltf};
 use crate::sensor::Sensor;
@@ -154,12 +152,11 @@ fn open_scene(
     job: Option<&Job>,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Result<Scene, SceneError> {
-    let no_labels = BTreeMap::new();
-    let options = gltf::Options {
-        scene_name: job.and_then(|job| job.scene_name.as_deref()),
-        up: job.map_or(UpAxis::default(), |job| job.up),
-        labels: job.map_or(&no_labels, |job| &job.labels),
-    };
+    let options = job.map_or_else(gltf::Options::default, |job| gltf::Options {
+        scene_name: job.scene_name.as_deref(),
+        up: job.up,
+        labels: &job.labels,
+    });
     let loaded = session::open_scene(path, as_written, &options)?;
     let warning =
         |text| Diagnostic { severity: Severity::Warning, ..Diagnostic::about_file(path, text, None) };

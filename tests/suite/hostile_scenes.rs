@@ -1,12 +1,10 @@
 //! Scene files that ask for what they must not get: other files, memory, time, a panic.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::mpsc;
 use std::time::Duration;
 
 use beamcast::error::SceneError;
-use beamcast::frame::UpAxis;
 use beamcast::scene::gltf::{Loaded, Options, load};
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -17,7 +15,7 @@ const TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Loads the default scene.
 pub fn open(path: &Path) -> Result<Loaded, SceneError> {
-    load(path, "scene", &Options { scene_name: None, up: UpAxis::Z, labels: &BTreeMap::new() })
+    load(path, "scene", &Options::default())
 }
 
 /// Loads in a thread of its own, so that a file that never ends is a failure and not a hang.
@@ -190,11 +188,11 @@ fn pipes_do_not_block() {
     let made = std::process::Command::new("mkfifo").arg(canary.path("scene/fifo.bin")).status().unwrap();
     assert!(made.success());
     let error = canary.open("fifo.bin").unwrap_err();
-    assert!(error.problem.contains("not a regular file but a pipe"), "{error}");
+    assert!(error.problem.contains("this is a pipe or a device, not a file"), "{error}");
     let error = open_in_time(&canary.path("scene/fifo.bin")).unwrap_err();
-    assert!(error.problem.contains("not a regular file but a pipe"), "{error}");
+    assert!(error.problem.contains("this is a pipe or a device, not a file"), "{error}");
     let error = open_in_time(&canary.path("scene")).unwrap_err();
-    assert!(error.to_string().ends_with("scene: it is a folder"), "{error}");
+    assert!(error.to_string().ends_with("scene: this is a folder, not a file"), "{error}");
     let error = open_in_time(&canary.path("none.glb")).unwrap_err();
     assert!(error.to_string().ends_with("none.glb: there is no such file"), "{error}");
 }

@@ -14,7 +14,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("frame", &["angle"]),
     ("motion", &["frame"]),
     ("sensor", &["angle", "frame", "motion"]),
-    ("scene", &["error", "frame"]),
+    ("scene", &["error", "frame", "source"]),
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
     ("output", &["angle", "error", "frame", "scan", "scene", "sensor", "source"]),
@@ -45,7 +45,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
 const CONFINED: &[(&str, &[&str], &str)] = &[
     (
         "std::fs",
-        &["source/", "scene/gltf/files.rs", "output/files.rs", "output/recorded/folder.rs", "run/", "cli/"],
+        &["source/", "output/files.rs", "output/recorded/folder.rs", "run/", "cli/"],
         "files are opened at the edges only",
     ),
     (

@@ -353,8 +353,7 @@ fn extents(sensor: &Sensor, frames: u64) -> (f64, f64) {
 #[test]
 fn each_built_in_sensor_has_its_data_sheets_figures_and_sees_the_street() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/street.glb");
-    let labels = std::collections::BTreeMap::new();
-    let options = gltf::Options { scene_name: None, up: Default::default(), labels: &labels };
+    let options = gltf::Options::default();
     let scene = gltf::load(&path, "street.glb", &options).unwrap().scene;
     let tracer = Tracer::build(&scene);
     let at = DVec3::new(0.0, 0.0, 1.8);

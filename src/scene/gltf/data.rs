@@ -146,7 +146,7 @@ impl<'a> Data<'a> {
             return Ok(());
         }
         let problem = format!(
-            "the {} bytes that were read ask for {spent} bytes of geometry, more than the {most} that they may",
+            "the {} bytes that were read ask for {spent} bytes of geometry, more than the {most} allowed",
             budget.read.get()
         );
         Err(Fault::new("", problem).help(

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::io;
 
+use crate::source::Unreadable;
+
 /// An error about one element.
 #[derive(Debug)]
 pub(super) struct Fault {
@@ -19,16 +21,6 @@ pub(super) struct Fault {
 impl Fault {
     pub fn new(element: impl Into<String>, problem: impl Into<String>) -> Self {
         Self { element: element.into(), problem: problem.into(), help: None, source: None }
-    }
-
-    /// An error of the operating system about a file.
-    pub fn io(error: io::Error) -> Self {
-        let problem = match error.kind() {
-            io::ErrorKind::NotFound => "there is no such file".to_owned(),
-            io::ErrorKind::PermissionDenied => "reading it is not permitted".to_owned(),
-            _ => format!("it can't be read: {error}"),
-        };
-        Self { source: Some(error), ..Self::new("", problem) }
     }
 
     /// Adds what would be right.
@@ -48,6 +40,16 @@ impl Fault {
         self.element =
             if self.element.is_empty() { outer.to_string() } else { format!("{outer}, {}", self.element) };
         self
+    }
+}
+
+impl From<Unreadable> for Fault {
+    fn from(error: Unreadable) -> Self {
+        let fault = Self::new("", error.to_string());
+        match error {
+            Unreadable::Io(error) => Self { source: Some(error), ..fault },
+            _ => fault,
+        }
     }
 }
 

@@ -1,41 +1,13 @@
 //! Files and URIs: which files may be opened, how much of them is read, and the container format GLB.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
 use super::fault::{Fault, quoted};
 use crate::scene::geometry::SourceFile;
+use crate::source::{Unreadable, read_file};
 
 /// The most bytes by which a buffer's file may be longer than the buffer. The file is read whole for its hash.
 const LONGEST_EXCESS: u64 = 64 << 20;
-
-/// Reads a regular file whole, if `accept` accepts its length. A file that could block or never end (a pipe, a socket, a
-/// device) is never opened.
-pub(super) fn read(path: &Path, accept: impl FnOnce(u64) -> Result<(), Fault>) -> Result<Vec<u8>, Fault> {
-    // Opening a pipe would wait for its writer, so the kind of the file is looked up before it is opened.
-    regular_length(&std::fs::metadata(path).map_err(Fault::io)?)?;
-    let file = File::open(path).map_err(Fault::io)?;
-    let length = regular_length(&file.metadata().map_err(Fault::io)?)?;
-    accept(length)?;
-    let too_large = || Fault::new("", format!("its {length} bytes do not fit into memory"));
-    let mut bytes = Vec::new();
-    // One byte more than the length, so that the read that finds the end does not reallocate.
-    let capacity = usize::try_from(length).map_err(|_| too_large())?.saturating_add(1);
-    bytes.try_reserve_exact(capacity).map_err(|_| too_large())?;
-    file.take(length).read_to_end(&mut bytes).map_err(Fault::io)?;
-    Ok(bytes)
-}
-
-fn regular_length(metadata: &std::fs::Metadata) -> Result<u64, Fault> {
-    if metadata.is_file() {
-        Ok(metadata.len())
-    } else if metadata.is_dir() {
-        Err(Fault::new("", "it is a folder"))
-    } else {
-        Err(Fault::new("", "it is not a regular file but a pipe, socket or device"))
-    }
-}
 
 /// The record of a file that was read.
 pub(super) fn source_file(name: &str, bytes: &[u8]) -> SourceFile {
@@ -131,21 +103,26 @@ pub(super) fn resolve(
     let relative = check_relative(&relative).map_err(refuse)?;
 
     let path = folder.join(relative).canonicalize().map_err(|error| {
-        Fault::io(error)
+        Fault::from(Unreadable::from(error))
             .of_file(&shown)
             .help("a scene's buffers are kept beside it: copy the .bin file along with the .gltf")
     })?;
     if !path.starts_with(folder) {
         return Err(refuse("leaves the scene's folder through a link"));
     }
-    let accept = |length: u64| match length.checked_sub(byte_length) {
-        Some(0..=LONGEST_EXCESS) => Ok(()),
-        Some(_) => {
-            Err(fault(format!("its {length} bytes are far more than the buffer's byteLength, {byte_length}")))
-        }
-        None => Err(fault(format!("it has {length} bytes, but the buffer's byteLength is {byte_length}"))),
-    };
-    let bytes = read(&path, accept).map_err(|fault| fault.of_file(&shown))?;
+    let bytes = read_file(&path, byte_length.saturating_add(LONGEST_EXCESS)).map_err(|error| {
+        let fault = match error {
+            Unreadable::TooLarge { bytes, .. } => {
+                fault(format!("its {bytes} bytes are far more than the buffer's byteLength, {byte_length}"))
+            }
+            other => other.into(),
+        };
+        fault.of_file(&shown)
+    })?;
+    if (bytes.len() as u64) < byte_length {
+        let problem = format!("it has {} bytes, but the buffer's byteLength is {byte_length}", bytes.len());
+        return Err(fault(problem).of_file(&shown));
+    }
     let source = source_file(uri, &bytes);
     Ok((bytes, Some(source)))
 }

@@ -443,12 +443,12 @@ impl Vertices<'_> {
 impl LeftOut {
     /// The warnings for the user.
     pub fn warnings(&self) -> Vec<String> {
-        let told = [
-            (self.points_and_lines, "points or lines, which beams don't hit: left out"),
-            (self.without_positions, "no POSITION: left out"),
-            (self.incomplete, "one or two indices after the last triangle: left out"),
+        let warnings = [
+            (self.points_and_lines, "beams do not hit points and lines, which are left out"),
+            (self.without_positions, "a primitive without POSITION is left out"),
+            (self.incomplete, "one or two indices after the last whole triangle are left out"),
         ];
-        let told = told.into_iter().filter(|(count, _)| *count > 0);
-        told.map(|(count, what)| format!("{} with {what}", counted(count, "primitive"))).collect()
+        let warnings = warnings.into_iter().filter(|(count, _)| *count > 0);
+        warnings.map(|(count, what)| format!("{what} ({})", counted(count, "primitive"))).collect()
     }
 }

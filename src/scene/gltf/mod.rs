@@ -39,6 +39,8 @@ use super::arrangement::Scene;
 use super::build::{SceneBuildError, SceneBuilder};
 use super::material::Material;
 use crate::error::SceneError;
+use crate::source::suggest::nearest;
+use crate::source::{Unreadable, read_file};
 
 /// A scene, and warnings about how it was read.
 #[derive(Clone, Debug)]
@@ -108,8 +110,8 @@ fn read(
     options: &Options,
     warnings: &mut Vec<String>,
 ) -> Result<Read<impl Fn(usize) -> String + use<>>, Fault> {
-    let file = files::read(path, |_| Ok(()))?;
-    let canonical = path.canonicalize().map_err(Fault::io)?;
+    let file = read_file(path, u64::MAX)?;
+    let canonical = path.canonicalize().map_err(Unreadable::from)?;
     let folder = canonical.parent().ok_or_else(|| Fault::new("", "it is in no folder"))?;
     if file.is_empty() {
         return Err(Fault::new("", "the file is empty"));
@@ -197,7 +199,7 @@ fn warn_of_unknown_labels(document: &Document, labels: &BTreeMap<String, u32>, w
         if names.contains(name.as_str()) || extras.iter().any(|extras| extras.contains(&quoted_name)) {
             continue;
         }
-        let meant = nodes::similar(name, names.iter().copied());
+        let meant = nearest(name, names.iter().copied());
         let meant = meant.map_or(String::new(), |meant| format!("; did you mean {}?", quoted(meant)));
         warnings.push(format!("labels: no node or material is called {}{meant}", quoted(name)));
     }

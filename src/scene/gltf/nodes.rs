@@ -13,6 +13,7 @@ use super::options::Options;
 use crate::scene::arrangement::{crushes_to_a_line, is_invertible};
 use crate::scene::build::{SourceInstance, SourceMesh};
 use crate::scene::geometry::Object;
+use crate::source::suggest::nearest;
 
 use ComponentType::{F32, I8, I16};
 
@@ -88,7 +89,7 @@ impl Hierarchy {
         }
         if odd_rotations > 0 {
             warnings.push(format!(
-                "{}: the quaternion's length is not 1; it was made so",
+                "the length of the quaternion of {} is not 1; it was normalised",
                 counted(odd_rotations, "rotation")
             ));
         }
@@ -160,16 +161,9 @@ pub(super) fn choose_scene(document: &Document, name: Option<&str>) -> Result<Op
     }
     let shown: Vec<_> = names.iter().take(LISTED).map(|name| quoted(name)).collect();
     let more = if names.len() > LISTED { ", …" } else { "" };
-    let meant = similar(name, names.iter().copied())
+    let meant = nearest(name, names.iter().copied())
         .map_or(String::new(), |name| format!("did you mean {}? ", quoted(name)));
     Err(fault.help(format!("{meant}the file has {}{more}", shown.join(", "))))
-}
-
-/// The name most similar to `name`, if one is similar enough.
-pub(super) fn similar<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
-    const ALIKE: f64 = 0.8;
-    let scored = names.map(|other| (strsim::jaro_winkler(name, other), other));
-    scored.filter(|(score, _)| *score > ALIKE).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, other)| other)
 }
 
 /// The meshes and instances that the traversal of a scene's nodes finds.
@@ -269,7 +263,9 @@ impl Traversal<'_, '_, '_> {
         }
         if hidden > 0 {
             let nodes = counted(hidden, "node");
-            self.warnings.push(format!("{nodes} left out with what is below: KHR_node_visibility hides it"));
+            self.warnings.push(format!(
+                "KHR_node_visibility hides {nodes}; a hidden node and all nodes below it are left out"
+            ));
         }
         Ok(())
     }
@@ -398,7 +394,7 @@ fn instances<'b>(
 ) -> Result<impl Iterator<Item = Result<DAffine3, Fault>> + use<'b>, Fault> {
     let mut count = None;
     let mut elements = |layout: &Layout| match attributes.get(layout.purpose) {
-        None => Ok(None),
+        None => Ok::<_, Fault>(None),
         Some(&accessor) => {
             let elements =
                 data.elements(accessor, layout, count).map_err(|fault| fault.within(layout.purpose))?;

@@ -103,11 +103,9 @@ impl Asset {
 
 const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 
-static NO_LABELS: BTreeMap<String, u32> = BTreeMap::new();
-
 /// Options that keep glTF's own axes, so that positions can be compared as they are written.
 fn plain() -> Options<'static> {
-    Options { scene_name: None, up: UpAxis::Y, labels: &NO_LABELS }
+    Options { up: UpAxis::Y, ..Options::default() }
 }
 
 fn load_bytes(bytes: &[u8], options: &Options) -> Result<Loaded, SceneError> {
@@ -188,7 +186,7 @@ fn points_and_lines_are_counted() {
         asset.push("nodes", json!({ "mesh": mesh }));
     }
     let loaded = asset.load();
-    assert_eq!(loaded.warnings, ["4 primitives with points or lines, which beams don't hit: left out"]);
+    assert_eq!(loaded.warnings, ["beams do not hit points and lines, which are left out (4 primitives)"]);
     assert_eq!(loaded.scene.geometry.objects.len(), 1);
     asset.json["nodes"].as_array_mut().unwrap().remove(0);
     assert!(asset.error().starts_with("the file has only points and lines (beams hit triangles"));
@@ -384,7 +382,7 @@ fn broken_transforms() {
     asset.json["nodes"][0]["rotation"] = json!([0, 0, 2, 0]);
     let loaded = asset.load();
     close(&world(&loaded), &[[[0.0; 3], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]], 0.0);
-    assert_eq!(loaded.warnings, ["1 rotation: the quaternion's length is not 1; it was made so"]);
+    assert_eq!(loaded.warnings, ["the length of the quaternion of 1 rotation is not 1; it was normalised"]);
 }
 
 #[test]
@@ -477,7 +475,10 @@ fn hidden_nodes() {
     ]);
     let loaded = asset.load();
     assert_eq!(loaded.scene.geometry.objects.len(), 1);
-    assert_eq!(loaded.warnings, ["1 node left out with what is below: KHR_node_visibility hides it"]);
+    assert_eq!(
+        loaded.warnings,
+        ["KHR_node_visibility hides 1 node; a hidden node and all nodes below it are left out"]
+    );
 }
 
 #[test]
