@@ -18,6 +18,7 @@ use crate::check::compare::main_depth;
 use crate::check::words::digits;
 use crate::check::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
 use crate::output::{Image, NO_RETURN_M, Samples};
+use crate::source::suggest::escaped;
 
 const SCRIPT: &str = include_str!("page.js");
 const STYLE: &str = include_str!("page.css");
@@ -280,7 +281,7 @@ fn names_of_seen(view: &View, baseline: Option<&Image>) -> BTreeMap<u32, String>
     let images = [Some(&view.image), baseline];
     let ids = images.into_iter().flatten().filter_map(|image| image.u32("id.instance")).flatten();
     let seen: BTreeSet<u32> = ids.copied().collect();
-    let name = |id| view.instances.get(&id).filter(|name| !name.is_empty()).map(|name| (id, plain(name)));
+    let name = |id| view.instances.get(&id).filter(|name| !name.is_empty()).map(|name| (id, escaped(name)));
     seen.into_iter().filter_map(name).collect()
 }
 
@@ -382,30 +383,22 @@ fn document(title: &str, body: &str) -> String {
     )
 }
 
-/// Text as HTML shows it, in content and in attributes.
+/// Writes text for HTML, in content and in attributes. Characters that control, which HTML can't have or which turn the text
+/// after them around, are shown by their codes, as in messages. Scripts that are written from the right need none of them:
+/// `<bdi>` keeps their names apart.
 fn escape(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for c in plain(text).chars() {
+    let mut html = String::with_capacity(text.len());
+    for c in escaped(text).chars() {
         match c {
-            '&' => escaped += "&amp;",
-            '<' => escaped += "&lt;",
-            '>' => escaped += "&gt;",
-            '"' => escaped += "&quot;",
-            '\'' => escaped += "&#39;",
-            c => escaped.push(c),
+            '&' => html += "&amp;",
+            '<' => html += "&lt;",
+            '>' => html += "&gt;",
+            '"' => html += "&quot;",
+            '\'' => html += "&#39;",
+            c => html.push(c),
         }
     }
-    escaped
-}
-
-/// Text without characters that control: those that can't be in HTML, and those that turn what follows around. They are
-/// shown by their numbers, as in messages. Languages that are written from the right need none, and `<bdi>` keeps them apart.
-fn plain(text: &str) -> String {
-    let controls = |c: char| {
-        (c.is_control() && c != '\n')
-            || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-    };
-    text.chars().map(|c| if controls(c) { c.escape_default().to_string() } else { c.to_string() }).collect()
+    html
 }
 
 #[cfg(test)]
@@ -445,9 +438,9 @@ mod tests {
         // One script of data, and the page's own.
         assert_eq!((page.matches("<script").count(), page.matches("</script>").count()), (2, 2));
         let data = data(&page);
-        assert_eq!(data["instances"]["1"], plain(HOSTILE));
+        assert_eq!(data["instances"]["1"], escaped(HOSTILE));
         assert_eq!(data["instances"].as_object().unwrap().len(), 1, "only what is seen is named");
-        assert_eq!(plain("שלום \u{202e}x\u{0}"), "שלום \\u{202e}x\\u{0}");
+        assert_eq!(escaped("שלום \u{202e}x\u{0}"), "שלום \\u{202e}x\\u{0}");
     }
 
     #[test]

@@ -318,6 +318,32 @@ fn more_than_the_machine_holds_is_refused_with_an_estimate() {
 }
 
 #[test]
+fn the_self_test_asks_before_it_takes_more_memory_than_there_is() {
+    let work = Workplace::with_sensors(
+        "[[sensor]]\nname = \"wide\"\n[sensor.pinhole]\nwidth_px = 65000\nheight_px = 65000\nhfov_deg = 90.0\n",
+    );
+    let output = work.command("selftest", &[]).output().unwrap();
+    assert_eq!(code(&output), 2, "{}", stdout(&output));
+    let message = stderr(&output);
+    assert!(message.contains("a frame of wide of ") && message.contains(" takes about "), "{message}");
+}
+
+#[test]
+fn the_environment_asks_for_no_more_threads_than_the_flag_may() {
+    let work = Workplace::new();
+    let output = work.command("scan", &[]).env("RAYON_NUM_THREADS", "100000").output().unwrap();
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("RAYON_NUM_THREADS is 100000: expected 1 to 1024"),
+        "{}",
+        stderr(&output)
+    );
+    let output =
+        work.command("scan", &["--threads", "2"]).env("RAYON_NUM_THREADS", "100000").output().unwrap();
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+}
+
+#[test]
 fn quiet_is_quiet_and_verbose_names_the_files() {
     let work = Workplace::new();
     let quiet = work.scan(&["-q"]);
