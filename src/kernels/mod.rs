@@ -23,10 +23,10 @@ use crate::trace::methods::{Culling, METHODS, Method, Ray, RayTriangle};
 use crate::trace::{AnyTracer, Cast, Hit, Origins, Rays, Tracer};
 use random::Random;
 
-/// Shares of hits among the tests that are timed.
+/// The shares of hits among the tests that are timed.
 pub const HIT_RATIOS: [f64; 3] = [0.1, 0.5, 0.9];
 
-/// Distances (metres) at which the error of t is measured.
+/// The distances in metres at which the error of t is measured.
 pub const DISTANCES_M: [f64; 4] = [1.0, 10.0, 100.0, 200.0];
 
 /// The part of a triangle that a ray is aimed at.
@@ -43,20 +43,21 @@ pub enum Aim {
 /// The order of figures by aim.
 pub const AIMS: [Aim; 3] = [Aim::Interior, Aim::Edge, Aim::Vertex];
 
-/// What was measured of a method, or of the exact definition.
+/// The measurements of a method, or of the exact definition.
 #[derive(Clone, Copy, Debug)]
 pub struct Figures {
-    /// `None` for the exact definition.
+    /// The method; `None` for the exact definition.
     pub method: Option<&'static Method>,
-    /// Nanoseconds a test, by [`HIT_RATIOS`].
+    /// Nanoseconds for each test, by [`HIT_RATIOS`].
     pub ns_per_test: [f64; 3],
     /// Millions of rays a second through the whole scene, on one thread.
     pub mrays_per_s: f64,
-    /// Decisions on single triangles that are not the exact ones by the method's own rule, in a million, by [`AIMS`].
+    /// The number of decisions on single triangles, in a million, that differ from the exact decision by the method's own rule,
+    /// by [`AIMS`].
     pub wrong_per_1e6: [f64; 3],
-    /// By [`DISTANCES_M`].
+    /// The errors of t, by [`DISTANCES_M`].
     pub t_error: [DepthError; 4],
-    /// Rays that leave a closed mesh, in 10⁸, by [`AIMS`].
+    /// The number of rays in 10⁸ that leave a closed mesh, by [`AIMS`].
     pub leaks_per_1e8: [f64; 3],
 }
 
@@ -82,7 +83,7 @@ impl Subject {
         METHODS.iter().map(Some).chain([None]).map(Self).collect()
     }
 
-    /// t of the ray's crossing with a triangle. The definition's is f64.
+    /// The depth t of the ray's crossing with a triangle. The exact definition computes it in f64.
     fn depth(self, ray: &Ray, corners: [Vec3; 3]) -> Option<f64> {
         match self.0 {
             Some(method) => method.intersect(ray, corners).map(|c| c.t.into()),
@@ -112,8 +113,8 @@ fn exact_depth(ray: &Ray, corners: [Vec3; 3]) -> Option<f64> {
 /// Runs the work that it is given and returns how long that took, in seconds. The caller brings the clock.
 pub type Stopwatch = dyn Fn(&mut dyn FnMut()) -> f64 + Sync;
 
-/// Measures everything: `rays` a method for leaks, a tenth of them for every other kind of judgement. Times are taken with
-/// `stopwatch`.
+/// Measures every method. Each casts `rays` rays to look for leaks, and a tenth of them for every other kind of judgement.
+/// Times are taken with `stopwatch`.
 ///
 /// # Errors
 /// [`Error::Usage`] if a sensor in the scene's middle, or 1.8 m above the world's origin, sees nothing of it.
@@ -168,14 +169,14 @@ fn sensor() -> Sensor {
     Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row }
 }
 
-/// A triangle that the sensor sees, and where the sensor is in its space.
+/// A triangle that the sensor sees, and the sensor's place in the triangle's space.
 #[derive(Clone, Copy)]
 struct Target {
     origin: Vec3,
     corners: [Vec3; 3],
 }
 
-/// The triangles that a sensor sees, each as often as it's hit.
+/// The triangles that a sensor sees, each as often as it is hit.
 fn targets(scene: &Scene, tracer: &Tracer, sensor: &Sensor, at: DVec3) -> Vec<Target> {
     let capture = Capture::at_origin(sensor);
     let pixels = (0..capture.rows()).flat_map(|row| (0..capture.columns()).map(move |column| (row, column)));
@@ -222,13 +223,13 @@ fn interior(random: &mut Random) -> [f64; 3] {
     [1.0 - u - v, u, v]
 }
 
-/// Rays that are made together, from a seed of their own.
+/// The number of rays that are made together, from a seed of their own.
 const CHUNK: u64 = 1 << 12;
 
-/// Chunks that are in memory together.
+/// The number of chunks that are in memory together.
 const BLOCK: u64 = 1 << 10;
 
-/// Works on `rays` rays in chunks, on all threads; the results are merged in the chunks' order.
+/// Works on `rays` rays in chunks, on all threads, and merges the results in the order of the chunks.
 fn chunks<T: Send>(
     seed: u64,
     rays: u64,
@@ -246,14 +247,14 @@ fn chunks<T: Send>(
     }
 }
 
-/// By row: wrong decisions in a million.
+/// The wrong decisions in a million, by row.
 fn wrong_decisions(subjects: &[Subject], targets: &[Target], aim: Aim, rays: u64) -> Vec<f64> {
     let judge = |random: &mut Random, count: u64| {
         let mut wrong = vec![0_u64; subjects.len()];
         for _ in 0..count {
             let Target { origin, corners } = targets[random.below(targets.len())];
             let ray = aimed(aim, origin, corners, random);
-            // As it stands, and turned over for what would not see it.
+            // The triangle as it stands, and turned over for a method that would not see it.
             let turned = [corners[0], corners[2], corners[1]];
             let truths = [corners, turned].map(|corners| Truth::of(&ray, corners));
             let [Some(as_it_stands), Some(turned_over)] = truths else { continue };
@@ -275,8 +276,8 @@ fn wrong_decisions(subjects: &[Subject], targets: &[Target], aim: Aim, rays: u64
     all.into_iter().map(|wrong| wrong as f64 * 1e6 / rays as f64).collect()
 }
 
-/// By row: errors of t for triangles of 5 cm to 1 m, at most 75° from facing the ray, `distance` away from a sensor that is
-/// up to 50 m along each axis from the middle of its scene.
+/// The errors of t, by row, for triangles of 5 cm to 1 m that are at most 75° from facing the ray, `distance` metres from a
+/// sensor that is up to 50 m along each axis from the middle of its scene.
 fn depth_errors(subjects: &[Subject], distance: f64, rays: u64) -> Vec<DepthError> {
     #[derive(Clone, Copy, Default)]
     struct Sum {
@@ -339,7 +340,7 @@ fn facing(random: &mut Random, origin: Vec3, distance: f64) -> RayTriangle {
     (aimed(Aim::Interior, origin, corners, random), corners)
 }
 
-/// A triangle of 5 cm to 1 m around a point, not too thin.
+/// A triangle of 5 cm to 1 m around a point. It is not too thin.
 fn around(random: &mut Random, middle: DVec3, normal: DVec3) -> [Vec3; 3] {
     let u = normal.any_orthonormal_vector();
     let v = normal.cross(u);
@@ -351,9 +352,9 @@ fn around(random: &mut Random, middle: DVec3, normal: DVec3) -> [Vec3; 3] {
     })
 }
 
-/// By row: rays in 10⁸ that leave a closed mesh.
+/// The number of rays in 10⁸ that leave a closed mesh, by row.
 fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
-    // From within, what culls backs sees a mesh that is turned inside out.
+    // The rays start inside, so that a method that culls backs needs a mesh that is turned inside out.
     let scenes = [false, true].map(test_scene::closed);
     let tracers = scenes.each_ref().map(Tracer::build);
     let of_subject = |subject: &Subject| {
@@ -370,7 +371,7 @@ fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
                 directions.extend((first..count.min(first + 64)).map(|_| {
                     let triangle = mesh.triangles[random.below(mesh.triangles.len())];
                     let corners = triangle.map(|v| mesh.positions[v as usize].into());
-                    // In the scene's space, which is the world but for its centre.
+                    // The scene's space is the world, moved to the scene's centre.
                     let ray = aimed(aim, (origin - scene.geometry.centre).as_vec3(), corners, random);
                     ray.direction.as_dvec3()
                 }));
@@ -397,14 +398,15 @@ fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
     subjects.iter().map(of_subject).collect()
 }
 
-/// Pairs that are timed together: as many as stay in a second-level cache, too many for a branch predictor to learn.
+/// The number of pairs that are timed together. They stay in a second-level cache, and are too many for a branch predictor to
+/// learn.
 const PAIRS: usize = 4096;
 
-/// Samples of each time, taken in turns, and passes over the pairs in each.
+/// The samples of each time, taken in turns, and the passes over the pairs in each sample.
 const SAMPLES: usize = 41;
 const PASSES: usize = 32;
 
-/// By row: nanoseconds a test.
+/// The nanoseconds for each test, by row.
 fn times(subjects: &[Subject], stopwatch: &Stopwatch) -> Vec<[f64; 3]> {
     let batches: Vec<[_; 3]> = subjects
         .iter()
@@ -438,8 +440,9 @@ fn batch(subject: Subject, pairs: &[RayTriangle]) -> Box<dyn Fn() -> usize> {
     }
 }
 
-/// Rays from one origin, each with a triangle 2 to 60 m away, of which it hits `ratio` and passes the others by no more than
-/// their size: what the leaves of a hierarchy leave to be tested. What culls gets them turned so that it sees them.
+/// Rays from one origin, each with a triangle 2 to 60 m away. A share `ratio` of the rays hit, and the others pass their
+/// triangle by no more than its size, as in the leaves of a hierarchy. For a method that culls, triangles are turned so that
+/// it sees them.
 fn pairs(subject: Subject, ratio: f64) -> Vec<RayTriangle> {
     let mut random = Random::new(32);
     let origin = Vec3::new(3.0, -2.0, 1.8);
@@ -464,7 +467,7 @@ fn pairs(subject: Subject, ratio: f64) -> Vec<RayTriangle> {
         .collect()
 }
 
-/// Scans of each speed, taken in turns; one is enough for those who want few rays.
+/// The scans of each speed, taken in turns. One is enough if few rays are asked for.
 const SCANS: usize = 15;
 
 /// The scan whose time is compared from tracer to tracer.
@@ -476,7 +479,7 @@ struct ScanTimer<'a> {
 }
 
 impl ScanTimer<'_> {
-    /// Scans twice and returns the seconds of the second scan: the first has worked out what is needed once an origin.
+    /// Scans twice and returns the seconds of the second scan. The first works out what a method needs once for each origin.
     fn seconds(&self, tracer: &impl Cast) -> f64 {
         let trajectory = Trajectory::Fixed(*self.pose);
         let capture = Capture::new(self.sensor, Pose::IDENTITY, &trajectory, 0, 0);
@@ -486,7 +489,7 @@ impl ScanTimer<'_> {
     }
 }
 
-/// By row: the least seconds of a scan, on one thread.
+/// The least seconds of a scan on one thread, by row.
 fn scan_times(
     subjects: &[Subject],
     exact: &Tracer,
@@ -510,7 +513,7 @@ fn scan_times(
     Ok(samples.iter().map(|samples| least(samples)).collect())
 }
 
-/// The least of a time's samples: whatever else the machine does only adds to it.
+/// The least of the samples of a time. All other work of the machine only adds to a time.
 fn least(samples: &[f64]) -> f64 {
     samples.iter().copied().fold(f64::INFINITY, f64::min)
 }

@@ -1,4 +1,4 @@
-//! Random numbers to aim with: the same on every machine, and for any order of work.
+//! Random numbers for aiming rays. They are the same on every machine and for any order of work.
 
 use glam::DVec3;
 
@@ -19,17 +19,17 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// In 0 .. 1.
+    /// A number from 0 to 1, without 1.
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// In −1 .. 1.
+    /// A number from −1 to 1, without 1.
     pub fn signed(&mut self) -> f64 {
         2.0 * self.unit() - 1.0
     }
 
-    /// In the cube from −1 to 1.
+    /// A point in the cube from −1 to 1.
     pub fn point(&mut self) -> DVec3 {
         DVec3::new(self.signed(), self.signed(), self.signed())
     }
@@ -44,7 +44,7 @@ impl Random {
         }
     }
 
-    /// Below `n`, which is not 0.
+    /// A whole number below `n`, which is not 0.
     pub fn below(&mut self, n: usize) -> usize {
         (self.bits() % n as u64) as usize
     }

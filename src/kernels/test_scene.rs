@@ -5,8 +5,8 @@ use glam::{DMat3, DVec3};
 use super::random::Random;
 use crate::scene::{Material, Object, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 
-/// Uneven ground, 200 m square, with houses and round trees on it; about 90,000 triangles. At the world's origin there is
-/// room for a sensor 1.8 m above the ground.
+/// Uneven ground, 200 m square, with houses and round trees on it: about 90,000 triangles. The world's origin is left free for a
+/// sensor 1.8 m above the ground.
 pub fn yard() -> Scene {
     let mut random = Random::new(1);
     let mut shape = ground(160, 200.0);
@@ -31,10 +31,10 @@ pub fn yard() -> Scene {
     alone(shape)
 }
 
-/// A closed sphere of 20 m radius, turned so that no coordinate is special, seen from outside from its front or, if
-/// `inside_out`, from its back; 2,048 triangles.
+/// A closed sphere of 20 m radius with 2,048 triangles, turned so that no coordinate is special. Its triangles face outwards,
+/// or inwards if `inside_out` is set.
 pub fn closed(inside_out: bool) -> Scene {
-    // Any rotation will do: that by the unit quaternion (2, 3, 5, 7)/√87.
+    // Any rotation will do; this is the one of the unit quaternion (2, 3, 5, 7)/√87.
     let turn = DMat3::from_quat(glam::DQuat::from_array([2.0, 3.0, 5.0, 7.0]).normalize());
     let mut shape = sphere(4, turn * 20.0, DVec3::ZERO);
     if inside_out {
@@ -113,7 +113,7 @@ fn house(middle: DVec3, size: DVec3) -> SourceMesh {
     mesh((0..8).map(corner).collect(), triangles)
 }
 
-/// A closed unit sphere, mapped and moved: an octahedron whose faces are cut in four `levels` times.
+/// A closed unit sphere, transformed by `map` and moved to `middle`: an octahedron whose faces are cut in four `levels` times.
 fn sphere(levels: u32, map: DMat3, middle: DVec3) -> SourceMesh {
     let mut points = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
     let mut triangles: Vec<[u32; 3]> =

@@ -1,22 +1,23 @@
-//! A sensor's own pattern cast at shapes whose ranges are known in closed form.
+//! The self-test: a sensor's own pattern is cast at shapes whose ranges are known in closed form.
 //!
-//! Each shape is a convex solid of triangles. Every ray of the sensor is held against two references:
+//! Each shape is a convex solid of triangles. Every ray of the sensor is compared with two references:
 //!
-//! - **The facet.** The plane through the stored vertices of the triangle that was hit, in f64: what casting itself costs. At
-//!   most 1e-9 m at 200 m, in proportion beyond. Where a plane is seen at more than 89.97° of incidence the reference itself
-//!   is less certain than that: a dozen roundings of u = 2⁻⁵³, over the cosine.
-//! - **The ideal shape.** Vertices are stored as f32 in the scene's own frame, so that each is at most δ from where it
-//!   should be: √3 halves of the last place of the largest coordinate (Euclid over three axes), and what the f64 coordinates of
-//!   pose and place have lost before that. The stored surface then lies between the solid grown by δ and the solid shrunk by
-//!   δ: each of its points is a mean of vertices that are off by at most δ. So a ray that misses the grown solid must miss, one that
-//!   meets the shrunk one must hit, and its range lies between the depths of the two, give or take the 1e-9 m of above. Rays
-//!   between the two pass an edge within δ: either answer is right, and they are counted apart. No tolerance is chosen.
-//!   A tessellated ball lies between its sphere and the largest ball inside its facets, and is judged by those two.
+//! - **The facet** is the plane through the stored vertices of the triangle that was hit, in f64. The difference is the error of
+//!   casting alone: at most 1e-9 m at 200 m, and in proportion beyond. Of a plane that is seen at more than 89.97° of incidence
+//!   the reference itself is less certain than that: it has a dozen roundings of u = 2⁻⁵³, divided by the cosine.
+//! - **The ideal shape** has vertices without rounding. Vertices are stored as f32 in the scene's own frame, so that each is at
+//!   most δ from its ideal place: √3 halves of the last place of the largest coordinate (Euclid over three axes), and the
+//!   roundings of the f64 coordinates of pose and place before that. The stored surface then lies between the solid grown by δ and
+//!   the solid shrunk by δ, because each of its points is a mean of vertices that are off by at most δ. So a ray that misses the
+//!   grown solid must miss, a ray that meets the shrunk solid must hit, and its range lies between the depths of the two, give or
+//!   take the 1e-9 m of casting. A ray that meets only the grown solid passes an edge within δ: either answer is right, and such
+//!   rays are counted apart. No tolerance is chosen. A tessellated ball lies between its sphere and the largest ball inside its
+//!   facets, and is judged by those two.
 //!
-//! The sensor's limits belong to the closed form: what is nearer than its least range is not seen, and hides nothing.
+//! The sensor's limits belong to the closed form: a surface nearer than the least range is not seen, and hides nothing.
 //!
-//! What the pattern makes of rows and columns is checked where its table says it: elevations, azimuths and pixels are
-//! computed from the points as a cloud gives them, by other formulas than those that made the pulses.
+//! The rows and columns of the pattern are checked against its table: elevations, azimuths and pixels are computed from the
+//! points as a cloud gives them, by other formulas than those that made the pulses.
 
 mod shapes;
 #[cfg(test)]
@@ -40,23 +41,23 @@ use shapes::{Model, Solid};
 /// Half the last place of 1 in f64.
 const U: f64 = f64::EPSILON / 2.0;
 
-/// Number of shapes, each at three distances.
+/// The number of shapes. Each is cast at three distances.
 const SHAPES: usize = 9;
 
 /// Rays that [`selftest`] casts for each ray of a frame.
 pub const CASTS: u64 = 3 * SHAPES as u64;
 
-/// How a sensor did.
+/// The result of a sensor's self-test.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// Shape by shape, each near, at middle range and far.
+    /// The results of the shapes, each near, at middle range and far.
     pub shapes: Vec<ShapeResult>,
-    /// What the points say of the pattern's rows, columns and times.
+    /// The checks of the pattern's rows, columns and times by the points.
     pub geometry: Vec<Check>,
 }
 
 impl Report {
-    /// Whether every ray did what the closed forms say, and there were rays that hit something.
+    /// Whether every ray agrees with the closed forms, and at least one ray hit something.
     pub fn passed(&self) -> bool {
         self.shapes.iter().all(|s| s.wrong == 0)
             && self.geometry.iter().all(Check::passed)
@@ -64,35 +65,35 @@ impl Report {
     }
 }
 
-/// A frame of one shape.
+/// The result of a frame that was cast at one shape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShapeResult {
-    /// The shape.
+    /// The name of the shape.
     pub shape: &'static str,
-    /// Whether its facets only stand for a curved surface, so that they lie inside the ideal shape by up to a few thousandths
-    /// of its radius, seen straight on.
+    /// Whether the facets stand for a curved surface. Seen straight on, they lie inside the ideal shape by up to a few
+    /// thousandths of its radius.
     pub tessellated: bool,
-    /// Metres from the sensor to its walls (rooms) or its middle (the others).
+    /// The distance in metres from the sensor to the walls of a room, or to the middle of another shape.
     pub distance_m: f64,
     /// Rays that must hit, and do.
     pub hits: usize,
     /// Rays that must miss, and do.
     pub misses: usize,
-    /// Rays that pass an edge, or a limit of the sensor's range, within rounding: either is right.
+    /// Rays that pass an edge, or a limit of the sensor's range, within rounding: a hit and a miss are both right.
     pub edges: usize,
-    /// Rays that do what they must not.
+    /// Rays that contradict the closed form.
     pub wrong: usize,
-    /// Against the planes of the facets that were hit.
+    /// The errors of range against the planes of the facets that were hit.
     pub facet_error: Errors,
-    /// Against the ideal shape.
+    /// The errors of range against the ideal shape.
     pub ideal_error: Errors,
-    /// The largest part of what it may be off by the ideal shape that any ray is off, 0 to 1.
+    /// The largest error of a ray as a part of the error that it may have against the ideal shape, 0 to 1.
     pub allowance_used: f64,
     /// The first ray that is wrong.
     pub first_wrong: Option<Wrong>,
 }
 
-/// Errors of range, metres.
+/// Errors of range, in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Errors {
     /// The largest.
@@ -108,16 +109,16 @@ pub struct Wrong {
     pub row: usize,
     /// Its column.
     pub column: usize,
-    /// The range that came back, metres.
+    /// The range that came back, in metres.
     pub found_m: Option<f64>,
-    /// Between which ranges it had to be, metres; `None` if nothing had to come back.
+    /// The least and the largest range that are right, in metres; `None` if nothing had to come back.
     pub expected_m: Option<(f64, f64)>,
 }
 
 /// A quantity that has to be small.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Check {
-    /// What it is.
+    /// The name of the quantity.
     pub name: &'static str,
     /// Its unit.
     pub unit: &'static str,
@@ -134,7 +135,7 @@ impl Check {
         Self { name, unit, worst: 0.0, allowed, at: (0, 0) }
     }
 
-    /// Whether it is as small as it has to be. NaN is not.
+    /// Whether the quantity is as small as it has to be. NaN is not.
     pub fn passed(&self) -> bool {
         self.worst <= self.allowed
     }
@@ -146,12 +147,12 @@ impl Check {
     }
 }
 
-/// Casts a sensor's own pattern at every shape, near, at middle range and far: just inside its least range, at the geometric
-/// mean, and at nine tenths of its largest (200 m, if it has none). The sensor stands at `world_from_sensor`, and hits are
+/// Casts a sensor's own pattern at every shape: near, just inside the sensor's least range; far, at nine tenths of its largest
+/// range (200 m, if it has none); and at the geometric mean of the two. The sensor stands at `world_from_sensor`, and hits are
 /// decided by `method`, or by their exact definition. `None` if `progress` was cancelled.
 ///
 /// # Errors
-/// If a shape can't be stored at all, so far from the origin or so small is it.
+/// If a shape is so far from the origin or so small that it can't be stored.
 pub fn selftest(
     sensor: &Sensor,
     world_from_sensor: &Pose,
@@ -170,7 +171,7 @@ pub fn selftest(
                 return Ok(None);
             };
             report.shapes.push(judge(&target, &stage, &capture, &frame));
-            // The level room at middle range: walls all around, and all of them in range.
+            // The level room at middle range has walls all around, and all of them are in range.
             if (which, index) == (1, 0) {
                 report.geometry = geometry(sensor, &frame);
             }
@@ -179,15 +180,15 @@ pub fn selftest(
     Ok(Some(report))
 }
 
-/// Near, middle and far, in metres.
+/// The near, the middle and the far distance, in metres.
 fn distances(range: &RangeLimits) -> [f64; 3] {
     let far = if range.max_m.is_finite() { 0.9 * range.max_m } else { 200.0 };
-    // Inside the least range, so that some of it is not seen.
+    // Near is inside the least range, so that a part of the shape is not seen.
     let near = if range.min_m > 0.0 { 0.95 * range.min_m } else { far / 1000.0 };
     [near, (near * far).sqrt(), far]
 }
 
-/// A shape, where it stands.
+/// A shape, and the place where it stands.
 struct Target {
     name: &'static str,
     distance_m: f64,
@@ -195,7 +196,7 @@ struct Target {
     sensor_from_model: DAffine3,
 }
 
-/// The shapes around and ahead of a sensor. Ahead is where the beam in the middle of its image goes.
+/// The shapes around and ahead of a sensor. Ahead is the direction of the beam in the middle of its image.
 fn targets(sensor: &Sensor, distance: f64) -> Vec<Target> {
     let capture = Capture::at_origin(sensor);
     let middle = capture.pulse(capture.rows() / 2, capture.columns() / 2);
@@ -232,11 +233,11 @@ fn targets(sensor: &Sensor, distance: f64) -> Vec<Target> {
     targets.into()
 }
 
-/// A target as a scene, and what that costs.
+/// A target as a scene, and the error of storing it.
 struct Stage {
     scene: Scene,
     solid: Solid,
-    /// δ: how far a stored vertex is at most from where it should be, metres.
+    /// δ, the largest distance of a stored vertex from its ideal place, in metres.
     vertex_error: f64,
 }
 
@@ -261,13 +262,13 @@ impl Stage {
         let half_last_place = f64::from(largest.next_up() - largest) / 2.0;
         let size =
             sensor_from_model.matrix3.to_cols_array().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        // Each product of poses and points in f64 rounds its terms and sums: some 16 u of the largest number in it.
+        // Each product of poses and points in f64 rounds its terms and sums, which comes to some 16 u of the largest number.
         let largest_f64 = world_from_sensor.translation.abs().max_element() + 3.0 * target.distance_m;
         let vertex_error = 3_f64.sqrt() * half_last_place + size * model.rounding() + 16.0 * U * largest_f64;
         Ok(Self { scene, solid: model.solid(sensor_from_model), vertex_error })
     }
 
-    /// The plane of a stored triangle in world axes about `origin`: its normal, and its distance along that.
+    /// The plane of a stored triangle in world axes about `origin`: its normal, and its distance along the normal.
     fn plane(&self, triangle: u32, origin: DVec3) -> (DVec3, f64) {
         let mesh = &self.scene.geometry.meshes[0];
         let corner = |v: u32| {
@@ -280,15 +281,15 @@ impl Stage {
     }
 }
 
-/// What a closed form says of a ray.
+/// The answer of a closed form about a ray.
 enum Expected {
     Miss,
-    /// A range between the first two, metres; that of the ideal shape is the third.
+    /// The ray hits, at a range between the first two numbers, in metres. The third is the range of the ideal shape.
     Hit(f64, f64, f64),
     Either,
 }
 
-/// How well a computed range of about `t` metres is known.
+/// The largest error of a computed range of about `t` metres.
 fn range_tolerance(t: f64) -> f64 {
     1e-9 * (t.abs() / 200.0).max(1.0)
 }
@@ -316,7 +317,7 @@ fn expected(stage: &Stage, origin: DVec3, d: DVec3, range: &RangeLimits) -> Expe
     Expected::Miss
 }
 
-/// Holds a frame of `target` against its closed form.
+/// Compares a frame of `target` with its closed form.
 fn judge(target: &Target, stage: &Stage, capture: &Capture, frame: &Frame) -> ShapeResult {
     let pose = capture.world_from_sensor(0.0);
     let mut result = ShapeResult {
@@ -336,7 +337,7 @@ fn judge(target: &Target, stage: &Stage, capture: &Capture, frame: &Frame) -> Sh
     for (row, column) in pixels(frame) {
         let found = frame.get(row, column);
         let Some(pulse) = capture.pulse(row, column) else {
-            // A pixel without a pulse sees nothing, and there is no more to say.
+            // A pixel without a pulse must see nothing.
             match found {
                 None => result.misses += 1,
                 Some(hit) => {
@@ -416,11 +417,11 @@ impl Sum {
     }
 }
 
-/// Directions and times of the points of a frame, against the pattern's own table.
+/// Compares the directions and times of the points of a frame with the pattern's own table.
 ///
-/// A point is direction times range, each good to a few u; an angle computed from it by atan2 is as good, and the table's own
-/// angles are radians up to a few π, rounded: a few 1e-15 in all. 1e-12 rad, a fifth of a nanometre at 200 m, stays clear
-/// of that and far below any step of a sensor's table.
+/// A point is direction times range, and each is good to a few u. An angle computed from it by atan2 is as good, and the
+/// table's own angles are radians up to a few π, rounded: the errors come to a few 1e-15 in all. The tolerance of 1e-12 rad, a
+/// fifth of a nanometre at 200 m, stays clear of that and far below any step of a sensor's table.
 fn geometry(sensor: &Sensor, frame: &Frame) -> Vec<Check> {
     let capture = Capture::at_origin(sensor);
     let seen = SensorFrame { capture, frame, name: "", cloud_frame: CloudFrame::Body };
@@ -445,7 +446,7 @@ fn angles(
     for (row, column) in pixels(frame) {
         let Some(hit) = frame.get(row, column) else { continue };
         let at = (row, column);
-        // (That a pixel without a pulse sees nothing, the shapes have shown.)
+        // The shapes have shown that a pixel without a pulse sees nothing.
         let (Some(pulse), Some(p)) = (capture.pulse(row, column), point(row, column, hit.range_m)) else {
             continue;
         };
@@ -461,7 +462,7 @@ fn angles(
                 let head = lidar.azimuth(lidar.firing(row, column)) + lidar.turn_before(row);
                 let expected = (head + beam.azimuth_offset).radians();
                 let off = libm::remainder(libm::atan2(p.y, p.x) - expected, std::f64::consts::TAU);
-                // Straight up there is no azimuth: what counts is how far the point is off sideways.
+                // Straight up there is no azimuth, so the distance sideways counts.
                 azimuth.add(off.abs() * level / p.length(), at);
             }
             Pattern::Camera(camera) => {
@@ -472,8 +473,8 @@ fn angles(
                     (u - column as f64 - 0.5).abs().max((v - row as f64 - 0.5).abs())
                 });
                 pixel.add(off, at);
-                // A pixel is 1/f or less of a radian, and its coordinate a sum with the principal point. Lenses are undone to
-                // 1e-12 of the focal length, and no lens that can be undone magnifies that by much.
+                // A pixel is 1/f of a radian or less, and its coordinate is a sum with the principal point. Lenses are inverted
+                // to 1e-12 of the focal length, and no lens that can be inverted magnifies that by much.
                 let largest = (column as f64 + 0.5).max(row as f64 + 0.5) + cx.abs().max(cy.abs());
                 let lens = if matches!(camera.lens(), Lens::Ideal) { 1.0 } else { 16.0 };
                 pixel.allowed = pixel.allowed.max(lens * ANGLE * fx.max(fy) + 8.0 * U * largest);
@@ -490,8 +491,8 @@ fn angles(
     checks
 }
 
-/// Times along each row: they go back once at most, by less than a frame's period (an image that starts between firings), and
-/// all of a row's pulses come within a period.
+/// Checks the times along each row. They go back once at most, and by less than a frame's period, in an image that starts
+/// between firings; and all pulses of a row come within a period.
 fn times(
     (rows, columns): (usize, usize),
     rate_hz: Option<f64>,

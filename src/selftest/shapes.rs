@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DAffine3, DVec3};
 
-/// The surface of a convex solid, in the sensor's frame, metres.
+/// The surface of a convex solid in the sensor's frame, in metres.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Solid {
     /// The points p with n·p ≤ h for each face (n, h); n is a unit vector that points outwards.
@@ -14,11 +14,11 @@ pub(super) enum Solid {
 }
 
 impl Solid {
-    /// The depths at which a line enters and leaves the solid, if it meets it. `grown` by so many metres (or shrunk, if that
-    /// is negative) all around: a grown ball is the sphere, a shrunk one the largest inside of the facets.
+    /// The depths at which a line enters and leaves the solid, if it meets it. The solid is grown by `grown` metres all around, or
+    /// shrunk if that is negative. A grown ball is the sphere; a shrunk ball is the largest one inside the facets.
     ///
-    /// Faces by clipping the line with each plane (Cyrus and Beck, 1978). The ball by the distance of its centre from the
-    /// line, which loses nothing to cancellation where the ball is far away.
+    /// Faces are found by clipping the line with each plane (Cyrus and Beck, 1978), and a ball by the distance of its centre
+    /// from the line, which loses nothing to cancellation where the ball is far away.
     pub(super) fn crossing(&self, origin: DVec3, d: DVec3, grown: f64) -> Option<(f64, f64)> {
         match self {
             Self::Faces(faces) => {
@@ -49,14 +49,14 @@ impl Solid {
     }
 }
 
-/// A shape around its own origin, of about a unit's size.
+/// A shape around its own origin, about one unit in size.
 #[derive(Clone, Debug)]
 pub(super) struct Model {
-    /// Vertices as the closed form has them.
+    /// The vertices of the closed form, before they are rounded.
     vertices: Vec<DVec3>,
-    /// Counter-clockwise seen from outside.
+    /// The triangles, counter-clockwise as seen from outside.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// For a ball (of radius 1): the radius of the largest ball inside the facets.
+    /// The radius of the largest ball inside the facets, for a ball of radius 1.
     inscribed: Option<f64>,
 }
 
@@ -88,8 +88,8 @@ impl Model {
         Self { vertices, triangles, inscribed: None }
     }
 
-    /// A ball of radius 1: an octahedron, each of whose faces is cut in four `levels` times, its new vertices pushed out to
-    /// the sphere. 8·4^levels triangles.
+    /// A ball of radius 1 with 8·4^levels triangles: an octahedron whose faces are cut in four `levels` times, with the new
+    /// vertices pushed out to the sphere.
     pub(super) fn ball(levels: u32) -> Self {
         let mut vertices = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
         let mut triangles: Vec<[u32; 3]> =
@@ -122,13 +122,13 @@ impl Model {
         self.vertices.iter().map(|v| v.as_vec3().to_array()).collect()
     }
 
-    /// How far the farthest vertex is from where the closed form has it, in the model's own units. 0 where all coordinates
-    /// are whole.
+    /// The largest distance of a stored vertex from that of the closed form, in the model's own units. It is 0 if all
+    /// coordinates are whole.
     pub(super) fn rounding(&self) -> f64 {
         self.vertices.iter().map(|v| v.distance(v.as_vec3().as_dvec3())).fold(0.0, f64::max)
     }
 
-    /// The closed form of the model where `sensor_from_model` puts it. A ball must be scaled evenly.
+    /// The closed form of the model at the place where `sensor_from_model` puts it. A ball must be scaled evenly.
     pub(super) fn solid(&self, sensor_from_model: &DAffine3) -> Solid {
         if let Some(inscribed) = self.inscribed {
             let radius = sensor_from_model.matrix3.x_axis.length();

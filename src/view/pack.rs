@@ -1,18 +1,19 @@
-//! Numbers in few bytes, for a script to unpack.
+//! Numbers in few bytes, which the page's script unpacks.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use miniz_oxide::deflate::compress_to_vec;
 use serde_json::{Value, json};
 
-/// Deflate's level: the next ones take twice the time for a hundredth of the bytes.
+/// The level of deflate. The next levels take twice the time to save a hundredth of the bytes.
 const LEVEL: u8 = 6;
 
-/// Packs whole numbers of `bytes` (1, 2 or 4) bytes each, from an image with rows of `columns`. `kind` is what the script
-/// makes of them: `f32`, `u32`, `u16` or `i8`.
+/// Packs whole numbers of `bytes` (1, 2 or 4) bytes each, from an image with rows of `columns`. `kind` is the type that
+/// the script gives them: `f32`, `u32`, `u16` or `i8`.
 ///
 /// Each number is replaced by its difference (modulo 2^(8·bytes)) from its left or its upper neighbour, whichever deflates
-/// better; then all lowest bytes come first, then the next. Neighbours are alike, so that most of the high bytes are 0.
+/// better. Then all lowest bytes come first, and after them the next ones. Neighbours are alike, so that most high bytes are
+/// 0.
 pub(super) fn numbers(kind: &str, values: &[u32], bytes: usize, columns: usize) -> Value {
     let left = compress_to_vec(&planes(values, bytes, 1), LEVEL);
     let up = compress_to_vec(&planes(values, bytes, columns), LEVEL);
@@ -33,12 +34,12 @@ fn planes(values: &[u32], bytes: usize, neighbour: usize) -> Vec<u8> {
     planes
 }
 
-/// Bytes as text.
+/// Writes bytes as text.
 pub(super) fn base64(bytes: &[u8]) -> String {
     STANDARD.encode(bytes)
 }
 
-/// Points on a grid of 2¹⁶ steps along each axis of their box: a few millimetres in a street.
+/// Packs points on a grid of 2¹⁶ steps along each axis of their box. In a street, a step is a few millimetres.
 pub(super) fn points(points: &[[f32; 3]]) -> Value {
     let mut low = [f32::INFINITY; 3];
     let mut high = [f32::NEG_INFINITY; 3];

@@ -1,10 +1,10 @@
-//! One HTML page that needs nothing else: range images, a cloud to turn, and tables.
+//! One HTML page that needs no other file: range images, a cloud to turn, and tables.
 //!
-//! The page holds its data, its style and its script, and its content security policy allows just these two, by their
-//! hashes: no network, no plugin, no other script, whatever a scene's names say. All text is escaped here and set as text by
-//! the script.
+//! The page holds its data, its style and its script, and its content security policy allows just this style and this script,
+//! by their hashes: no network, no plugin and no other script, whatever the names in a scene are. All text is escaped here, and
+//! the script sets it as text.
 //!
-//! Ranges and other measurements are exact (32 bits); what is only for the eye is rounded: intensities to 1/65535,
+//! Ranges and other measurements are exact (32 bits). Values that are only for the eye are rounded: intensities to 1/65535,
 //! normals to 1/127, points to 1/65535 of the cloud's box.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -26,7 +26,7 @@ const STYLE: &str = include_str!("page.css");
 /// The largest picture that every browser draws, in pixels each way.
 const MAX_PICTURE: usize = 16_384;
 
-/// A page that shows frames.
+/// The page that shows frames, with a note above them, which may be empty.
 pub fn of_views(title: &str, note: &str, views: &[View]) -> String {
     let mut body = String::new();
     if !note.is_empty() {
@@ -38,7 +38,7 @@ pub fn of_views(title: &str, note: &str, views: &[View]) -> String {
     document(title, &body)
 }
 
-/// The page of a check. `views` has what each outcome's sensors saw; of a job that could not be run, nothing.
+/// The page of a check. `views` has the frames of each outcome's sensors, and none for a job that could not be run.
 pub fn of_outcomes(outcomes: &[Outcome], views: &[Vec<View>]) -> String {
     let failed = outcomes.iter().filter(|o| !o.verdict.is_fine()).count();
     let mut body = String::new();
@@ -193,8 +193,8 @@ fn table(caption: &str, head: &[&str], rows: impl IntoIterator<Item = Vec<Cell>>
     html + "</tbody></table></div>"
 }
 
-/// A frame: controls, pictures, cloud, and the numbers behind them. The script fills it when it comes into sight.
-/// `compared` is what came of comparing it with its baseline.
+/// The section of a frame: controls, pictures, cloud, and the numbers behind them. The script fills it when it comes into
+/// sight. `compared` is the outcome of comparing the frame with its baseline.
 fn section(view: &View, compared: Option<&SensorOutcome>) -> String {
     let name = escape(&view.name);
     let image = &view.image;
@@ -261,13 +261,13 @@ fn section(view: &View, compared: Option<&SensorOutcome>) -> String {
          <div class=\"controls\"></div>{pictures}<div class=\"legend\"></div>{cloud}\
          <script type=\"application/json\">{}</script></section>",
         if rows > 1 { format!("{size} pixels") } else { format!("{columns} points") },
-        // Inside of a script element only `<` can end it or begin a comment.
+        // Inside a script element, only `<` can end the element or begin a comment.
         data.to_string().replace('<', "\\u003c")
     )
 }
 
-/// How many times taller than wide a pixel is shown. A LiDAR has far fewer beams than firings: its image is made a tenth as
-/// tall as it is wide, or taller, which is what its field of view comes to for most.
+/// The ratio of height to width of a pixel as it is shown. A LiDAR has far fewer beams than firings, so its image is made a tenth
+/// as tall as it is wide, or taller, which is about the ratio of most fields of view.
 fn stretch(image: &Image) -> usize {
     let is_camera = image.channel("Z").is_some();
     if is_camera {
@@ -285,10 +285,10 @@ fn names_of_seen(view: &View, baseline: Option<&Image>) -> BTreeMap<u32, String>
     seen.into_iter().filter_map(name).collect()
 }
 
-/// The channels in the order that people ask for them, each with what the script must know to show it.
+/// The channels in the order in which people ask for them, each with the settings by which the script shows it.
 fn channels(image: &Image, resolution: &dyn Fn(&str) -> f64) -> Value {
     const FIRST: [&str; 7] = ["range", "Z", "intensity", "normal.X", "id.instance", "id.semantic", "time"];
-    // The same numbers as others (`Y`), too many to tell apart (triangles), or shown with their first (normals).
+    // `Y` repeats another channel, triangles are too many to tell apart, and normals are shown with their first axis.
     const LEFT_OUT: [&str; 4] = ["Y", "id.triangle", "normal.Y", "normal.Z"];
     let first = FIRST.iter().filter_map(|name| Some((*name, image.channel(name)?)));
     let has_main = image.channel("range").or(image.channel("Z")).is_some();
@@ -337,7 +337,7 @@ fn channel(
             let rounded: Vec<u32> = values.iter().map(|v| (v * 65535.0).round() as u32).collect();
             json!([pack::numbers("u16", &rounded, 2, columns)])
         }
-        // Of what does not return, nothing is known: a channel's 0 there would only cost bytes.
+        // Nothing is known of a pixel without a return, and a channel's 0 there would only cost bytes.
         ("range" | "Z" | "Y", Samples::F32(values)) => {
             let known = |v: &f32| if v.is_finite() { *v } else { NO_RETURN_M as f32 };
             json!([pack::numbers("f32", &bits(&values.iter().map(known).collect::<Vec<_>>()), 4, columns)])
@@ -360,7 +360,7 @@ fn document(title: &str, body: &str) -> String {
     let hash = |text: &str| pack::base64(&hmac_sha256::Hash::hash(text.as_bytes()));
     let turbo: Vec<u8> = (0..256)
         .flat_map(|i| {
-            // Turbo's very ends are nearly black, and would look like a miss.
+            // The very ends of Turbo are nearly black, and would look like a miss.
             let colour = colorous::TURBO.eval_continuous(0.95 - 0.87 * f64::from(i) / 255.0);
             [colour.r, colour.g, colour.b]
         })

@@ -39,7 +39,7 @@ pub fn of_recording(path: &Path) -> Result<(Vec<View>, String), Error> {
     }
 }
 
-/// The frames of a scan's folder: each from its EXR with the points of its PLY, or from the one that there is.
+/// The frames of a scan's folder. Each is read from its EXR with the points of its PLY, or from the one that is there.
 fn of_folder(folder: &Folder) -> Result<(Vec<View>, String), Error> {
     let mut frames: BTreeMap<&str, [bool; 2]> = BTreeMap::new();
     for output in &folder.outputs {
@@ -62,7 +62,7 @@ fn of_folder(folder: &Folder) -> Result<(Vec<View>, String), Error> {
             Some(Recorded::Cloud(cloud)) => Some(cloud),
             _ => None,
         };
-        // The sensor's name says enough of a folder with one frame.
+        // In a folder with one frame of each sensor, the sensor's name is enough.
         let name = match stem.rsplit_once('/') {
             Some((sensor, "000000")) => sensor,
             _ => stem,
@@ -92,7 +92,7 @@ fn instances_of(manifest: &Value) -> BTreeMap<u32, String> {
     all.filter_map(name).collect()
 }
 
-/// The parts of an EXR. A cloud goes with the first if it has as many points as that has returns.
+/// The parts of an EXR. The cloud belongs to the first part, if it has as many points as the part has returns.
 fn of_exr(
     name: &str,
     parts: Vec<Part>,
@@ -108,7 +108,7 @@ fn of_exr(
             Some(cloud) => positions(cloud).map(|points| points.into_iter().map(|(_, p)| p).collect()),
             None => camera_points(&part),
         };
-        // A cloud with a point that is no number would not fit its image.
+        // A cloud with a point that is no number does not fit its image.
         let points = points.ok_or_else(|| {
             "A range image of a LiDAR does not say where its beams went, so there is no cloud to turn: a PLY beside it does."
                 .to_owned()
@@ -151,7 +151,7 @@ fn positions(cloud: &Cloud) -> Option<Vec<(usize, [f32; 3])>> {
     Some(points.filter(|(_, p)| p.is_finite()).map(|(i, p)| (i, p.to_array())).collect())
 }
 
-/// A cloud without an image: an image of one row, a pixel a point, is all that can be said.
+/// A cloud without an image is shown as an image of one row, with a pixel for each point.
 fn of_cloud(name: &str, cloud: &Cloud, instances: &BTreeMap<u32, String>) -> View {
     let positions = positions(cloud).unwrap_or_default();
     let kept = |values: &[f64]| positions.iter().map(|&(i, _)| values[i]).collect::<Vec<f64>>();
