@@ -70,7 +70,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     interrupt.check()?;
 
     let session = Session::new(job, tracer);
-    interrupt.uncut(|| journal.begin())?;
+    interrupt.uncut(|| journal.begin(&plan))?;
     let casting = || cast_and_write(&session, &plan, &mut journal, &interrupt);
     let (seen, cast, write) = terminal.with_progress(plan.rays, interrupt.progress(), casting)?;
     interrupt.check()?;
@@ -128,6 +128,7 @@ fn cast_and_write(
             interrupt.check()?;
             interrupt.uncut(|| journal.write(output, &content))?;
         }
+        journal.add(&sensor_frame)?;
         writing += start.elapsed();
     }
     Ok((seen, casting, writing))

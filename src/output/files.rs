@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::Error;
@@ -26,6 +26,53 @@ pub struct WrittenFile {
     pub bytes: u64,
     /// BLAKE3 of its content, in hexadecimal.
     pub blake3: String,
+}
+
+/// An output file that grows. It is absent under its name until it is finished, and is removed if it never is.
+#[derive(Debug)]
+pub struct GrowingFile {
+    name: String,
+    path: PathBuf,
+    file: BufWriter<tempfile::NamedTempFile>,
+    hasher: blake3::Hasher,
+    bytes: u64,
+}
+
+impl Write for GrowingFile {
+    fn write(&mut self, content: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(content)?;
+        self.hasher.update(&content[..written]);
+        self.bytes += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl GrowingFile {
+    /// The path that the file will have.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Flushes the file to the disk and gives it its name.
+    ///
+    /// # Errors
+    /// [`Error::Output`] about the file, such as when the disk is full. Nothing is left of it then; an older file of that
+    /// name is still there.
+    pub fn finish(self) -> Result<WrittenFile, Error> {
+        let Self { name, path, file, hasher, bytes } = self;
+        let persist = || {
+            let file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
+            file.as_file().sync_all()?;
+            file.persist(&path).map_err(|e| e.error)?;
+            Ok(())
+        };
+        persist().map_err(|e: io::Error| in_the_way(&path, e))?;
+        Ok(WrittenFile { path: name, bytes, blake3: hasher.finalize().to_hex().to_string() })
+    }
 }
 
 impl Destination {
@@ -91,6 +138,18 @@ impl Destination {
             bytes: content.len() as u64,
             blake3: blake3::hash(content).to_hex().to_string(),
         })
+    }
+
+    /// Opens the file `name`, to be written piece by piece. It takes its name when it is finished.
+    ///
+    /// # Errors
+    /// [`Error::Output`] about the file.
+    pub fn open(&self, name: &str) -> Result<GrowingFile, Error> {
+        let path = self.folder.join(name);
+        let temporary = temporary_in(path.parent().unwrap_or(Path::new("")));
+        let temporary = temporary.map_err(|e| in_the_way(&path, e))?;
+        let (file, hasher) = (BufWriter::new(temporary), blake3::Hasher::new());
+        Ok(GrowingFile { name: name.to_owned(), path, file, hasher, bytes: 0 })
     }
 
     /// The folder itself, then those of its files.
@@ -223,6 +282,22 @@ mod tests {
         assert_eq!((written.path.as_str(), written.bytes), ("top/000000.exr", 6));
         assert_eq!(written.blake3, blake3::hash(b"pixels").to_hex().as_str());
         assert_eq!(files_under(tmp.path()), ["out/top/000000.exr"]);
+    }
+
+    #[test]
+    fn a_growing_file_has_its_name_when_it_is_finished() {
+        let tmp = tempfile::tempdir().unwrap();
+        let destination = check(tmp.path(), false).unwrap();
+        destination.prepare(MANIFEST).unwrap();
+        let mut growing = destination.open("top/000000.exr").unwrap();
+        growing.write_all(b"pix").unwrap();
+        growing.write_all(b"els").unwrap();
+        assert!(!tmp.path().join("top/000000.exr").exists());
+        let written = growing.finish().unwrap();
+        assert_eq!(written, destination.write("top/000000.exr", b"pixels").unwrap());
+        // One that is given up leaves nothing.
+        destination.open(MANIFEST).unwrap().write_all(b"{").unwrap();
+        assert_eq!(files_under(tmp.path()), ["top/000000.exr"]);
     }
 
     #[cfg(unix)]

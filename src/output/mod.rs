@@ -32,7 +32,7 @@ pub use channel::{
     BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, MAIN_DEPTH_ALIAS, NO_RETURN_M, Place, Sensors,
     Values, channel, main_depth_of, no_return,
 };
-pub use files::{Destination, WrittenFile, write_file};
+pub use files::{Destination, GrowingFile, WrittenFile, write_file};
 pub use format::{EncodeError, FormatSpec, Kind, Stream};
 pub use image::{Channel, Image, Samples};
 pub use manifest::Manifest;

@@ -6,14 +6,14 @@ use super::plan::{Output, Plan};
 use super::session::Session;
 use crate::config::{InputFile, Job};
 use crate::error::Error;
-use crate::output::{Destination, Manifest, WrittenFile};
+use crate::output::{Destination, GrowingFile, Kind, Manifest, SensorFrame, Stream, WrittenFile};
 use crate::scene::SourceFile;
 
 /// The record of a run: the files that were written, in order. The manifest is made from it.
-#[derive(Clone, Debug)]
 pub struct Journal {
     destination: Destination,
     written: Vec<WrittenFile>,
+    streams: Vec<(Box<dyn Stream>, GrowingFile)>,
 }
 
 impl Journal {
@@ -24,7 +24,7 @@ impl Journal {
     /// unless `overwrite` is given.
     pub fn check(job: &Job, plan: &Plan, overwrite: bool) -> Result<Self, Error> {
         let destination = Destination::check(&job.output.dir, plan.output_names(), overwrite)?;
-        Ok(Self { destination, written: Vec::new() })
+        Ok(Self { destination, written: Vec::new(), streams: Vec::new() })
     }
 
     /// The files that the run will write, in order.
@@ -32,12 +32,29 @@ impl Journal {
         self.destination.paths()
     }
 
-    /// Makes the folders, and removes the manifest of an earlier run.
+    /// Makes the folders, removes the manifest of an earlier run, and opens the files into which all frames go.
     ///
     /// # Errors
-    /// [`Error::Output`] about the folder or the manifest.
-    pub fn begin(&self) -> Result<(), Error> {
-        self.destination.prepare(Manifest::NAME)
+    /// [`Error::Output`] about the folder or the file.
+    pub fn begin(&mut self, plan: &Plan) -> Result<(), Error> {
+        self.destination.prepare(Manifest::NAME)?;
+        for Output { format, name } in &plan.streams {
+            if let Kind::Stream(stream) = format.0.kind {
+                self.streams.push((stream(), self.destination.open(name)?));
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a frame to the files into which all frames go.
+    ///
+    /// # Errors
+    /// [`Error::Output`] about the file, such as when the frame does not fit its format.
+    pub fn add(&mut self, frame: &SensorFrame) -> Result<(), Error> {
+        for (stream, file) in &mut self.streams {
+            stream.add(frame, file).map_err(|e| Error::output(file.path(), e))?;
+        }
+        Ok(())
     }
 
     /// Writes a file, whole or not at all, and records it.
@@ -54,11 +71,15 @@ impl Journal {
         &self.written
     }
 
-    /// Writes the manifest. A folder that has a manifest is complete.
+    /// Finishes the files into which all frames went, and writes the manifest. A folder that has a manifest is complete.
     ///
     /// # Errors
-    /// [`Error::Output`] about the manifest.
-    pub fn finish(&self, session: &Session) -> Result<(), Error> {
+    /// [`Error::Output`] about the file.
+    pub fn finish(&mut self, session: &Session) -> Result<(), Error> {
+        for (mut stream, mut file) in self.streams.drain(..) {
+            stream.finish(&mut file).map_err(|e| Error::output(file.path(), e))?;
+            self.written.push(file.finish()?);
+        }
         let job = &session.job;
         let read = |file: &InputFile| SourceFile {
             name: file.name.clone(),

@@ -4,7 +4,7 @@ use super::memory::{self, Holding};
 use crate::config::{Job, MountedSensor};
 use crate::error::Error;
 use crate::frame::Pose;
-use crate::output::{CloudFrame, Format, Manifest};
+use crate::output::{CloudFrame, Format, Kind, Manifest};
 use crate::scene::Scene;
 use crate::sensor::Capture;
 
@@ -13,6 +13,8 @@ use crate::sensor::Capture;
 pub struct Plan {
     /// The frames, in the order in which they are cast.
     pub items: Vec<Item>,
+    /// The files into which all frames go.
+    pub streams: Vec<Output>,
     /// Rays of all frames.
     pub rays: u64,
     /// An upper estimate of the memory that the frames take with everything that is made of them, in bytes. The memory of
@@ -33,7 +35,7 @@ pub struct Item {
     pub outputs: Vec<Output>,
 }
 
-/// A file that a frame is written to.
+/// A file that a frame, or all of them, are written to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Output {
     /// The file's format.
@@ -56,7 +58,8 @@ impl Plan {
     /// # Errors
     /// [`Error::Usage`] if a frame does not fit one of its formats, or if the frames do not fit into the machine's memory.
     pub fn of(job: &Job, holding: Holding) -> Result<Self, Error> {
-        let mut plan = Self { items: Vec::new(), rays: 0, bytes: 0, warnings: Vec::new() };
+        let mut plan =
+            Self { items: Vec::new(), streams: Vec::new(), rays: 0, bytes: 0, warnings: Vec::new() };
         for (index, MountedSensor { name, sensor, .. }) in job.sensors.iter().enumerate() {
             for format in &job.output.formats {
                 let fits = format.check(sensor);
@@ -71,9 +74,13 @@ impl Plan {
             let frame = 0;
             let output =
                 |&format: &Format| Output { format, name: format!("{name}/{frame:06}.{}", format.name()) };
-            let outputs = job.output.formats.iter().map(output).collect();
+            let a_file_a_frame = |format: &&Format| matches!(format.0.kind, Kind::File(_));
+            let outputs = job.output.formats.iter().filter(a_file_a_frame).map(output).collect();
             plan.items.push(Item { sensor: index, frame, outputs });
         }
+        let streams = job.output.formats.iter().filter(|format| matches!(format.0.kind, Kind::Stream(_)));
+        plan.streams =
+            streams.map(|&format| Output { format, name: format!("run.{}", format.name()) }).collect();
         plan.bytes = memory::of_tables(&job.sensors).saturating_add(memory::of_frames(
             &job.sensors,
             &job.output.formats,
@@ -95,7 +102,11 @@ impl Plan {
     /// The paths of all outputs in the output folder; the manifest is the last.
     pub fn output_names(&self) -> Vec<String> {
         let outputs = self.items.iter().flat_map(|item| &item.outputs);
-        outputs.map(|output| output.name.clone()).chain([Manifest::NAME.to_owned()]).collect()
+        outputs
+            .chain(&self.streams)
+            .map(|output| output.name.clone())
+            .chain([Manifest::NAME.to_owned()])
+            .collect()
     }
 }
 

@@ -2,12 +2,18 @@
 
 use std::collections::HashMap;
 use std::io::Cursor;
+use std::path::Path;
 
 use beamcast::angle::Angle;
+use beamcast::config::load_job;
 use beamcast::frame::{BODY_FROM_OPTICAL, Pose};
 use beamcast::motion::Trajectory;
-use beamcast::output::{ChannelSpec, CloudFrame, Format, Image, SensorFrame, Sensors, Values};
-use beamcast::scan::{Cause, Frame, Return};
+use beamcast::output::{
+    ChannelSpec, CloudFrame, EncodeError, Format, FormatSpec, Image, Kind, SensorFrame, Sensors, Stream,
+    Values,
+};
+use beamcast::run::{Holding, Journal, Plan, Session, load_scene};
+use beamcast::scan::{Cause, Frame, Progress, Return};
 use beamcast::sensor::{Beam, Camera, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use exr::meta::attribute::AttributeValue;
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, Text};
@@ -453,4 +459,61 @@ fn a_channel_of_ones_own_is_one_declaration() {
     let frame = frame_of(2, 1, &[Some(Return { range_m: 3.0, ..Return::default() }), None]);
     let image = Image::with_channels(&capture(&sensor, &frame), 0, &[made_up]);
     assert_eq!(image.f32("range.squared").unwrap(), [9.0, -1.0]);
+}
+
+/// A format of one file a run, which counts the returns of each frame.
+static TALLY: FormatSpec = FormatSpec {
+    name: "tally",
+    about: "a line a frame",
+    check: |_| Ok(()),
+    encoding_bytes_a_ray: |_| 0,
+    file_bytes_a_ray: |_| 0,
+    kind: Kind::Stream(|| Box::new(Tally(0))),
+};
+
+struct Tally(usize);
+
+impl Stream for Tally {
+    fn add(&mut self, frame: &SensorFrame, file: &mut dyn std::io::Write) -> Result<(), EncodeError> {
+        self.0 += frame.frame.return_count();
+        Ok(writeln!(file, "{} {}: {}", frame.name, frame.capture.frame, frame.frame.return_count())?)
+    }
+
+    fn finish(&mut self, file: &mut dyn std::io::Write) -> Result<(), EncodeError> {
+        Ok(writeln!(file, "total: {}", self.0)?)
+    }
+}
+
+/// A format is one declaration, be it a file a frame or a file a run.
+#[test]
+fn a_format_of_ones_own_is_one_declaration() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/room_vlp16.toml");
+    let mut job = load_job(&path, &["sensor.vlp16.rotating.columns=36".to_owned()]).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    job.output.dir = folder.path().to_owned();
+    job.output.formats = vec![Format(&TALLY), Format::PLY];
+    let plan = Plan::of(&job, Holding::Files).unwrap();
+    let mut journal = Journal::check(&job, &plan, false).unwrap();
+    let scene = load_scene(&job).unwrap().scene;
+    let session = Session::open(job, &scene);
+    journal.begin(&plan).unwrap();
+    let mut returns = 0;
+    for item in &plan.items {
+        let frame = session.cast(item, &Progress::default()).unwrap();
+        let seen = session.sensor_frame(item, &frame);
+        for output in &item.outputs {
+            journal.write(output, &session.encode(output, &seen).unwrap()).unwrap();
+        }
+        journal.add(&seen).unwrap();
+        returns += frame.return_count();
+    }
+    assert!(returns > 100);
+    assert!(!folder.path().join("run.tally").exists(), "it is there when it is whole");
+    journal.finish(&session).unwrap();
+    let tally = std::fs::read_to_string(folder.path().join("run.tally")).unwrap();
+    assert_eq!(tally, format!("vlp16 0: {returns}\ntotal: {returns}\n"));
+    let outputs: Vec<_> = journal.written().iter().map(|file| file.path.as_str()).collect();
+    assert_eq!(outputs, ["vlp16/000000.ply", "run.tally"]);
+    let manifest = std::fs::read_to_string(folder.path().join("manifest.json")).unwrap();
+    assert!(manifest.contains(blake3::hash(tally.as_bytes()).to_hex().as_str()), "{manifest}");
 }
