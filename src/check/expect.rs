@@ -12,6 +12,7 @@ use crate::output::SensorFrame;
 use crate::scan::Return;
 use crate::scene::Scene;
 use crate::sensor::{Pattern, Pulse};
+use crate::source::suggest::{self, nearest, quoted};
 
 /// An `[[expect]]`.
 #[derive(Clone, Debug, PartialEq)]
@@ -149,6 +150,9 @@ pub struct Seen<'a> {
     pub rays_per_s: Option<f64>,
 }
 
+/// Most names of objects that a message lists.
+const MAX_LISTED: usize = 12;
+
 impl Target {
     fn names(&self, name: &str) -> bool {
         self.object.as_ref().is_none_or(|object| match object.strip_suffix('*') {
@@ -162,7 +166,7 @@ impl Target {
             && (self.object.is_none() || self.names(&scene.geometry.objects[hit.instance as usize].name))
     }
 
-    /// If the scene has nothing of the target's name: what to say about it.
+    /// The problem that the scene has nothing of the target's name, if so.
     fn missing(&self, scene: &Scene) -> Option<String> {
         let object = self.object.as_ref()?;
         if scene.geometry.objects.iter().any(|instance| self.names(&instance.name)) {
@@ -176,9 +180,12 @@ impl Target {
             .filter(|n| !n.is_empty())
             .take(10_000)
             .collect();
-        let near = names.into_iter().min_by_key(|name| strsim::osa_distance(name, object));
-        let help = near.map_or_else(String::new, |name| format!(": the nearest name is {name:?}"));
-        Some(format!("the scene has no object {object:?}{help}"))
+        let help = match nearest(object, names.iter().copied()) {
+            Some(near) => format!("; did you mean {}?", quoted(near)),
+            None if names.len() <= MAX_LISTED => format!("; it has {}", suggest::list(names, "and")),
+            None => String::new(),
+        };
+        Some(format!("the scene has no object {}{help}", quoted(object)))
     }
 }
 

@@ -2,7 +2,6 @@
 //!
 //! The times vary. All other figures are the same on every machine.
 
-mod random;
 pub mod test_scene;
 
 use std::hint::black_box;
@@ -14,6 +13,7 @@ use crate::angle::Angle;
 use crate::error::Error;
 use crate::frame::Pose;
 use crate::motion::Trajectory;
+use crate::rng::Rng;
 use crate::scan::{Frame, Progress, scan};
 use crate::scene::Scene;
 use crate::sensor::{Beam, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
@@ -21,7 +21,6 @@ use crate::trace::exact::{Corners, LocalRay};
 use crate::trace::methods::truth::{Passage, Truth};
 use crate::trace::methods::{Culling, METHODS, Method, Ray, RayTriangle};
 use crate::trace::{AnyTracer, Cast, Hit, Origins, Rays, Tracer};
-use random::Random;
 
 /// The shares of hits among the tests that are timed.
 pub const HIT_RATIOS: [f64; 3] = [0.1, 0.5, 0.9];
@@ -201,7 +200,7 @@ fn targets(scene: &Scene, tracer: &Tracer, sensor: &Sensor, at: DVec3) -> Vec<Ta
 }
 
 /// A unit ray from an origin to a point of a triangle.
-fn aimed(aim: Aim, origin: Vec3, corners: [Vec3; 3], random: &mut Random) -> Ray {
+fn aimed(aim: Aim, origin: Vec3, corners: [Vec3; 3], random: &mut Rng) -> Ray {
     let weights = match aim {
         Aim::Interior => interior(random),
         Aim::Edge => {
@@ -217,7 +216,7 @@ fn aimed(aim: Aim, origin: Vec3, corners: [Vec3; 3], random: &mut Random) -> Ray
 }
 
 /// Barycentric weights of a point anywhere in a triangle, all places equally likely.
-fn interior(random: &mut Random) -> [f64; 3] {
+fn interior(random: &mut Rng) -> [f64; 3] {
     let (u, v) = (random.unit(), random.unit());
     let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
     [1.0 - u - v, u, v]
@@ -230,14 +229,9 @@ const CHUNK: u64 = 1 << 12;
 const BLOCK: u64 = 1 << 10;
 
 /// Works on `rays` rays in chunks, on all threads, and merges the results in the order of the chunks.
-fn chunks<T: Send>(
-    seed: u64,
-    rays: u64,
-    work: impl Fn(&mut Random, u64) -> T + Sync,
-    mut merge: impl FnMut(T),
-) {
+fn chunks<T: Send>(seed: u64, rays: u64, work: impl Fn(&mut Rng, u64) -> T + Sync, mut merge: impl FnMut(T)) {
     let chunk = |index: u64| {
-        let mut random = Random::new(seed << 48 ^ index);
+        let mut random = Rng::new(seed << 48 ^ index);
         work(&mut random, CHUNK.min(rays - index * CHUNK))
     };
     let all = rays.div_ceil(CHUNK);
@@ -249,7 +243,7 @@ fn chunks<T: Send>(
 
 /// The wrong decisions in a million, by row.
 fn wrong_decisions(subjects: &[Subject], targets: &[Target], aim: Aim, rays: u64) -> Vec<f64> {
-    let judge = |random: &mut Random, count: u64| {
+    let judge = |random: &mut Rng, count: u64| {
         let mut wrong = vec![0_u64; subjects.len()];
         for _ in 0..count {
             let Target { origin, corners } = targets[random.below(targets.len())];
@@ -284,7 +278,7 @@ fn depth_errors(subjects: &[Subject], distance: f64, rays: u64) -> Vec<DepthErro
         count: u64,
         error: DepthError,
     }
-    let judge = |random: &mut Random, count: u64| {
+    let judge = |random: &mut Rng, count: u64| {
         let mut sums = vec![Sum::default(); subjects.len()];
         for _ in 0..count {
             let origin = (random.point() * 50.0).as_vec3();
@@ -328,7 +322,7 @@ fn depth_errors(subjects: &[Subject], distance: f64, rays: u64) -> Vec<DepthErro
 }
 
 /// A ray, and a triangle that it hits about `distance` away.
-fn facing(random: &mut Random, origin: Vec3, distance: f64) -> RayTriangle {
+fn facing(random: &mut Rng, origin: Vec3, distance: f64) -> RayTriangle {
     let d = random.direction();
     let normal = loop {
         let n = random.direction();
@@ -341,7 +335,7 @@ fn facing(random: &mut Random, origin: Vec3, distance: f64) -> RayTriangle {
 }
 
 /// A triangle of 5 cm to 1 m around a point. It is not too thin.
-fn around(random: &mut Random, middle: DVec3, normal: DVec3) -> [Vec3; 3] {
+fn around(random: &mut Rng, middle: DVec3, normal: DVec3) -> [Vec3; 3] {
     let u = normal.any_orthonormal_vector();
     let v = normal.cross(u);
     let size = 0.05 + 0.95 * random.unit();
@@ -362,7 +356,7 @@ fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
         let (scene, exact) = (&scenes[side], &tracers[side]);
         let method = subject.0.map(|m| m.tracer(exact));
         let mesh = &scene.geometry.meshes[0];
-        let cast = |random: &mut Random, count: u64| {
+        let cast = |random: &mut Rng, count: u64| {
             let mut leaks = 0;
             let (mut directions, mut hits) = (Vec::new(), Vec::new());
             for first in (0..count).step_by(64) {
@@ -444,7 +438,7 @@ fn batch(subject: Subject, pairs: &[RayTriangle]) -> Box<dyn Fn() -> usize> {
 /// triangle by no more than its size, as in the leaves of a hierarchy. For a method that culls, triangles are turned so that
 /// it sees them.
 fn pairs(subject: Subject, ratio: f64) -> Vec<RayTriangle> {
-    let mut random = Random::new(32);
+    let mut random = Rng::new(32);
     let origin = Vec3::new(3.0, -2.0, 1.8);
     (0..PAIRS)
         .map(|_| {

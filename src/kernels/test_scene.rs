@@ -8,7 +8,7 @@ use crate::scene::{Material, Object, Scene, SceneBuilder, SourceInstance, Source
 /// Uneven ground, 200 m square, with houses and round trees on it: about 90,000 triangles. The world's origin is left free for a
 /// sensor 1.8 m above the ground.
 pub fn yard() -> Scene {
-    let mut random = Random::new(1);
+    let mut random = Rng::new(1);
     let mut shape = ground(160, 200.0);
     let mut place = || loop {
         let p = DVec3::new(random.signed(), random.signed(), 0.0) * 90.0;

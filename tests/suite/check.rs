@@ -8,14 +8,13 @@ use std::process::{Command, Output, Stdio};
 use beamcast::check::{Baseline, Changes, Kept, Settings, Taken, judge};
 use beamcast::config;
 use beamcast::output::SensorFrame;
+use beamcast::rng::Rng;
 use beamcast::scan::{Progress, scan};
 use beamcast::scene::gltf;
 use beamcast::sensor::Capture;
 use beamcast::trace::{Instructions, Tracer};
 use serde_json::Value;
 use tempfile::TempDir;
-
-use crate::shapes::Random;
 
 /// A copy of shipped jobs with their baselines, sensor files and scenes.
 struct Copy(TempDir);
@@ -610,6 +609,22 @@ fn outputs_are_compared_channel_by_channel() {
     has(&err, &["which is not in its folder"]);
 }
 
+/// A check never waits for a pipe that has the name of a baseline's file.
+#[cfg(unix)]
+#[test]
+fn pipes_are_no_baselines() {
+    let copy = Copy::room();
+    copy.replace(SENSOR, "-3.0,", "-3.05,"); // so that the accepted pixels are read
+    for file in ["vlp16.pixels", Baseline::NAME] {
+        let path = copy.path("configs/room_vlp16.baseline").join(file);
+        fs::remove_file(&path).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        let (code, out, _) = copy.run(&["check", "configs"]);
+        assert_eq!(code, 1, "{out}");
+        has(&out, &[&format!("{file}: this is a pipe or a device, not a file")]);
+    }
+}
+
 /// Whatever is done to a baseline's bytes, reading them neither panics nor takes more memory than the image.
 #[test]
 fn broken_baselines_are_told_from_whole_ones() {
@@ -618,12 +633,12 @@ fn broken_baselines_are_told_from_whole_ones() {
     let pixels = fs::read(folder.join("vlp16.pixels")).unwrap();
     let whole = Baseline::decode(&json).unwrap();
     assert_eq!(Baseline::decode(&whole.encode()).unwrap(), whole);
-    let mut random = Random(1);
+    let mut random = Rng::new(1);
     let mut refused = 0;
     for _ in 0..300 {
         let mut broken = json.clone();
         let at = random.below(broken.len());
-        broken[at] = random.bits() as u8;
+        broken[at] = random.u64() as u8;
         if let Ok(baseline) = Baseline::decode(&broken) {
             for record in &baseline.sensors {
                 Kept::unpack(&pixels, record);

@@ -6,6 +6,7 @@ use std::process::{Command, Output, Stdio};
 use beamcast::angle::Angle;
 use beamcast::config::load_job;
 use beamcast::frame::Pose;
+use beamcast::rng::Rng;
 use beamcast::scan::Frame;
 use beamcast::scene::{Scene, gltf};
 use beamcast::sensor::{Beam, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
@@ -16,7 +17,7 @@ use beamcast::trace::{AnyTracer, Origins, Rays, Tracer};
 use glam::{DAffine3, DVec3, Vec3};
 use serde_json::Value;
 
-use crate::shapes::{Random, alone, cuboid, placed, seen_from, sphere};
+use crate::shapes::{alone, cuboid, placed, seen_from, sphere};
 
 /// In the plane x = 2, counter-clockwise seen from the far side.
 const FACING: [Vec3; 3] = [Vec3::new(2.0, -1.0, -1.0), Vec3::new(2.0, 1.0, -1.0), Vec3::new(2.0, 0.0, 1.0)];
@@ -253,7 +254,7 @@ fn weight_error(ray: &Ray, corners: [Vec3; 3]) -> Option<f64> {
 /// method says what exact arithmetic says. Half of the rays are aimed closely beyond the band.
 #[test]
 fn away_from_edges_all_agree_with_exact_arithmetic() {
-    let mut random = Random(5);
+    let mut random = Rng::new(5);
     let (mut judged, mut close_by, mut hits, mut slivers) = (0, 0, 0, 0);
     while judged < 20_000 {
         let reach = [1.0, 10.0, 100.0][random.below(3)];
@@ -318,7 +319,7 @@ fn away_from_edges_all_agree_with_exact_arithmetic() {
 
 #[test]
 fn batches_count_what_single_tests_find_and_both_forms_of_sunday_are_the_same() {
-    let mut random = Random(9);
+    let mut random = Rng::new(9);
     let mut single = |_| {
         let origin = random.point().as_vec3();
         let corners = [random.point(), random.point(), random.point()].map(|p| p.as_vec3());
@@ -348,7 +349,7 @@ fn leaks(method: &Method, rays: usize) -> [usize; 3] {
     let scene = placed(vec![shape], vec![(0, DAffine3::from_mat3(turn.rotation))]);
     let tracer = method.tracer(&Tracer::build(&scene));
     let mesh = &scene.geometry.meshes[0];
-    let mut random = Random(3);
+    let mut random = Rng::new(3);
     let mut leaks = [0; 3];
     for _ in 0..rays / 32 {
         let origin = random.point() * 1.5;
@@ -399,7 +400,7 @@ fn what_leaks_is_shown_to_leak_and_what_is_watertight_does_not() {
 #[test]
 fn watertight_at_every_scale_and_from_afar() {
     let method = Method::named("watertight").unwrap();
-    let mut random = Random(8);
+    let mut random = Rng::new(8);
     for radius in [1e-3, 1.0, 1e3, 1e6] {
         let scene = alone(sphere(radius, DVec3::ZERO, 3));
         let tracer = method.tracer(&Tracer::build(&scene));
@@ -450,7 +451,7 @@ fn see(scene: &Scene, method: Option<&Method>, pose: &Pose) -> Frame {
 /// Whole scans of meshes placed once and more than once: apart from what a method culls, it sees what the definition sees.
 #[test]
 fn scans_by_any_method_differ_from_the_exact_one_by_rounding_only() {
-    let mut random = Random(21);
+    let mut random = Rng::new(21);
     let mut placements = vec![(0, DAffine3::IDENTITY)];
     for _ in 0..30 {
         let at = random.direction() * (4.0 + 10.0 * random.unit());

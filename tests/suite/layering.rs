@@ -18,10 +18,10 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
     ("output", &["angle", "error", "frame", "scan", "scene", "sensor", "source"]),
-    ("check", &["angle", "output", "scan", "scene", "sensor"]),
+    ("check", &["angle", "output", "scan", "scene", "sensor", "source"]),
     ("view", &["check", "error", "frame", "output", "scan", "scene", "sensor", "source"]),
     ("selftest", &["angle", "frame", "motion", "output", "scan", "scene", "sensor", "trace"]),
-    ("kernels", &["angle", "error", "frame", "motion", "scan", "scene", "sensor", "trace"]),
+    ("kernels", &["angle", "error", "frame", "motion", "rng", "scan", "scene", "sensor", "trace"]),
     ("config", &["angle", "check", "error", "frame", "motion", "output", "sensor", "source", "trace"]),
     (
         "run",
@@ -142,14 +142,30 @@ fn sources() -> BTreeMap<String, String> {
             let name = entry.file_name().into_string().unwrap();
             if entry.file_type().unwrap().is_dir() {
                 visit(&entry.path(), &format!("{prefix}{name}/"), found);
-            } else if name != "tests.rs" {
-                found.insert(format!("{prefix}{name}"), code(&fs::read_to_string(entry.path()).unwrap()));
+            } else {
+                found.insert(format!("{prefix}{name}"), fs::read_to_string(entry.path()).unwrap());
             }
         }
     }
     let mut found = BTreeMap::new();
     visit(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), "", &mut found);
+    // Modules that are declared for tests alone are left out, whatever their names are.
+    let of_tests: BTreeSet<String> = found.iter().flat_map(|(file, text)| test_modules(file, text)).collect();
+    found.retain(|file, _| !of_tests.contains(file));
+    found.values_mut().for_each(|text| *text = code(text));
     found
+}
+
+/// The files of the modules that `file` declares for tests alone.
+fn test_modules(file: &str, text: &str) -> Vec<String> {
+    let folder = match file.strip_suffix("mod.rs") {
+        Some(folder) => folder.to_owned(),
+        None => format!("{}/", file.trim_end_matches(".rs")),
+    };
+    let declared = text.split("#[cfg(test)]\nmod ").skip(1).filter_map(|rest| rest.split_once(';'));
+    let names =
+        declared.map(|(name, _)| name).filter(|name| name.chars().all(|c| c.is_alphanumeric() || c == '_'));
+    names.map(|name| format!("{folder}{name}.rs")).collect()
 }
 
 /// A file without its comments and without its tests, which come last in it.
@@ -209,5 +225,8 @@ fn paths_are_found_however_they_are_written() {
     assert_eq!(after(&code, "crate::"), ["a", "d", "e", "h"]);
     assert_eq!(after(&code, "std::"), ["fs", "io"]);
     assert_eq!(after("use super::super::l::m;", "super::super::"), ["l"]);
+    let text = "mod a;\n#[cfg(test)]\nmod b;\n#[cfg(test)]\nmod tests { fn c() { d; } }";
+    assert_eq!(test_modules("x/mod.rs", text), ["x/b.rs"]);
+    assert_eq!(test_modules("x/y.rs", text), ["x/y/b.rs"]);
     assert_eq!(words("unsafe_code unsafe {} my_unsafe", "unsafe").count(), 1);
 }

@@ -1,52 +1,13 @@
-//! Small scenes, made in code, and random numbers to aim with.
+//! Small scenes, made in code.
 
 use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
+use beamcast::rng::Rng;
 use beamcast::scan::{Frame, Progress, scan};
 use beamcast::scene::{Material, Object, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 use beamcast::sensor::{Capture, Sensor};
 use beamcast::trace::Cast;
 use glam::{DAffine3, DVec3};
-
-/// SplitMix64 (Steele, Lea and Flood, 2014): the same numbers on every machine.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// In 0 .. 1.
-    pub fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// In −1 .. 1.
-    pub fn signed(&mut self) -> f64 {
-        2.0 * self.unit() - 1.0
-    }
-
-    /// In the cube from −1 to 1.
-    pub fn point(&mut self) -> DVec3 {
-        DVec3::new(self.signed(), self.signed(), self.signed())
-    }
-
-    pub fn direction(&mut self) -> DVec3 {
-        loop {
-            let p = self.point();
-            if (0.01..=1.0).contains(&p.length_squared()) {
-                return p.normalize();
-            }
-        }
-    }
-
-    pub fn below(&mut self, n: usize) -> usize {
-        (self.bits() % n as u64) as usize
-    }
-}
 
 pub fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> SourceMesh {
     SourceMesh { positions, parts: vec![SourcePart { triangles, material: 0 }] }
@@ -124,7 +85,7 @@ pub fn sphere(radius: f64, centre: DVec3, levels: u32) -> SourceMesh {
 }
 
 /// Triangles anywhere in the cube from −1 to 1, of any shape up to `size`.
-pub fn soup(random: &mut Random, count: u32, size: f64) -> SourceMesh {
+pub fn soup(random: &mut Rng, count: u32, size: f64) -> SourceMesh {
     let mut positions = Vec::new();
     for _ in 0..count {
         let middle = random.point();

@@ -10,7 +10,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
 use crate::hostile_scenes::open;
-use crate::shapes::{Random, alone, cuboid, mesh, placed, quad, soup, sphere};
+use crate::shapes::{alone, cuboid, mesh, placed, quad, soup, sphere};
 
 type Tracers = Vec<(&'static str, Tracer)>;
 
@@ -41,13 +41,13 @@ fn thorough() -> usize {
 }
 
 /// A vertex of the scene in the world, or a point on one of its edges, as exactly as f64 has it.
-fn target(scene: &Scene, random: &mut Random) -> DVec3 {
-    let near = random.bits();
+fn target(scene: &Scene, random: &mut Rng) -> DVec3 {
+    let near = random.u64();
     target_near(scene, random, near)
 }
 
 /// The same, of a triangle that `near` picks or one of those after it in its mesh.
-fn target_near(scene: &Scene, random: &mut Random, near: u64) -> DVec3 {
+fn target_near(scene: &Scene, random: &mut Rng, near: u64) -> DVec3 {
     let placement =
         &scene.arrangement.placements[(near % scene.arrangement.placements.len() as u64) as usize];
     let mesh = &scene.geometry.meshes[placement.mesh as usize];
@@ -74,7 +74,7 @@ fn agrees(scene: &Scene, batches: usize, seed: u64, spread: f64) -> usize {
     let tracers = tracers(scene);
     let batches = (0..batches * thorough()).into_par_iter();
     batches
-        .map(|batch| batch_agrees(scene, &tracers, batch, &mut Random(seed << 32 | batch as u64), spread))
+        .map(|batch| batch_agrees(scene, &tracers, batch, &mut Rng::new(seed << 32 | batch as u64), spread))
         .sum()
 }
 
@@ -83,7 +83,7 @@ fn batch_size(batch: usize) -> usize {
     [128, 64, 128, 45, 150][batch / 7 % 5]
 }
 
-fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Random, spread: f64) -> usize {
+fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Rng, spread: f64) -> usize {
     let origin = match batch % 4 {
         0 => scene.geometry.centre + random.point() * spread,
         1 => scene.geometry.centre + random.point() * spread * 10.0,
@@ -100,7 +100,7 @@ fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Ran
     };
     let origins: Vec<DVec3> = offsets.iter().map(|offset| origin + *offset).collect();
     let main = random.direction();
-    let near = random.bits();
+    let near = random.u64();
     let directions: Vec<DVec3> = (0..rays)
         .map(|ray| {
             let origin = origins.get(ray).copied().unwrap_or(origin);
@@ -171,7 +171,7 @@ fn rotated(axis: DVec3, angle: f64, scale: DVec3, translation: DVec3) -> DAffine
 #[test]
 fn soup_agrees_with_brute_force() {
     for (seed, size) in [(1, 0.02), (2, 0.3), (3, 2.0)] {
-        let scene = alone(soup(&mut Random(seed), 400, size));
+        let scene = alone(soup(&mut Rng::new(seed), 400, size));
         assert!(agrees(&scene, 600, seed, 1.0) > 500);
     }
 }
@@ -189,7 +189,7 @@ fn spheres_agree_with_brute_force_at_every_scale_and_far_from_the_origin() {
 
 #[test]
 fn placed_meshes_agree_with_brute_force() {
-    let mut random = Random(11);
+    let mut random = Rng::new(11);
     let mut placements = vec![(1, DAffine3::from_translation(DVec3::new(0.0, 0.0, -3.0)))];
     for index in 0..40 {
         // Turned, stretched, some of them mirrored, some nearly flat.
@@ -219,7 +219,7 @@ fn placed_meshes_agree_with_brute_force() {
     let rearranged = |(name, tracer): (_, Tracer)| (name, tracer.rearranged(moved.arrangement.clone()));
     let tracers: Tracers = tracers(&scene).into_iter().map(rearranged).collect();
     let hits: usize =
-        (0..60).map(|batch| batch_agrees(&moved, &tracers, batch, &mut Random(batch as u64), 4.0)).sum();
+        (0..60).map(|batch| batch_agrees(&moved, &tracers, batch, &mut Rng::new(batch as u64), 4.0)).sum();
     assert!(hits > 1000, "{hits}");
 
     // A published method answers as if it were built for the new arrangement, and its shadow rays as its hits.
@@ -313,7 +313,7 @@ fn grazed_layers_agree_with_brute_force() {
     }
     let scene = alone(sheets);
     let tracers = tracers(&scene);
-    let mut random = Random(37);
+    let mut random = Rng::new(37);
     let mut hits = 0;
     for batch in 0..600 {
         let distance = [1.5, 6.0, 30.0][batch % 3];
@@ -322,7 +322,7 @@ fn grazed_layers_agree_with_brute_force() {
         let (sin, cos) = libm::sincos(around);
         let origin =
             turn.transform_point3(DVec3::new(0.5 + distance * cos, 0.5 + distance * sin, 1.0 + height));
-        let near = random.bits();
+        let near = random.u64();
         let directions: Vec<DVec3> = (0..128)
             .map(|ray| match ray % 3 {
                 0 => (target_near(&scene, &mut random, near) - origin).normalize(),
@@ -369,7 +369,7 @@ fn degenerate_arrangements_agree_with_brute_force() {
 /// becomes the other.
 #[test]
 fn long_calls_agree_with_brute_force() {
-    let mut random = Random(41);
+    let mut random = Rng::new(41);
     for scene in [
         alone(sphere(1.0, DVec3::ZERO, 3)),
         placed(
@@ -444,7 +444,7 @@ fn traversal_statistics_are_counted() {
 /// edges and anywhere.
 #[test]
 fn closed_meshes_have_no_leaks() {
-    let mut random = Random(31);
+    let mut random = Rng::new(31);
     let mut rays = 0_u64;
     for radius in [1e-3, 1.0, 1e3, 1e6] {
         for offset in [

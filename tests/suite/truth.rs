@@ -4,6 +4,7 @@ use beamcast::angle::Angle;
 use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
 use beamcast::output::{CloudFrame, SensorFrame};
+use beamcast::rng::Rng;
 use beamcast::scan::{Frame, Progress, scan};
 use beamcast::scene::Scene;
 use beamcast::sensor::{
@@ -12,7 +13,7 @@ use beamcast::sensor::{
 use beamcast::trace::Tracer;
 use glam::{DAffine3, DVec3};
 
-use crate::shapes::{Random, alone, cuboid, mesh, placed, quad, seen_from, sphere};
+use crate::shapes::{alone, cuboid, mesh, placed, quad, seen_from, sphere};
 
 fn lidar(limits: RangeLimits) -> Sensor {
     let beam = |i: i32| Beam {
@@ -365,7 +366,7 @@ fn a_tessellated_sphere() {
 /// The same bytes for any number of threads.
 #[test]
 fn frames_do_not_depend_on_threads() {
-    let mut random = Random(5);
+    let mut random = Rng::new(5);
     let places = (0..30).map(|_| (0, DAffine3::from_translation(random.point() * 4.0))).collect();
     let scene = placed(vec![sphere(0.8, DVec3::ZERO, 3)], places);
     let tracer = Tracer::build(&scene);

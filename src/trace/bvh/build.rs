@@ -475,6 +475,7 @@ fn reciprocal_power_of_two(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rng::Rng;
 
     /// The least sum of areas of wide nodes below `node`, by trying every set of up to eight children.
     fn least_area(bvh: &Bvh2, node: usize) -> f32 {
@@ -501,11 +502,8 @@ mod tests {
     #[test]
     fn wide_nodes_have_the_least_area() {
         // Boxes in a heap, the same every time.
-        let mut state = 7_u32;
-        let mut next = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 24) as f32
-        };
+        let mut rng = Rng::new(7);
+        let mut next = || rng.unit() as f32;
         for count in [2, 3, 8, 9, 13] {
             let boxes: Vec<Aabb> = (0..count)
                 .map(|_| {

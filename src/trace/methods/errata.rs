@@ -3,6 +3,8 @@
 
 use glam::DVec3;
 
+use crate::rng::Rng;
+
 /// A triangle and a ray through its inside, with the true depth and weights.
 struct Case {
     a: DVec3,
@@ -21,20 +23,14 @@ struct Case {
 const CASES: usize = 2000;
 
 fn cases() -> Vec<Case> {
-    let mut state = 1_u64;
-    let mut signed = || {
-        // The high bits of Knuth's MMIX generator.
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    };
+    let mut rng = Rng::new(1);
     let mut cases = Vec::new();
     while cases.len() < CASES {
-        let mut point = || DVec3::new(signed(), signed(), signed());
-        let (a, b, c, o) = (point(), point(), point(), point() * 3.0);
+        let (a, b, c, o) = (rng.point(), rng.point(), rng.point(), rng.point() * 3.0);
         let (e1, e2) = (b - a, c - a);
         let n = e1.cross(e2);
-        let (u, v) = (0.25 + 0.2 * signed(), 0.25 + 0.2 * signed());
-        let t = 1.5 + 0.5 * signed();
+        let (u, v) = (0.25 + 0.2 * rng.signed(), 0.25 + 0.2 * rng.signed());
+        let t = 1.5 + 0.5 * rng.signed();
         let d = (a + e1 * u + e2 * v - o) / t;
         // Rays nearly in the plane and triangles nearly without an area are left out.
         if n.dot(d).abs() > 0.05 * d.length() {
