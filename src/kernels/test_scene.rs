@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::random::Random;
+use crate::rng::Rng;
 use crate::scene::{Material, Object, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 
 /// Uneven ground, 200 m square, with houses and round trees on it: about 90,000 triangles. The world's origin is left free for a
