@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use beamcast::rng::Rng;
 use beamcast::scene::{Arrangement, Scene, SourceMesh};
 use beamcast::trace::methods::Method;
 use beamcast::trace::{AnyTracer, BruteForce, Cast, Hit, Instructions, Origins, Rays, Tracer};
