@@ -10,6 +10,7 @@ const MOST: u16 = 1024;
 
 /// The number of threads to work on, for subcommands that work on many.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
+#[group(skip)] // the group would have the name of that of the subcommand's own arguments
 pub struct Args {
     /// Threads to work on, 1 to 1024; the results are the same with any number [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST)))]

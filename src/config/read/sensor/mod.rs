@@ -9,7 +9,7 @@ use super::super::kinds::Nested;
 use super::super::table::{Key, Table};
 use super::rays::RayFiles;
 use crate::sensor::{Pattern, RangeLimits, Sensor};
-use crate::source::{Report, Span, Spanned};
+use crate::source::{Report, Span};
 
 /// Most rays of a frame: pixels have 32-bit numbers.
 const MAX_RAYS: u64 = 1 << 32;
@@ -41,7 +41,6 @@ pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> 
     let range = range(t);
     let ring = t.value(&keys::RING);
     let given: Vec<_> = PATTERNS.iter().filter(|(key, _)| t.has(*key)).collect();
-    let tables: Vec<_> = given.iter().map(|(key, _)| t.read(key)).collect();
     if let [(a, _), (b, _), ..] = given.as_slice() {
         report.error(
             report.later(t.span_of(*a), t.span_of(*b)),
@@ -54,9 +53,8 @@ pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> 
         let help = "add `[rotating]`, `[pinhole]` or another pattern or, in a job, a `preset` that has one";
         report.error(t.span, "the sensor has no pattern", "needs one", Some(help.into()));
     }
-    let read =
-        |((_, read), table): (&&(_, Read), &Option<Spanned<Table<'_>>>)| read(&table.as_ref()?.value, files);
-    let patterns: Vec<_> = given.iter().zip(&tables).map(read).collect();
+    let read = |(key, read): &&(&Key<Nested>, Read)| read(&t.read(key)?.value, files);
+    let patterns: Vec<_> = given.iter().map(read).collect();
     let [Some(pattern)] = <[Option<Pattern>; 1]>::try_from(patterns).ok()? else { return None };
     check_range_offset(t, &pattern, range)?;
     warn_of_ambiguity(t, &pattern, range);
