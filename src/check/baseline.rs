@@ -65,7 +65,7 @@ pub struct SensorRecord {
 
 /// A sensor's frame, ready to be compared or recorded.
 #[derive(Clone, Debug)]
-pub struct Taken {
+pub struct Snapshot {
     /// In hashes.
     pub record: SensorRecord,
     /// The channels.
@@ -84,7 +84,7 @@ pub struct Hashes {
 
 /// What a baseline keeps of a sensor's pixels.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Kept {
+pub struct StoredPixels {
     /// Where images differ.
     pub hashes: Hashes,
     /// The channels that are kept.
@@ -161,7 +161,7 @@ impl SensorRecord {
     }
 }
 
-impl Taken {
+impl Snapshot {
     /// Takes down a frame of `scene`.
     pub fn of(frame: &SensorFrame, scene: &Scene) -> Self {
         let mut image = Image::of(frame);
@@ -276,8 +276,8 @@ fn step(tolerance: &Tolerance, values: &[f32], mask: &[bool]) -> f64 {
     (tolerance.absolute + relative) / 4.0
 }
 
-impl Kept {
-    /// Reads what [`Taken::pack`] packed for `record`. `None` if it is something else.
+impl StoredPixels {
+    /// Reads what [`Snapshot::pack`] packed for `record`. `None` if it is something else.
     pub fn unpack(file: &[u8], record: &SensorRecord) -> Option<Self> {
         let SensorRecord { rows, columns, .. } = *record;
         let pixels = rows.checked_mul(columns)?;

@@ -1,4 +1,4 @@
-//! What changed between two runs of a job: its keys, its beams, its scene, the tool.
+//! The changes between two runs of a job: of its keys, its beams, its scene and the tool.
 
 use std::collections::BTreeMap;
 
@@ -10,30 +10,32 @@ use super::outcome::Change;
 /// How many changed elements of a list are told one by one.
 const MOST_ELEMENTS: usize = 4;
 
-/// What changed, sorted by what it is about.
+/// Changes, sorted by the sensors that they are about.
 #[derive(Clone, Debug, Default)]
 pub struct Changes {
-    /// About one sensor, by its name.
+    /// Changes that are about one sensor, by its name.
     pub of_sensor: BTreeMap<String, Vec<Change>>,
-    /// About the scene, the labels, the trajectory: all that every sensor depends on.
+    /// Changes of the scene, the labels, the trajectory: of everything that every sensor depends on.
     pub of_job: Vec<Change>,
 }
 
 impl Changes {
-    /// What differs between a baseline and a run.
+    /// The changes from a baseline to a run.
     pub fn between(old: &Baseline, new: &Baseline) -> Self {
         let mut changes = Self::default();
         let (old_sensors, new_sensors) = (sensors(&old.job), sensors(&new.job));
         for (name, sensor) in &new_sensors {
             let Some(before) = old_sensors.get(name) else { continue };
-            let prefix = format!("sensor {name}");
-            let mut found = beam_changes(&prefix, record(old, name), record(new, name));
-            let told = !found.is_empty();
+            let mut found = beam_changes(record(old, name), record(new, name));
             let mut keys = Vec::new();
-            keys_of(&prefix, before, sensor, &mut keys);
-            // Beams tell better what their lists have to say.
-            keys.retain(|change| !(told && BEAM_KEYS.iter().any(|key| change.what.contains(key))));
+            keys_of("", before, sensor, &mut keys);
+            // A beam says more than a place in the list that it is from.
+            let is_of_beams = |change: &Change| BEAM_KEYS.iter().any(|key| change.what.starts_with(key));
+            if !found.is_empty() {
+                keys.retain(|change| !is_of_beams(change));
+            }
             found.extend(keys);
+            found.iter_mut().for_each(|change| change.sensor = Some(name.clone()));
             if !found.is_empty() {
                 changes.of_sensor.insert(name.clone(), found);
             }
@@ -48,6 +50,7 @@ impl Changes {
         scene_changes(old, new, &mut changes.of_job);
         if old.tool != new.tool {
             changes.of_job.push(Change {
+                sensor: None,
                 what: "beamcast".into(),
                 old: Some(old.tool.clone()),
                 new: Some(new.tool.clone()),
@@ -56,13 +59,13 @@ impl Changes {
         changes
     }
 
-    /// All of them.
+    /// All changes, those of sensors first.
     pub fn all(&self) -> Vec<Change> {
         self.of_sensor.values().flatten().chain(&self.of_job).cloned().collect()
     }
 }
 
-/// Keys that say what the beams are.
+/// The keys of the lists of beams.
 const BEAM_KEYS: [&str; 3] =
     ["rotating.elevations_deg", "rotating.azimuth_offsets_deg", "rotating.beam_times_us"];
 
@@ -80,8 +83,8 @@ fn record<'a>(baseline: &'a Baseline, sensor: &str) -> Option<&'a SensorRecord> 
     baseline.sensors.iter().find(|record| record.name == sensor)
 }
 
-/// What changed of single beams, if there are as many as before and only some changed.
-fn beam_changes(prefix: &str, old: Option<&SensorRecord>, new: Option<&SensorRecord>) -> Vec<Change> {
+/// The changes of single beams, if there are as many as before.
+fn beam_changes(old: Option<&SensorRecord>, new: Option<&SensorRecord>) -> Vec<Change> {
     let (Some(old), Some(new)) = (old, new) else { return Vec::new() };
     if old.beams.len() != new.beams.len() {
         return Vec::new();
@@ -102,13 +105,14 @@ fn beam_changes(prefix: &str, old: Option<&SensorRecord>, new: Option<&SensorRec
             } else {
                 format!("by {} to {}{unit}", number(least), number(most))
             };
-            let what = format!("{prefix}: {what} of {} of {} beams, {by}", changed.len(), old.beams.len());
-            changes.push(Change { what, old: None, new: None });
+            let what = format!("{what} of {} of {} beams, {by}", changed.len(), old.beams.len());
+            changes.push(Change { sensor: None, what, old: None, new: None });
             continue;
         }
         for row in changed {
             changes.push(Change {
-                what: format!("{prefix}: beam (row {row}) {what}"),
+                sensor: None,
+                what: format!("beam (row {row}) {what}"),
                 old: shown(row, &old.beams),
                 new: shown(row, &new.beams),
             });
@@ -144,7 +148,7 @@ fn keys_of(path: &str, old: &Value, new: &Value, found: &mut Vec<Change>) {
             let changed: Vec<usize> = (0..a.len()).filter(|&i| !same(&a[i], &b[i])).collect();
             if changed.len() > MOST_ELEMENTS {
                 let what = format!("{path}: {} of {} values", changed.len(), a.len());
-                found.push(Change { what, old: None, new: None });
+                found.push(Change { sensor: None, what, old: None, new: None });
                 return;
             }
             for index in changed {
@@ -161,17 +165,15 @@ fn only_one(path: &str, old: Option<&Value>, new: Option<&Value>, found: &mut Ve
     match (old, new) {
         (Some(table @ Value::Object(keys)), None) if !keys.is_empty() => keys_of(path, table, &empty, found),
         (None, Some(table @ Value::Object(keys))) if !keys.is_empty() => keys_of(path, &empty, table, found),
-        _ => found.push(Change { what: path.to_owned(), old: old.map(shown), new: new.map(shown) }),
+        _ => {
+            let what = path.to_owned();
+            found.push(Change { sensor: None, what, old: old.map(shown), new: new.map(shown) });
+        }
     }
 }
 
 fn join(path: &str, key: &str) -> String {
-    match path {
-        "" => key.to_owned(),
-        // A sensor's name is followed by its keys as a job would have them.
-        path if path.starts_with("sensor ") && !path.contains(": ") => format!("{path}: {key}"),
-        path => format!("{path}.{key}"),
-    }
+    if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }
 
 /// A whole number is the same as the float.
@@ -202,11 +204,13 @@ fn scene_changes(old: &Baseline, new: &Baseline, found: &mut Vec<Change>) {
     for name in names {
         let (old, new) = (a.files.get(name), b.files.get(name));
         if old != new {
-            found.push(Change { what: name.clone(), old: old.map(short), new: new.map(short) });
+            let what = name.clone();
+            found.push(Change { sensor: None, what, old: old.map(short), new: new.map(short) });
         }
     }
     if a.triangles != b.triangles {
         found.push(Change {
+            sensor: None,
             what: "triangles of the scene".into(),
             old: Some(a.triangles.to_string()),
             new: Some(b.triangles.to_string()),

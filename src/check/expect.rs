@@ -6,7 +6,7 @@ use std::fmt;
 use glam::DVec3;
 
 use super::outcome::ExpectationOutcome;
-use super::words::{counted, digits, list, metres};
+use super::phrasing::{counted, digits, list, metres};
 use crate::angle::Angle;
 use crate::output::SensorFrame;
 use crate::scan::Return;

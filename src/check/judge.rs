@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 
-use super::baseline::{Kept, SensorRecord, Taken};
+use super::baseline::{SensorRecord, Snapshot, StoredPixels};
 use super::changes::Changes;
 use super::compare::{AtLeast, ChannelDifference, ImageDifference, Tolerance, compare, main_depth};
 use super::outcome::{Change, SensorOutcome};
-use super::words::{self, Region, counted, digits, list, metres};
+use super::phrasing::{self, Region, counted, digits, list, metres};
 
 /// What a job's `[check]` says.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,9 +32,9 @@ impl Settings {
 /// Judges what was `taken` by what was accepted. `kept` reads the baseline's pixels, and is asked only if there is a
 /// difference; `accept` is the command that accepts the job as it is.
 pub fn judge(
-    taken: &Taken,
+    taken: &Snapshot,
     accepted: &SensorRecord,
-    kept: impl FnOnce() -> Result<Kept, Box<dyn Error + Send + Sync>>,
+    kept: impl FnOnce() -> Result<StoredPixels, Box<dyn Error + Send + Sync>>,
     settings: &Settings,
     changes: &Changes,
     accept: &str,
@@ -92,9 +92,9 @@ pub fn judge(
 }
 
 struct Judgement<'a> {
-    taken: &'a Taken,
+    taken: &'a Snapshot,
     accepted: &'a SensorRecord,
-    kept: &'a Kept,
+    kept: &'a StoredPixels,
     settings: &'a Settings,
     difference: &'a ImageDifference,
 }
@@ -254,7 +254,7 @@ impl Judgement<'_> {
         } else {
             region
         };
-        let objects = words::objects(
+        let objects = phrasing::objects(
             &found.pixels,
             [
                 (self.accepted, self.kept.image.u32("id.instance")),
@@ -285,11 +285,7 @@ fn why(sensor: &str, changes: &Changes) -> String {
     if all.is_empty() {
         return format!("{prefix}neither the job nor the scene nor the version changed, and yet ");
     }
-    let own_words = |change: &&Change| {
-        let text = change.to_string();
-        text.strip_prefix(&prefix).map_or(text.clone(), str::to_owned)
-    };
-    let mut told: Vec<String> = all.iter().take(MOST_REASONS).map(own_words).collect();
+    let mut told: Vec<String> = all.iter().take(MOST_REASONS).map(|change| change.words()).collect();
     if all.len() > MOST_REASONS {
         told.push(format!("{} more changes", all.len() - MOST_REASONS));
     }

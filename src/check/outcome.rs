@@ -57,24 +57,44 @@ pub struct SensorOutcome {
 /// Something that is not as it was when the baseline was accepted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// What changed: `sensor roof: range.max_m`, `sensor roof: beam (row 17) elevation`, `../scenes/street.glb`. If it says
-    /// all by itself, there is neither an old nor a new value.
+    /// The sensor that it is about; `None` if every sensor depends on it.
+    pub sensor: Option<String>,
+    /// The key, beam or file that changed: `range.max_m`, `beam (row 17) elevation`, `../scenes/street.glb`. If it says all
+    /// by itself, there is neither an old nor a new value.
     pub what: String,
-    /// What it was; `None` if it wasn't there.
+    /// The value before; `None` if there was none.
     pub old: Option<String>,
-    /// What it is; `None` if it is gone.
+    /// The value now; `None` if there is none.
     pub new: Option<String>,
+}
+
+impl Change {
+    /// The key, beam or file with the sensor that it is about: `sensor roof: range.max_m`.
+    pub fn subject(&self) -> String {
+        match &self.sensor {
+            Some(sensor) => format!("sensor {sensor}: {}", self.what),
+            None => self.what.clone(),
+        }
+    }
+
+    /// The change without the sensor that it is about: `range.max_m 150.0 → 120.0`.
+    pub fn words(&self) -> String {
+        let Self { what, old, new, .. } = self;
+        if old.is_none() && new.is_none() {
+            return what.clone();
+        }
+        let shown = |value: &Option<String>| value.clone().unwrap_or_else(|| "unset".to_owned());
+        format!("{what} {} → {}", shown(old), shown(new))
+    }
 }
 
 impl fmt::Display for Change {
     /// `sensor roof: range.max_m 150.0 → 120.0`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { what, old, new } = self;
-        if old.is_none() && new.is_none() {
-            return f.write_str(what);
+        match &self.sensor {
+            Some(sensor) => write!(f, "sensor {sensor}: {}", self.words()),
+            None => f.write_str(&self.words()),
         }
-        let shown = |value: &Option<String>| value.clone().unwrap_or_else(|| "unset".to_owned());
-        write!(f, "{what} {} → {}", shown(old), shown(new))
     }
 }
 

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::compare::ChannelDifference;
 use super::judge::MOST_REASONS;
 use super::outcome::{ExpectationOutcome, Outcome, SensorOutcome, Verdict};
-use super::words::counted;
+use super::phrasing::counted;
 
 impl Verdict {
     /// In a word.
@@ -149,7 +149,7 @@ pub fn json(outcomes: &[Outcome]) -> Value {
                 "channels": s.channels.iter().map(|c| channel(c, s.columns)).collect::<Vec<_>>(),
             })
         };
-        let change = |c: &super::Change| json!({ "what": c.what, "old": c.old, "new": c.new });
+        let change = |c: &super::Change| json!({ "what": c.subject(), "old": c.old, "new": c.new });
         json!({
             "job": outcome.job,
             "verdict": outcome.verdict.word(),

@@ -11,7 +11,7 @@ use super::terminal::Terminal;
 use super::threads;
 use crate::check::cloud::{CloudDifference, compare_clouds};
 use crate::check::compare::{ChannelDifference, ImageDifference, compare, main_depth};
-use crate::check::{Tolerance, heat_map, report, words};
+use crate::check::{Tolerance, heat_map, phrasing, report};
 use crate::error::Error;
 use crate::output::recorded::Cloud;
 use crate::output::{CHANNEL_NAMES, Image, encode_png, write_file};
@@ -219,21 +219,21 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
     let mask = difference.mask;
     if differing.is_empty() && within {
         let size = format!("{} × {}", image.rows, image.columns);
-        let _ = writeln!(text, "{prefix}the same, {size} pixels, {}", words::counted(mask.both, "return"));
+        let _ = writeln!(text, "{prefix}the same, {size} pixels, {}", phrasing::counted(mask.both, "return"));
         return text;
     }
     let verdict = if within { "within tolerance" } else { "different" };
     let _ = writeln!(
         text,
         "{prefix}{verdict}: {} in both, {} appeared, {} vanished (IoU {:.6})",
-        words::counted(mask.both, "return"),
+        phrasing::counted(mask.both, "return"),
         mask.appeared,
         mask.vanished,
         mask.iou()
     );
     for (which, names) in [("first", &difference.missing), ("second", &difference.added)] {
         if !names.is_empty() {
-            let _ = writeln!(text, "  only the {which} has {}", words::list(names));
+            let _ = writeln!(text, "  only the {which} has {}", phrasing::list(names));
         }
     }
     if !differing.is_empty() {
@@ -245,9 +245,9 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
     }
     let main = main_depth(image).map(|(name, _)| name);
     for c in differing {
-        let number = |value: Option<f64>| value.map_or("-".to_owned(), words::digits);
+        let number = |value: Option<f64>| value.map_or("-".to_owned(), phrasing::digits);
         let s = c.statistics;
-        let region = words::Region::of(&c.pixels, image.columns).words((image.rows, image.columns));
+        let region = phrasing::Region::of(&c.pixels, image.columns).words((image.rows, image.columns));
         let region = if region.is_empty() && !c.pixels.is_empty() { "all over".to_owned() } else { region };
         let _ = writeln!(
             text,
@@ -266,10 +266,10 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
         );
     }
     for c in difference.label_confusion.iter().take(10) {
-        let _ = writeln!(text, "  label {} → {}: {}", c.was, c.is, words::counted(c.pixels, "pixel"));
+        let _ = writeln!(text, "  label {} → {}: {}", c.was, c.is, phrasing::counted(c.pixels, "pixel"));
     }
     for (label, [a, b]) in difference.points_per_label.iter().filter(|(_, [a, b])| a != b) {
-        let _ = writeln!(text, "  label {label}: {a} → {}", words::counted(*b, "point"));
+        let _ = writeln!(text, "  label {label}: {a} → {}", phrasing::counted(*b, "point"));
     }
     text
 }
@@ -287,10 +287,10 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
             let may = (args.pixels * a.points as f64) as usize;
             let within = fields.iter().all(|field| field.differing <= may);
             if fields.iter().all(|field| field.max == 0.0) {
-                let _ = writeln!(text, "{prefix}the same, {}", words::counted(a.points, "point"));
+                let _ = writeln!(text, "{prefix}the same, {}", phrasing::counted(a.points, "point"));
             } else {
                 let verdict = if within { "within tolerance" } else { "different" };
-                let _ = writeln!(text, "{prefix}{verdict}, {}", words::counted(a.points, "point"));
+                let _ = writeln!(text, "{prefix}{verdict}, {}", phrasing::counted(a.points, "point"));
             }
             for field in fields.iter().filter(|field| field.max > 0.0) {
                 let _ = writeln!(
@@ -298,8 +298,8 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
                     "  {:<12} {} differ, max {}, mean {}",
                     field.field,
                     field.differing,
-                    words::digits(field.max),
-                    words::digits(field.mean)
+                    phrasing::digits(field.max),
+                    phrasing::digits(field.mean)
                 );
             }
             let fields: Vec<Value> = fields
@@ -314,19 +314,19 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
             let _ = writeln!(
                 text,
                 "{prefix}{} and {}",
-                words::counted(a.points, "point"),
-                words::counted(b.points, "point")
+                phrasing::counted(a.points, "point"),
+                phrasing::counted(b.points, "point")
             );
             let way = |name: &str, mean: f64, max: f64| {
-                format!("  {name} {} on average, {} at most\n", words::metres(mean), words::metres(max))
+                format!("  {name} {} on average, {} at most\n", phrasing::metres(mean), phrasing::metres(max))
             };
             text += &way("from each of A to the nearest of B:", d.there_mean_m, d.there_max_m);
             text += &way("from each of B to the nearest of A:", d.back_mean_m, d.back_max_m);
-            let _ = writeln!(text, "  Chamfer distance {}", words::metres(d.chamfer_m));
+            let _ = writeln!(text, "  Chamfer distance {}", phrasing::metres(d.chamfer_m));
             let _ = writeln!(
                 text,
                 "  density-aware Chamfer distance {} (0 the same, 1 apart)",
-                words::digits(d.density_aware)
+                phrasing::digits(d.density_aware)
             );
             let json = json!({
                 "name": name,

@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::check::{Baseline, Changes, Kept, MAX_PIXEL_BYTES, Outcome, SensorRecord, Settings, Taken, judge};
+use crate::check::{
+    Baseline, Changes, MAX_PIXEL_BYTES, Outcome, SensorRecord, Settings, Snapshot, StoredPixels, judge,
+};
 use crate::config::Job;
 use crate::error::{Error, Problem};
 use crate::output::Destination;
@@ -24,7 +26,7 @@ fn accept_command(job: &Job) -> String {
 }
 
 /// Compares what was taken of a job's frames with the job's baseline, and adds the result to the outcome.
-pub fn compare(job: &Job, scene: &Scene, taken: &[Taken], outcome: &mut Outcome) {
+pub fn compare(job: &Job, scene: &Scene, taken: &[Snapshot], outcome: &mut Outcome) {
     let folder = folder_of(&job.path);
     let command = accept_command(job);
     let path = folder.join(Baseline::NAME);
@@ -49,10 +51,10 @@ pub fn compare(job: &Job, scene: &Scene, taken: &[Taken], outcome: &mut Outcome)
             continue;
         };
         let pixels = folder.join(Baseline::pixels_name(name));
-        let kept = || -> Result<Kept, Problem> {
+        let kept = || -> Result<StoredPixels, Problem> {
             let read = read_file(&pixels, MAX_BASELINE_BYTES)
                 .map_err(|problem| format!("{}: {problem}", pixels.display()))?;
-            let kept = Kept::unpack(&read, accepted);
+            let kept = StoredPixels::unpack(&read, accepted);
             kept.ok_or_else(|| format!("{} is not what was accepted", pixels.display()).into())
         };
         outcome.sensors.push(judge(taken, accepted, kept, settings, &changes, &command));
@@ -78,7 +80,7 @@ pub struct Acceptance {
 
 impl Acceptance {
     /// Packs what was taken of a job's frames.
-    pub fn of(job: &Job, scene: &Scene, taken: &mut [Taken]) -> Self {
+    pub fn of(job: &Job, scene: &Scene, taken: &mut [Snapshot]) -> Self {
         let no_tolerances = Default::default();
         let tolerances = job.check.as_ref().map_or(&no_tolerances, |settings| &settings.tolerances);
         let mut files: Vec<(String, Vec<u8>)> = taken

@@ -10,7 +10,7 @@ use super::paths::configs_in;
 use super::plan::Plan;
 use super::session::Session;
 use crate::check::expect::{Expected, Ground, Seen, Zone};
-use crate::check::{Outcome, Picture, Taken, Verdict, coverage_map};
+use crate::check::{Outcome, Picture, Snapshot, Verdict, coverage_map};
 use crate::config::{self, Config, Job};
 use crate::error::Error;
 use crate::frame::UpAxis;
@@ -243,8 +243,8 @@ impl<'r> Run<'r> {
         outcome.expectations = expectations.iter().map(|expectation| expectation.examine(&seen)).collect();
     }
 
-    fn taken(&self) -> Vec<Taken> {
-        self.seen_by.iter().map(|frame| Taken::of(frame, self.session.scene())).collect()
+    fn taken(&self) -> Vec<Snapshot> {
+        self.seen_by.iter().map(|frame| Snapshot::of(frame, self.session.scene())).collect()
     }
 
     /// A map of the ground that the rig sees: in the zone of the job's own expectation of coverage, or 20 m each way.

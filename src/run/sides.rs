@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::plan::Item;
 use super::session::Session;
-use crate::check::words;
+use crate::check::phrasing;
 use crate::error::Error;
 use crate::output::recorded::{Cloud, Recorded};
 use crate::output::{Image, MAIN_DEPTH_ALIAS};
@@ -110,7 +110,8 @@ impl Side {
             [(only(self, other), other_path, path), (only(other, self), path, other_path)]
         {
             if !lacking.is_empty() {
-                let problem = format!("has no {}, and {} does", words::list(&lacking), other_path.display());
+                let problem =
+                    format!("has no {}, and {} does", phrasing::list(&lacking), other_path.display());
                 return Err(Error::input(path, problem));
             }
         }

@@ -464,7 +464,7 @@ pub(super) fn id(bvh: &Bvh8, slot: TriangleRef) -> u32 {
     LeafBlock::at(&bvh.blocks, slot.block_offset()).id(slot.lane())
 }
 
-/// Those of some triangles of a block that a ray passes through, a bit each. Kept out of the loop: few come so close to an
+/// Those of some triangles of a block that a ray passes through, a bit each. StoredPixels out of the loop: few come so close to an
 /// edge.
 #[cold]
 #[inline(never)]

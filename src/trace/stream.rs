@@ -324,7 +324,7 @@ impl StreamState {
     }
 }
 
-/// The depth of a triangle that is seen so edge-on that it isn't that of its plane. Kept out of the loop, as it is rare.
+/// The depth of a triangle that is seen so edge-on that it isn't that of its plane. StoredPixels out of the loop, as it is rare.
 #[cold]
 #[inline(never)]
 fn depth_in_box(bvh: &Bvh8, slot: TriangleRef, ray: LocalRay) -> f64 {

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use super::frames::View;
 use super::pack;
 use crate::check::compare::main_depth;
-use crate::check::words::digits;
+use crate::check::phrasing::digits;
 use crate::check::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
 use crate::output::{Image, NO_RETURN_M, Samples};
 use crate::source::suggest::escaped;
@@ -125,7 +125,7 @@ fn changes(all: &[Change]) -> String {
         Some(value) => Cell::Code(value.clone()),
         None => Cell::Text("not there".to_owned()),
     };
-    let rows = all.iter().map(|c| vec![Cell::Code(c.what.clone()), value(&c.old), value(&c.new)]);
+    let rows = all.iter().map(|c| vec![Cell::Code(c.subject()), value(&c.old), value(&c.new)]);
     table("Changed since the baseline was accepted", &["what", "was", "is"], rows)
 }
 
@@ -476,7 +476,8 @@ mod tests {
             baseline: Some(run.image.clone()),
             ..SensorOutcome::default()
         };
-        let change = Change { what: "seed <i>".to_owned(), old: Some("1".to_owned()), new: None };
+        let change =
+            Change { sensor: None, what: "seed <i>".to_owned(), old: Some("1".to_owned()), new: None };
         let expectation = ExpectationOutcome {
             name: "enough".to_owned(),
             met: false,

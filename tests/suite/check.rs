@@ -1,11 +1,11 @@
 //! `beamcast check` and `beamcast diff` as CI meets them: each small change of a shipped job is caught and told in the right
-//! words, and what is no change is not.
+//! phrasing, and what is no change is not.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-use beamcast::check::{Baseline, Changes, Kept, Settings, Taken, judge};
+use beamcast::check::{Baseline, Changes, Settings, Snapshot, StoredPixels, judge};
 use beamcast::config;
 use beamcast::output::SensorFrame;
 use beamcast::rng::Rng;
@@ -161,7 +161,7 @@ fn baselines_hold_for_portable_code_and_for_single_rays() {
         let frame = &scan(&scene, &tracer, &capture, &Progress::default()).unwrap();
         let cloud_frame = job.output.cloud_frame;
         let seen = SensorFrame { capture, frame, name: &mounted.name, cloud_frame };
-        let taken = Taken::of(&seen, &scene);
+        let taken = Snapshot::of(&seen, &scene);
         let now = Baseline::of(&job.resolved, &scene, vec![taken.record.clone()]);
         let changes = Changes::between(&accepted, &now);
         assert!(changes.all().is_empty(), "{changes:?}");
@@ -170,7 +170,8 @@ fn baselines_hold_for_portable_code_and_for_single_rays() {
         assert!(outcome.differences.is_empty(), "{instructions:?}: {:?}", outcome.differences);
     }
     // And the pixels that are kept are those of the frame.
-    let kept = Kept::unpack(&fs::read(folder.join("vlp16.pixels")).unwrap(), &accepted.sensors[0]).unwrap();
+    let kept =
+        StoredPixels::unpack(&fs::read(folder.join("vlp16.pixels")).unwrap(), &accepted.sensors[0]).unwrap();
     assert_eq!((kept.image.rows, kept.image.columns, kept.image.channels.len()), (16, 1800, 3));
 }
 
@@ -641,21 +642,21 @@ fn broken_baselines_are_told_from_whole_ones() {
         broken[at] = random.u64() as u8;
         if let Ok(baseline) = Baseline::decode(&broken) {
             for record in &baseline.sensors {
-                Kept::unpack(&pixels, record);
+                StoredPixels::unpack(&pixels, record);
             }
         }
         let mut broken = pixels.clone();
         let at = random.below(broken.len());
         broken[at] ^= 1 << random.below(8);
         broken.truncate(broken.len() - random.below(2) * random.below(broken.len()));
-        refused += usize::from(Kept::unpack(&broken, &whole.sensors[0]).is_none());
+        refused += usize::from(StoredPixels::unpack(&broken, &whole.sensors[0]).is_none());
     }
     assert!(refused > 150, "{refused}");
     let mut huge = whole.sensors[0].clone();
     (huge.rows, huge.columns) = (1 << 32, 1 << 31);
-    assert_eq!(Kept::unpack(&pixels, &huge), None);
+    assert_eq!(StoredPixels::unpack(&pixels, &huge), None);
     (huge.rows, huge.columns) = (1 << 20, 1 << 20);
-    assert_eq!(Kept::unpack(&pixels, &huge), None);
+    assert_eq!(StoredPixels::unpack(&pixels, &huge), None);
 }
 
 /// The blocks of a kind on the page.
