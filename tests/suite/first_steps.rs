@@ -155,6 +155,8 @@ fn editors_shells_and_man_are_told() {
         let schema: Value = serde_json::from_str(&ok(here, &["schema", of])).unwrap();
         assert_eq!(schema["$schema"], "http://json-schema.org/draft-07/schema#");
     }
+    let page = ok(here, &["schema", "keys"]);
+    assert!(page.starts_with("# Keys\n") && page.contains("| `max_m` | "), "{page}");
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let script = ok(here, &["completions", shell]);
         assert!(script.contains("overwrite") && script.contains("import"), "{shell}");

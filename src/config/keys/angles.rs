@@ -6,9 +6,11 @@ use serde_json::{Map, Value as Json, json};
 
 use super::super::kinds::{Integer, List, Nested, Number};
 use super::super::table::{Describe, Given, Key, Kind, Table, TableKeys, key, table};
-use super::sensor::MAX_SIDE;
 use crate::source::Spanned;
 use crate::source::tree::Value;
+
+/// Most rows and most columns of a range image, and so most angles of a list.
+pub(super) const MAX_SIDE: u64 = 1_000_000;
 
 pub(super) static SPACED: TableKeys = table("a range of angles", &[&FROM, &TO, &COUNT]);
 static FROM: Key<Number> = key("from", Number::ANY, "The first angle in degrees.")

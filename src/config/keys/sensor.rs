@@ -6,11 +6,8 @@ use super::super::kinds::{
     ByName, Choice, Flag, Integer, List, Names, Nested, Number, OneOrEach, Tables, Text, Vector,
 };
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
-use super::angles::Angles;
+use super::angles::{Angles, MAX_SIDE};
 use crate::sensor::{Motion, Order, RingOrder, Tilted};
-
-/// Most rows and most columns of a range image.
-pub(crate) const MAX_SIDE: u64 = 1_000_000;
 
 const SIDE: Integer<u64> = Integer::within(1, MAX_SIDE);
 

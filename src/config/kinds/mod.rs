@@ -1,0 +1,12 @@
+//! The kinds of values that keys have.
+
+mod lists;
+mod number;
+mod object;
+mod tables;
+mod text;
+
+pub(crate) use lists::{List, OneOrEach, OneOrMany, Vector};
+pub(crate) use number::{Flag, Integer, Number};
+pub(crate) use tables::{ByName, Names, Nested, NumberOr, NumberOrTable, Tables};
+pub(crate) use text::{Choice, Choices, FolderName, Text};
