@@ -22,24 +22,23 @@
 //! one way: no module imports a later one. [`import`] makes sensor files of vendors' calibrations.
 //!
 //! # Units and frames
-//! Metres, seconds and radians inside; names at the edges carry their unit (`max_m`, `hfov_deg`). The world is
+//! Values are in metres, seconds and radians; names at the edges carry their unit (`max_m`, `hfov_deg`). The world is
 //! right-handed with z up, and a sensor's frame has x forward, y left, z up; azimuth is counted from +x toward +y,
-//! elevation toward +z. Poses are named `target_from_source`. [`frame`] says the rest.
+//! elevation toward +z. Poses are named `target_from_source`. See [`frame`].
 //!
 //! # What a beam hits
-//! is fixed by geometry and not by the order of work: see [`trace`]. Results are the same bits on any number of threads
-//! and any processor.
+//! Geometry fixes what a beam hits, and the order of work does not matter: see [`trace`]. Results are the same bits on any
+//! number of threads and any processor.
 //!
 //! # Example
 //! A wall ten metres ahead of a LiDAR:
 //!
 //! ```
-//! use beamcast::angle::Angle;
-//! use beamcast::scan::{Progress, scan};
-//! use beamcast::scene::{Material, SourceInstance, SceneBuilder, SourceMesh, SourcePart};
-//! use beamcast::sensor::{Beam, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
-//! use beamcast::trace::Tracer;
-//! use glam::DAffine3;
+//! use beamcast::glam::DAffine3;
+//! use beamcast::{
+//!     Angle, Beam, Capture, Material, Pattern, Progress, Rotating, SceneBuilder, Sensor, SourceInstance, SourceMesh,
+//!     SourcePart, Tracer, scan,
+//! };
 //!
 //! let wall = SourceMesh {
 //!     positions: vec![[10.0, -5.0, -5.0], [10.0, 5.0, -5.0], [10.0, 0.0, 5.0]],
@@ -52,7 +51,7 @@
 //! let beam = Beam { elevation: Angle::deg(0.0), azimuth_offset: Angle::deg(0.0), time_s: 0.0, file_index: 0 };
 //! let full_turn = (Angle::deg(180.0), Angle::deg(-180.0));
 //! let pattern = Pattern::Rotating(Rotating::new(vec![beam], 360, full_turn, 10.0)?);
-//! let sensor = Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row };
+//! let sensor = Sensor::new(pattern);
 //!
 //! let capture = Capture::at_origin(&sensor);
 //! let frame = scan(&scene, &Tracer::build(&scene), &capture, &Progress::default()).unwrap();
@@ -81,3 +80,17 @@ pub mod sensor;
 pub mod source;
 pub mod trace;
 pub mod view;
+
+// The nouns of a scan, so that most programs need no path below the crate.
+pub use angle::Angle;
+pub use config::{Job, load_job};
+pub use error::{Error, SceneError};
+pub use frame::Pose;
+pub use glam;
+pub use motion::Trajectory;
+pub use output::{Format, SensorFrame};
+pub use run::Session;
+pub use scan::{Cause, Frame, Progress, Return, scan};
+pub use scene::{Material, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
+pub use sensor::{Beam, Camera, Capture, Pattern, Pulse, RangeLimits, RayTable, Rotating, Sensor};
+pub use trace::{Cast, Hit, Origins, Rays, Tracer};

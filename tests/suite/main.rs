@@ -4,6 +4,8 @@ mod check;
 mod cli;
 mod config;
 mod corpus;
+mod docs;
+mod examples;
 mod first_steps;
 mod hostile_scenes;
 mod import;
