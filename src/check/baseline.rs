@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::compare::{Tolerance, main_depth, mask};
+use super::compare::Tolerance;
 use super::pixels;
-use crate::output::{Channel, Image, MAIN_DEPTH_ALIAS, Samples, SensorFrame, no_return};
+use crate::output::{Channel, Image, Samples, SensorFrame, no_return};
 use crate::scene::Scene;
 use crate::sensor::Pattern;
 
@@ -164,9 +164,7 @@ impl SensorRecord {
 impl Snapshot {
     /// Takes down a frame of `scene`.
     pub fn of(frame: &SensorFrame, scene: &Scene) -> Self {
-        let mut image = Image::of(frame);
-        // It repeats another channel.
-        image.channels.retain(|channel| channel.name != MAIN_DEPTH_ALIAS);
+        let image = Image::of(frame).without_repeats();
         let mut hashes = Hashes::default();
         let mut channels = BTreeMap::new();
         for Channel { name, samples } in &image.channels {
@@ -180,13 +178,13 @@ impl Snapshot {
             channels.insert(name.clone(), whole.finalize().to_hex().to_string());
             hashes.rows.insert(name.clone(), rows);
         }
-        if let Some(depth) = main_depth(&image).and_then(|(name, _)| image.channel(name)) {
+        if let Some(depth) = image.main_depth().and_then(|(name, _)| image.channel(name)) {
             let of = |column| short(&hash_of(depth, column..image.pixels(), image.columns));
             hashes.columns = (0..image.columns).map(of).collect();
         }
         let instances = match image.u32("id.instance") {
             Some(ids) => {
-                let seen = ids.iter().zip(mask(&image)).filter(|(_, seen)| *seen).map(|(id, _)| *id);
+                let seen = ids.iter().zip(image.mask()).filter(|(_, seen)| *seen).map(|(id, _)| *id);
                 let mut seen: Vec<u32> = seen.collect();
                 seen.sort_unstable();
                 seen.dedup();
@@ -216,8 +214,8 @@ impl Snapshot {
     /// Packs what a baseline keeps of the pixels, and notes in the record what that is. What has no tolerance of its own is
     /// kept as finely as [`MAX_PIXEL_BYTES`] allow.
     pub fn pack(&mut self, tolerances: &BTreeMap<String, Tolerance>) -> Vec<u8> {
-        let mask = mask(&self.image);
-        let main = main_depth(&self.image).map(|(name, _)| name);
+        let mask = self.image.mask();
+        let main = self.image.main_depth().map(|(name, _)| name);
         let mut head = Vec::new();
         for rows in self.hashes.rows.values() {
             head.extend(rows.iter().flat_map(|hash| hash.to_le_bytes()));

@@ -124,9 +124,9 @@ pub fn compare(
     resolution: &dyn Fn(&str) -> f64,
 ) -> ImageDifference {
     assert_eq!((first.rows, first.columns), (second.rows, second.columns));
-    let masks = [mask(first), mask(second)];
+    let masks = [first.mask(), second.mask()];
     let mut difference = ImageDifference { mask: agreement(&masks), ..ImageDifference::default() };
-    let main = main_depth(second).map(|(name, _)| name);
+    let main = second.main_depth().map(|(name, _)| name);
     for channel in &first.channels {
         let Some(other) = second.channel(&channel.name) else {
             difference.missing.push(channel.name.clone());
@@ -145,19 +145,6 @@ pub fn compare(
         labels(was, is, &masks, &mut difference);
     }
     difference
-}
-
-/// The channel that says which pixels have a return: `range`, else `Z`, else `Y`.
-pub fn main_depth(image: &Image) -> Option<(&'static str, &[f32])> {
-    ["range", "Z", "Y"].into_iter().find_map(|name| Some((name, image.f32(name)?)))
-}
-
-/// Which pixels have a return; all of them in an image that has no depth.
-pub fn mask(image: &Image) -> Vec<bool> {
-    match main_depth(image) {
-        Some((_, depth)) => depth.iter().map(|d| d.is_finite()).collect(),
-        None => vec![true; image.pixels()],
-    }
 }
 
 fn agreement([first, second]: &[Vec<bool>; 2]) -> MaskAgreement {

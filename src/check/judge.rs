@@ -5,7 +5,7 @@ use std::error::Error;
 
 use super::baseline::{SensorRecord, Snapshot, StoredPixels};
 use super::changes::Changes;
-use super::compare::{AtLeast, ChannelDifference, ImageDifference, Tolerance, compare, main_depth};
+use super::compare::{AtLeast, ChannelDifference, ImageDifference, Tolerance, compare};
 use super::outcome::{Change, SensorOutcome};
 use super::phrasing::{self, Region, counted, digits, list, metres};
 
@@ -144,7 +144,7 @@ impl Judgement<'_> {
             (Some(old), Some(new)) => differ(old, new),
             _ => Vec::new(),
         };
-        let is_main = main_depth(&self.taken.image).is_some_and(|(main, _)| main == name);
+        let is_main = self.taken.image.main_depth().is_some_and(|(main, _)| main == name);
         let columns = if is_main { differ(&old.columns, &new.columns) } else { Vec::new() };
         Region { rows, columns }
     }
@@ -153,7 +153,7 @@ impl Judgement<'_> {
         let wrong: Vec<&ChannelDifference> =
             channels.iter().filter(|c| !c.within_tolerance && !c.channel.is_empty()).collect();
         let mut sentences = Vec::new();
-        let main = main_depth(&self.taken.image).map_or("", |(name, _)| name);
+        let main = self.taken.image.main_depth().map_or("", |(name, _)| name);
         // The range first: the rest follows from it more often than not.
         let mut in_order = wrong.clone();
         in_order.sort_by_key(|c| c.channel != main);

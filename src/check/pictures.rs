@@ -1,6 +1,6 @@
 //! Pictures: the ground that a rig covers, and where images differ.
 
-use super::compare::{ChannelDifference, main_depth, mask};
+use super::compare::ChannelDifference;
 use super::expect::{Seen, Zone};
 use crate::output::Image;
 
@@ -61,11 +61,11 @@ const VANISHED: [u8; 3] = [0x30, 0x80, 0xff];
 /// Where a channel differs between images of the same size: from dark red to white with the difference (Inferno,
 /// logarithmic over three decades below the greatest), green what appeared, blue what vanished, grey what is the same.
 pub fn heat_map(first: &Image, second: &Image, found: &ChannelDifference) -> Picture {
-    let masks = [mask(first), mask(second)];
+    let masks = [first.mask(), second.mask()];
     let (Some(a), Some(b)) = (first.channel(&found.channel), second.channel(&found.channel)) else {
         return Picture { width: 0, height: 0, pixels: Vec::new() };
     };
-    let is_main = main_depth(second).is_some_and(|(name, _)| name == found.channel);
+    let is_main = second.main_depth().is_some_and(|(name, _)| name == found.channel);
     let max = found.statistics.map_or(1.0, |s| s.max);
     let colour = |index: usize| match (masks[0][index], masks[1][index]) {
         (false, true) if is_main => APPEARED,

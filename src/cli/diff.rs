@@ -10,7 +10,7 @@ use super::job::{load_job, load_scene};
 use super::terminal::Terminal;
 use super::threads;
 use crate::check::cloud::{CloudDifference, compare_clouds};
-use crate::check::compare::{ChannelDifference, ImageDifference, compare, main_depth};
+use crate::check::compare::{ChannelDifference, ImageDifference, compare};
 use crate::check::{Tolerance, heat_map, phrasing, report};
 use crate::error::Error;
 use crate::output::recorded::Cloud;
@@ -243,7 +243,7 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
             "channel", "differing", "max", "mean", "RMS", "p99"
         );
     }
-    let main = main_depth(image).map(|(name, _)| name);
+    let main = image.main_depth().map(|(name, _)| name);
     for c in differing {
         let number = |value: Option<f64>| value.map_or("-".to_owned(), phrasing::digits);
         let s = c.statistics;

@@ -95,12 +95,7 @@ struct ChannelFacts {
 
 impl PartFacts {
     fn of(part: &Part) -> Self {
-        let channel = |name: &str| part.image.channels.iter().find(|c| c.name == name);
-        let main = ["range", "Z", "Y"].into_iter().find_map(channel);
-        let is_return = |pixel: usize| match main.map(|channel| &channel.samples) {
-            Some(Samples::F32(values)) => values[pixel].is_finite(),
-            _ => true,
-        };
+        let returned = part.image.mask();
         let pixels = part.image.rows * part.image.columns;
         let channels = part.image.channels.iter().map(|channel| {
             let value = |pixel: usize| match &channel.samples {
@@ -111,8 +106,8 @@ impl PartFacts {
                 Samples::F32(_) => "float",
                 Samples::U32(_) => "uint",
             };
-            let returned = (0..pixels).filter(|&pixel| is_return(pixel)).map(value);
-            let (min, max) = bounds(returned);
+            let of_returns = (0..pixels).filter(|&pixel| returned[pixel]).map(value);
+            let (min, max) = bounds(of_returns);
             let finite = (0..pixels).filter(|&pixel| value(pixel).is_finite()).count();
             ChannelFacts { name: channel.name.clone(), kind, min, max, finite }
         });
@@ -120,7 +115,7 @@ impl PartFacts {
             name: part.name.clone(),
             rows: part.image.rows,
             columns: part.image.columns,
-            returns: main.map(|_| (0..pixels).filter(|&pixel| is_return(pixel)).count()),
+            returns: part.image.main_depth().map(|_| returned.iter().filter(|returned| **returned).count()),
             channels: channels.collect(),
             attributes: part.attributes.clone(),
         }

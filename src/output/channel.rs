@@ -24,6 +24,32 @@ pub struct ChannelSpec {
     pub sensors: Sensors,
     /// How its value follows from a return.
     pub values: Values,
+    /// How a page shows it; `None` if a page leaves it out.
+    pub shown: Option<Shown>,
+}
+
+/// How a page shows a channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shown {
+    /// The channel's place among the others, the least first.
+    pub rank: u8,
+    /// Its name for people.
+    pub label: &'static str,
+    /// From values to colours.
+    pub scale: Scale,
+}
+
+/// From values to colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// By the logarithm: distances.
+    Log,
+    /// Evenly.
+    Linear,
+    /// The channel is the first of three axes of a direction, whose names end in X, Y and Z.
+    Direction,
+    /// A colour of its own for each number: ids.
+    Id,
 }
 
 /// The sensors that have a channel.
@@ -56,8 +82,7 @@ pub struct Place {
 /// Bytes of a channel's value.
 pub const BYTES_A_VALUE: u64 = 4;
 
-/// Every channel, sorted by name. `Y` is not among them: in an EXR it repeats the main depth ([`main_depth_of`]) under the name
-/// that OpenCV reads.
+/// Every channel, sorted by name. [`DEPTH_FOR_OPENCV`] is not among them: it repeats one of them.
 pub static CHANNELS: [ChannelSpec; 10] = [
     ChannelSpec {
         name: "Z",
@@ -69,6 +94,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
             let depth_over_range = f.capture.depth_over_range(at.row(f), at.column(f));
             depth_over_range.map_or(NO_RETURN_M, |ratio| f.returns().range_m[at.slot] * ratio)
         }),
+        shown: Some(Shown { rank: 1, label: "depth", scale: Scale::Log }),
     },
     ChannelSpec {
         name: "id.instance",
@@ -77,6 +103,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::U32(|f, at| f.returns().instance[at.slot]),
+        shown: Some(Shown { rank: 4, label: "instance", scale: Scale::Id }),
     },
     ChannelSpec {
         name: "id.semantic",
@@ -85,6 +112,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::U32(|f, at| f.returns().label[at.slot]),
+        shown: Some(Shown { rank: 5, label: "label", scale: Scale::Id }),
     },
     ChannelSpec {
         name: "id.triangle",
@@ -93,6 +121,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::U32(|f, at| f.returns().triangle[at.slot]),
+        shown: None, // there are too many to tell apart
     },
     ChannelSpec {
         name: "intensity",
@@ -101,6 +130,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::F32(|f, at| f64::from(f.returns().intensity[at.slot])),
+        shown: Some(Shown { rank: 2, label: "intensity", scale: Scale::Linear }),
     },
     ChannelSpec {
         name: "normal.X",
@@ -109,6 +139,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::F32(|f, at| normal(f, at).x),
+        shown: Some(Shown { rank: 3, label: "normal", scale: Scale::Direction }),
     },
     ChannelSpec {
         name: "normal.Y",
@@ -117,6 +148,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::F32(|f, at| normal(f, at).y),
+        shown: None, // it is shown with the first axis
     },
     ChannelSpec {
         name: "normal.Z",
@@ -125,6 +157,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::F32(|f, at| normal(f, at).z),
+        shown: None, // it is shown with the first axis
     },
     ChannelSpec {
         name: "range",
@@ -133,6 +166,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
         no_return: NO_RETURN_M,
         sensors: Sensors::All,
         values: Values::F32(|f, at| f.returns().range_m[at.slot]),
+        shown: Some(Shown { rank: 0, label: "range", scale: Scale::Log }),
     },
     ChannelSpec {
         name: "time",
@@ -141,6 +175,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::F32(|f, at| f.capture.time_s(at.row(f), at.column(f)).unwrap_or(0.0)),
+        shown: Some(Shown { rank: 6, label: "time", scale: Scale::Linear }),
     },
 ];
 
@@ -193,24 +228,27 @@ impl ChannelSpec {
     }
 }
 
-/// The declaration of a channel. `Y` of a file has none.
+/// The declaration of a channel. [`DEPTH_FOR_OPENCV`] has none.
 pub fn channel(name: &str) -> Option<&'static ChannelSpec> {
     CHANNELS.iter().find(|channel| channel.name == name)
 }
 
-/// The value of a channel, or of `Y`, at a pixel with no return.
+/// The value of a channel at a pixel with no return.
 pub fn no_return(name: &str) -> f64 {
     match name {
-        MAIN_DEPTH_ALIAS => NO_RETURN_M,
+        DEPTH_FOR_OPENCV => NO_RETURN_M,
         name => channel(name).map_or(0.0, |channel| channel.no_return),
     }
 }
 
-/// The name under which an EXR repeats its main depth, because OpenCV reads that one.
-pub const MAIN_DEPTH_ALIAS: &str = "Y";
+/// The channels whose value says whether a pixel has a return. An image is asked for the first of them that it has.
+pub const DEPTHS: [&str; 3] = ["range", "Z", DEPTH_FOR_OPENCV];
 
-/// The main depth of a sensor's image: a camera's `Z`, and everyone else's `range`.
-pub fn main_depth_of(sensor: &Sensor) -> &'static str {
+/// A channel of EXRs that repeats a camera's `Z`, and everyone else's `range`: OpenCV reads the image under this name alone.
+pub const DEPTH_FOR_OPENCV: &str = "Y";
+
+/// The channel that [`DEPTH_FOR_OPENCV`] repeats.
+pub(super) fn repeated_for_opencv(sensor: &Sensor) -> &'static str {
     if sensor.pattern.is_camera() { "Z" } else { "range" }
 }
 

@@ -1,6 +1,6 @@
 //! A frame as named channels: what a range image holds, whether it was just cast or is read back.
 
-use super::channel::{CHANNELS, ChannelSpec, MAIN_DEPTH_ALIAS, Place, Values, main_depth_of};
+use super::channel::{CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, Place, Values, repeated_for_opencv};
 use super::sensor_frame::SensorFrame;
 
 /// A range image: channels of the same size. [`CHANNELS`] says what each means.
@@ -42,8 +42,8 @@ impl Image {
     /// The channels of each pixel's return number `number`, from 0. A pixel with fewer returns is as one without any.
     pub fn of_return(frame: &SensorFrame, number: usize) -> Self {
         let mut image = Self::with_channels(frame, number, &CHANNELS);
-        if let Some(depth) = image.channel(main_depth_of(frame.capture.sensor)).cloned() {
-            image.channels.push(Channel { name: MAIN_DEPTH_ALIAS.to_owned(), samples: depth });
+        if let Some(depth) = image.channel(repeated_for_opencv(frame.capture.sensor)).cloned() {
+            image.channels.push(Channel { name: DEPTH_FOR_OPENCV.to_owned(), samples: depth });
             image.channels.sort_by(|a, b| a.name.cmp(&b.name));
         }
         image
@@ -88,6 +88,27 @@ impl Image {
         match self.channel(name)? {
             Samples::U32(values) => Some(values),
             Samples::F32(_) => None,
+        }
+    }
+
+    /// The same without a channel that repeats another.
+    #[must_use]
+    pub fn without_repeats(mut self) -> Self {
+        let repeats = DEPTHS.iter().any(|name| *name != DEPTH_FOR_OPENCV && self.channel(name).is_some());
+        self.channels.retain(|channel| !(repeats && channel.name == DEPTH_FOR_OPENCV));
+        self
+    }
+
+    /// The channel that says which pixels have a return, by its name: the first of [`DEPTHS`] that there is.
+    pub fn main_depth(&self) -> Option<(&'static str, &[f32])> {
+        DEPTHS.into_iter().find_map(|name| Some((name, self.f32(name)?)))
+    }
+
+    /// Which pixels have a return; all of them in an image that has no depth.
+    pub fn mask(&self) -> Vec<bool> {
+        match self.main_depth() {
+            Some((_, depth)) => depth.iter().map(|d| d.is_finite()).collect(),
+            None => vec![true; self.pixels()],
         }
     }
 

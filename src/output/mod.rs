@@ -29,8 +29,8 @@ mod registry;
 mod sensor_frame;
 
 pub use channel::{
-    BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, MAIN_DEPTH_ALIAS, NO_RETURN_M, Place, Sensors,
-    Values, channel, main_depth_of, no_return,
+    BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, NO_RETURN_M, Place, Scale,
+    Sensors, Shown, Values, channel, no_return,
 };
 pub use files::{Destination, GrowingFile, WrittenFile, write_file};
 pub use format::{EncodeError, FormatSpec, Kind, Stream};

@@ -7,8 +7,8 @@ use super::plan::Item;
 use super::session::Session;
 use crate::check::phrasing;
 use crate::error::Error;
+use crate::output::Image;
 use crate::output::recorded::{Cloud, Recorded};
-use crate::output::{Image, MAIN_DEPTH_ALIAS};
 use crate::scan::Frame;
 
 /// The images and clouds of one side, by name. A single file has the empty name.
@@ -67,7 +67,7 @@ impl Side {
                         0 => frame.to_owned(),
                         _ => format!("{frame}:{}", part.name),
                     };
-                    self.0.insert(name, Content::Image(without_repeats(part.image)));
+                    self.0.insert(name, Content::Image(part.image.without_repeats()));
                 }
             }
             Recorded::Cloud(cloud) => {
@@ -81,7 +81,7 @@ impl Side {
     pub fn add_frame(&mut self, session: &Session, item: &Item, frame: &Frame) {
         let image = Image::of(&session.sensor_frame(item, frame));
         let name = format!("{}/{:06}", session.sensor(item).name, item.frame);
-        self.0.insert(name, Content::Image(without_repeats(image)));
+        self.0.insert(name, Content::Image(image.without_repeats()));
     }
 
     /// Whether an image has a channel of that name, or a cloud a field.
@@ -117,12 +117,4 @@ impl Side {
         }
         Ok(self.0.iter().map(|(name, content)| (name.clone(), content, &other.0[name])).collect())
     }
-}
-
-/// Leaves out the channel `Y`, which repeats another channel, if that one is there.
-fn without_repeats(mut image: Image) -> Image {
-    if image.channel("range").is_some() || image.channel("Z").is_some() {
-        image.channels.retain(|channel| channel.name != MAIN_DEPTH_ALIAS);
-    }
-    image
 }

@@ -14,10 +14,9 @@ use serde_json::{Value, json};
 
 use super::frames::View;
 use super::pack;
-use crate::check::compare::main_depth;
 use crate::check::phrasing::digits;
 use crate::check::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
-use crate::output::{Image, NO_RETURN_M, Samples};
+use crate::output::{self, Channel, DEPTH_FOR_OPENCV, Image, NO_RETURN_M, Samples, Scale};
 use crate::source::suggest::escaped;
 
 const SCRIPT: &str = include_str!("page.js");
@@ -287,18 +286,21 @@ fn names_of_seen(view: &View, baseline: Option<&Image>) -> BTreeMap<u32, String>
 
 /// The channels in the order in which people ask for them, each with the settings by which the script shows it.
 fn channels(image: &Image, resolution: &dyn Fn(&str) -> f64) -> Value {
-    const FIRST: [&str; 7] = ["range", "Z", "intensity", "normal.X", "id.instance", "id.semantic", "time"];
-    // `Y` repeats another channel, triangles are too many to tell apart, and normals are shown with their first axis.
-    const LEFT_OUT: [&str; 4] = ["Y", "id.triangle", "normal.Y", "normal.Z"];
-    let first = FIRST.iter().filter_map(|name| Some((*name, image.channel(name)?)));
-    let has_main = image.channel("range").or(image.channel("Z")).is_some();
-    let others = image.channels.iter().map(|c| (c.name.as_str(), &c.samples)).filter(|(name, _)| {
-        let left_out = LEFT_OUT.contains(name) && (has_main || *name != "Y");
-        !FIRST.contains(name) && !left_out
-    });
-    let depth = main_depth(image).map(|(_, depth)| depth);
-    let all =
-        first.chain(others).filter_map(|(name, samples)| channel(image, name, samples, depth, resolution));
+    // A channel that has no declaration is from a file of someone else's, and comes last.
+    const LAST: u8 = u8::MAX;
+    let (main, depth) = image.main_depth().unzip();
+    let mut shown: Vec<(u8, &Channel)> = Vec::new();
+    for channel in &image.channels {
+        match output::channel(&channel.name) {
+            Some(spec) => shown.extend(spec.shown.map(|shown| (shown.rank, channel))),
+            None if channel.name == DEPTH_FOR_OPENCV && main != Some(DEPTH_FOR_OPENCV) => {} // it repeats another
+            None => shown.push((LAST, channel)),
+        }
+    }
+    shown.sort_by_key(|(rank, _)| *rank);
+    let all = shown
+        .into_iter()
+        .filter_map(|(_, Channel { name, samples })| channel(image, name, samples, depth, resolution));
     Value::Array(all.collect())
 }
 
@@ -311,21 +313,24 @@ fn channel(
 ) -> Option<Value> {
     let columns = image.columns;
     let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-    let (label, unit, scale) = match name {
-        "range" => ("range", "m", "log"),
-        "Z" => ("depth", "m", "log"),
-        "Y" => ("Y", "m", "log"),
-        "intensity" => ("intensity", "", "linear"),
-        "normal.X" => ("normal", "", "normal"),
-        "id.instance" => ("instance", "", "id"),
-        "id.semantic" => ("label", "", "id"),
-        "time" => ("time", "s", "linear"),
-        other if matches!(samples, Samples::U32(_)) => (other, "", "id"),
-        other => (other, "", "linear"),
+    let spec = output::channel(name);
+    let (label, scale) = match spec.and_then(|spec| spec.shown) {
+        Some(shown) => (shown.label, shown.scale),
+        None if name == DEPTH_FOR_OPENCV => (name, Scale::Log),
+        None if matches!(samples, Samples::U32(_)) => (name, Scale::Id),
+        None => (name, Scale::Linear),
+    };
+    let unit = spec.map_or(if name == DEPTH_FOR_OPENCV { "m" } else { "" }, |spec| spec.unit);
+    let scale_name = match scale {
+        Scale::Log => "log",
+        Scale::Linear => "linear",
+        Scale::Direction => "normal",
+        Scale::Id => "id",
     };
     let packed = match (name, samples) {
-        ("normal.X", _) => {
-            let axes = ["normal.X", "normal.Y", "normal.Z"].map(|axis| image.f32(axis));
+        _ if scale == Scale::Direction => {
+            let stem = name.strip_suffix('X')?;
+            let axes = ["X", "Y", "Z"].map(|axis| image.f32(&format!("{stem}{axis}")));
             let [Some(x), Some(y), Some(z)] = axes else { return None };
             let axis = |values: &[f32]| {
                 let rounded = values.iter().map(|v| (v.clamp(-1.0, 1.0) * 127.0).round() as i8 as u8);
@@ -338,7 +343,7 @@ fn channel(
             json!([pack::numbers("u16", &rounded, 2, columns)])
         }
         // Nothing is known of a pixel without a return, and a channel's 0 there would only cost bytes.
-        ("range" | "Z" | "Y", Samples::F32(values)) => {
+        (_, Samples::F32(values)) if scale == Scale::Log => {
             let known = |v: &f32| if v.is_finite() { *v } else { NO_RETURN_M as f32 };
             json!([pack::numbers("f32", &bits(&values.iter().map(known).collect::<Vec<_>>()), 4, columns)])
         }
@@ -349,7 +354,7 @@ fn channel(
         "key": name,
         "label": label,
         "unit": unit,
-        "scale": scale,
+        "scale": scale_name,
         "is_depth": depth.is_some_and(|depth| matches!(samples, Samples::F32(v) if std::ptr::eq(v.as_slice(), depth))),
         "resolution": resolution(name),
         "packed": packed,

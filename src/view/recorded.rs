@@ -6,7 +6,6 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::frames::View;
-use crate::check::compare::mask;
 use crate::error::Error;
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
@@ -102,7 +101,7 @@ fn of_exr(
     let several = parts.len() > 1;
     let part = |(index, part): (usize, Part)| {
         let name = if several { format!("{name}, {}", part.name) } else { name.to_owned() };
-        let depth = mask(&part.image);
+        let depth = part.image.mask();
         let returns = depth.iter().filter(|seen| **seen).count();
         let points = match cloud.filter(|cloud| index == 0 && cloud.points == returns) {
             Some(cloud) => positions(cloud).map(|points| points.into_iter().map(|(_, p)| p).collect()),

@@ -453,6 +453,7 @@ fn a_channel_of_ones_own_is_one_declaration() {
         about: "The square of the range.",
         no_return: -1.0,
         sensors: Sensors::All,
+        shown: None,
         values: Values::F32(|f, at| f.frame.returns().range_m[at.slot].powi(2)),
     };
     let sensor = lidar(2, 1);
