@@ -76,7 +76,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
     ),
     ("clap::", &["cli/"], "only the command line has flags"),
     ("toml::", &["config/"], "only config knows TOML"),
-    ("gltf_json", &["scene/gltf/"], "only the loader knows glTF"),
+    ("use gltf::", &["scene/gltf/"], "only the loader knows glTF"),
     ("unsafe", &["trace/simd/x86/"], "intrinsics are the one thing that needs it"),
 ];
 

@@ -5,9 +5,9 @@ use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gltf_json as json;
-use gltf_json::accessor::{ComponentType, Type};
-use gltf_json::validation::Checked;
+use gltf::json;
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::validation::Checked;
 use serde::Deserialize;
 
 use super::document::Document;

@@ -1,6 +1,6 @@
 //! The JSON of a glTF file: its types, and the checks that do not need its binary data.
 
-use gltf_json as json;
+use gltf::json;
 use serde::Deserialize;
 
 use super::fault::{Fault, quoted};
@@ -36,7 +36,7 @@ pub(super) struct Document {
     pub extensions_required: Vec<String>,
 }
 
-/// A scene. The type of gltf-json refuses a scene without nodes, which glTF allows.
+/// A scene. The type of the crate gltf refuses a scene without nodes, which glTF allows.
 #[derive(Deserialize)]
 pub(super) struct Scene {
     pub name: Option<String>,
@@ -44,7 +44,7 @@ pub(super) struct Scene {
     pub nodes: Vec<u32>,
 }
 
-/// A node. The type of gltf-json rounds transforms to f32, which is half a metre at Web Mercator coordinates.
+/// A node. The type of the crate gltf rounds transforms to f32, which is half a metre at Web Mercator coordinates.
 #[derive(Deserialize)]
 pub(super) struct Node {
     pub name: Option<String>,
@@ -63,7 +63,7 @@ pub(super) struct Node {
     pub extras: json::Extras,
 }
 
-/// A material's name and colour. The type of gltf-json also refuses materials whose textures or blending are wrong.
+/// A material's name and colour. The type of the crate gltf also refuses materials whose textures or blending are wrong.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Material {

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use glam::{DAffine3, DMat3, DVec3};
-use gltf_json as json;
-use gltf_json::accessor::{ComponentType, Type};
-use gltf_json::mesh::{Mode, Semantic};
-use gltf_json::validation::Checked;
+use gltf::json;
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::mesh::{Mode, Semantic};
+use gltf::json::validation::Checked;
 
 use super::data::{Data, Elements, Layout};
 use super::document::{DRACO, Document};

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use gltf_json::accessor::{ComponentType, Type};
+use gltf::json::accessor::{ComponentType, Type};
 
 use super::data::{Data, Layout};
 use super::document::{Document, Node};
