@@ -37,6 +37,7 @@ pub use job::{Config, InputFile, Job, MountedSensor, OutputSettings, SensorFile}
 use keys::GRAMMAR;
 use keys::job::JOB;
 use keys::sensor::SENSOR_FILE;
+pub(crate) use starter::comment;
 
 /// Reads a job with its sensor files. `overrides` are `key=value` pairs of `--set`, which win over the files: dotted keys
 /// as in TOML, with an index or a sensor's name where the job has a list (`sensor.top.range.max_m=50`), and a TOML value

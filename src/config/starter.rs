@@ -3,8 +3,9 @@
 use std::fmt::Write as _;
 
 use super::table::{Starter, TableKeys};
+use crate::source::suggest::printable;
 
-/// Longest line of a comment, in characters.
+/// The longest line of a comment, in characters.
 const WIDTH: usize = 110;
 
 /// The head of a job.
@@ -29,7 +30,7 @@ fn write_table(keys: &TableKeys, path: &str, values: &[(&str, &str)], text: &mut
         if path.is_empty() {
             text.push('\n');
         }
-        write_comment(facts.about, text);
+        text.push_str(&comment(facts.about));
         let _ = match starter {
             Starter::Written(value) => {
                 let given = values.iter().find(|(name, _)| *name == facts.name);
@@ -48,7 +49,7 @@ fn write_table(keys: &TableKeys, path: &str, values: &[(&str, &str)], text: &mut
             continue;
         }
         text.push('\n');
-        write_comment(facts.about, text);
+        text.push_str(&comment(facts.about));
         // A header without a written key stands as a comment, too.
         let _ = writeln!(text, "{}{header}", if is_written(inner) { "" } else { "#" });
         write_table(inner, &path, values, text);
@@ -64,22 +65,27 @@ fn is_written(keys: &TableKeys) -> bool {
     keys.keys.iter().any(|key| matches!(key.facts().starter, Some(Starter::Written(_))))
 }
 
-/// Writes a comment, in lines of at most [`WIDTH`] characters.
-fn write_comment(comment: &str, text: &mut String) {
-    let mut width = 0;
-    for word in comment.split_whitespace() {
-        let length = word.chars().count();
-        if width > 0 && width + 1 + length > WIDTH {
-            text.push('\n');
-            width = 0;
+/// A comment of TOML, in lines of at most [`WIDTH`] characters. An empty line separates paragraphs.
+pub(crate) fn comment(text: &str) -> String {
+    let mut comment = String::new();
+    for line in text.split('\n') {
+        let mut width = 0;
+        for word in line.split_whitespace() {
+            let word = printable(word);
+            let length = word.chars().count();
+            if width > 0 && width + 1 + length > WIDTH {
+                comment.push('\n');
+                width = 0;
+            }
+            if width == 0 {
+                comment.push('#');
+                width = 1;
+            }
+            comment.push(' ');
+            comment.push_str(&word);
+            width += 1 + length;
         }
-        if width == 0 {
-            text.push('#');
-            width = 1;
-        }
-        text.push(' ');
-        text.push_str(word);
-        width += 1 + length;
+        comment.push_str(if width == 0 { "#\n" } else { "\n" });
     }
-    text.push('\n');
+    comment
 }

@@ -2,11 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::config::toml_string;
-use crate::source::suggest::printable;
-
-/// The longest line of a comment, in characters.
-const WIDTH: usize = 110;
+use crate::config::{comment, toml_string};
 
 /// A sensor file that is being written.
 #[derive(Debug, Default)]
@@ -15,25 +11,7 @@ pub(super) struct Toml(String);
 impl Toml {
     /// Comments, wrapped. An empty line separates paragraphs.
     pub fn comment(&mut self, text: &str) {
-        for line in text.split('\n') {
-            let mut width = 0;
-            for word in line.split_whitespace() {
-                let word = printable(word);
-                let length = word.chars().count();
-                if width > 0 && width + 1 + length > WIDTH {
-                    self.0.push('\n');
-                    width = 0;
-                }
-                if width == 0 {
-                    self.0.push('#');
-                    width = 1;
-                }
-                self.0.push(' ');
-                self.0.push_str(&word);
-                width += 1 + length;
-            }
-            self.0.push_str(if width == 0 { "#\n" } else { "\n" });
-        }
+        self.0.push_str(&comment(text));
     }
 
     /// A line as it is, such as `#:schema …`.
@@ -115,7 +93,7 @@ mod tests {
         toml.comment(&format!("one\n\n{}", "word\u{1b}[2J ".repeat(30)));
         let text = toml.into_text();
         assert!(text.starts_with("# one\n#\n# word"), "{text}");
-        assert!(text.lines().all(|line| line.starts_with('#') && line.chars().count() <= WIDTH), "{text}");
+        assert!(text.lines().all(|line| line.starts_with('#') && line.chars().count() <= 110), "{text}");
         assert!(!text.contains('\u{1b}'));
     }
 
