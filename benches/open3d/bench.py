@@ -3,6 +3,7 @@
 
     python3 -m venv venv && venv/bin/pip install -r tests/open3d/requirements.txt   # Debian: apt-get install libusb-1.0-0
     venv/bin/python benches/open3d/bench.py [--scenes room,street] [--rays LiDAR,camera] [--rounds 7] [--scaling] [--json F]
+    python3 benches/open3d/bench.py --before CASTER    # an earlier build of benches/caster.rs in Open3D's place; needs numpy only
 
 Makes four scenes as GLB in a scratch folder, builds both structures, checks that the hits agree, and casts the same rays
 with both in turn (A B A B …, the first round discarded). Times on one thread are CPU times, on two wall times; ratios are
@@ -174,6 +175,53 @@ def measure(directory, caster, name, mesh, options):
     return result
 
 
+def measure_before(directory, caster, name, mesh, options):
+    """The same rays with this build and an earlier one in turn: the ratios of their times on one thread, a pair a round."""
+    vertices, triangles = mesh
+    path = directory / f"{name}.glb"
+    scenes.write_glb(path, vertices, triangles)
+    at = scenes.eye(name, vertices)
+    del mesh, triangles, vertices
+    both = [Ours(caster, path, 1), Ours(options.before, path, 1)]
+    builds = [who.built["build_s"] for who in both]
+    result = {"build_s": builds, "bytes": [who.built["bytes"] for who in both], "rays": {}}
+    seen = None
+    if "single" in options.rays:
+        directions, origins = scenes.rays("LiDAR", at)
+        scenes.write_rays(directory / "rays.bin", directions, origins)
+        both[0].do("rays", directory / "rays.bin")
+        both[0].do("hits", directory / "hits.bin")
+        seen = directions, np.fromfile(directory / "hits.bin", "<f8", len(directions))
+    for kind in options.rays:
+        directions, origins = scenes.rays(kind, at, seen)
+        scenes.write_rays(directory / "rays.bin", directions, origins)
+        hits = []
+        for who in both:
+            who.do("rays", directory / "rays.bin")
+            who.do("hits", directory / "hits.bin")
+            hits.append((directory / "hits.bin").read_bytes())
+        if hits[0] != hits[1]:
+            raise SystemExit(f"{name}, {kind}: the hits are not the same bits as before")
+        pairs = []
+        for turn in range(options.rounds + 1):
+            # Who goes first changes, so that a machine that slows down favours neither.
+            order = (0, 1) if turn % 2 == 0 else (1, 0)
+            times = {who: both[who].do("cast", 1)["cpu_s"] for who in order}
+            pairs.append((times[0], times[1]))
+        ratios = sorted(before / now for now, before in pairs[1:])
+        now, before = (statistics.median(pair[who] for pair in pairs[1:]) for who in (0, 1))
+        n = len(directions)
+        result["rays"][kind] = {"now": n / now / 1e6, "before": n / before / 1e6, "ratio": statistics.median(ratios), "ratios": ratios}
+        print(
+            f"{name:8} {kind:13} {n / now / 1e6:8.2f} {n / before / 1e6:8.2f} {statistics.median(ratios):7.3f}   "
+            f"{ratios[0]:5.2f}–{ratios[-1]:5.2f}",
+            flush=True,
+        )
+    for who in both:
+        who.close()
+    return result
+
+
 def build_table(results):
     print("\nscene    triangles   build s: ours  Open3D   B/triangle   peak MB: ours  Open3D   resident MB: ours  Open3D")
     for name, r in results.items():
@@ -237,6 +285,7 @@ def main():
     parser.add_argument("--rounds", type=int, default=7, help="pairs of casts that count")
     parser.add_argument("--builds", type=int, default=3)
     parser.add_argument("--scaling", action="store_true", help="also cost against triangles, rays and threads")
+    parser.add_argument("--before", metavar="CASTER", help="an earlier build of the caster, to be compared with in Open3D's place")
     parser.add_argument("--json", type=Path, help="write all of it there")
     options = parser.parse_args()
     options.rays = options.rays.split(",")
@@ -248,6 +297,17 @@ def main():
     ).stdout.splitlines()
     built = [m for m in map(json.loads, messages) if m.get("executable")]
     caster = next(m["executable"] for m in built if m["target"]["name"] == "caster")
+
+    if options.before:
+        print(f"{time.strftime('%Y-%m-%d')}, {machine()}; {options.rounds} rounds; one thread, Mrays/s\n")
+        print("scene    rays               now    before   ratio   (min – max)")
+        results = {}
+        with tempfile.TemporaryDirectory(prefix="beamcast-bench-") as directory:
+            for name in options.scenes.split(","):
+                results[name] = measure_before(Path(directory), caster, name, scenes.SCENES[name](), options)
+        if options.json:
+            options.json.write_text(json.dumps({"machine": machine(), "scenes": results}, indent=1) + "\n")
+        return
 
     import open3d as o3d
 
