@@ -38,7 +38,7 @@ impl Args {
 /// Times a job: loads it once, and builds its tracer and casts all its frames `--repeat` times.
 ///
 /// # Errors
-/// Of the job and the scene.
+/// The errors of the job and the scene; [`Error::Usage`] if they do not fit into the machine's memory.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let job = Arc::new(args.job.load(terminal)?);
     let plan = Plan::of(&job, Holding::Frame)?;

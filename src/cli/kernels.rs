@@ -33,7 +33,7 @@ pub struct Args {
 /// Measures every method and the exact definition.
 ///
 /// # Errors
-/// Of the scene.
+/// The errors of the scene.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let scene = match &args.scene {
         Some(path) => load(path, terminal)?,

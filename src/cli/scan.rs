@@ -49,7 +49,7 @@ impl Args {
 /// Runs a job: reads the job and its scene, builds the tracer, casts the frames, writes the files and then the manifest.
 ///
 /// # Errors
-/// Of the job, the scene and the output folder. Nothing is cast before all three are known to be good.
+/// The errors of the job, the scene and the output folder. Nothing is cast before all three are known to be good.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
     let job = load_job(args, terminal)?;

@@ -28,7 +28,7 @@ pub struct Args {
 /// Makes a page of what there is at a path.
 ///
 /// # Errors
-/// Of the job, the scene or the files; [`Error::Output`] if the page can't be written.
+/// The errors of the job, the scene or the files; [`Error::Output`] if the page can't be written.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
     let to_stdout = args.output.as_deref() == Some(Path::new("-"));

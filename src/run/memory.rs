@@ -10,7 +10,7 @@ use crate::scan::Frame;
 use crate::scene::Scene;
 use crate::sensor::{Pattern, Pulse, RayTable, Sensor};
 
-/// What a run holds in memory at the same time, which decides how much it needs.
+/// The frames, and the things made of them, that a run holds in memory at the same time. They decide how much it needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Holding {
     /// One frame after the other, and nothing that outlives it.

@@ -1,4 +1,4 @@
-//! What a job asks for, found and checked before anything is cast.
+//! The frames, files and memory that a job asks for, found and checked before anything is cast.
 
 use super::memory::{self, Holding};
 use crate::config::{Job, MountedSensor};
@@ -35,7 +35,7 @@ pub struct Item {
     pub outputs: Vec<Output>,
 }
 
-/// A file that a frame, or all of them, are written to.
+/// A file that one frame is written to, or all frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Output {
     /// The file's format.

@@ -63,7 +63,7 @@ pub(super) fn points(points: &[[f32; 3]]) -> Value {
 mod tests {
     use super::*;
 
-    /// What the script does.
+    /// Unpacks numbers as the page's script does.
     fn unpack(packed: &Value, bytes: usize) -> Vec<u32> {
         let data = STANDARD.decode(packed["data"].as_str().unwrap()).unwrap();
         let planes = miniz_oxide::inflate::decompress_to_vec(&data).unwrap();

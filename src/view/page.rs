@@ -430,7 +430,7 @@ mod tests {
         View { name: HOSTILE.to_owned(), image, points: Ok(points), instances }
     }
 
-    /// What a section's data say.
+    /// The data of a page's section.
     fn data(page: &str) -> Value {
         let (_, rest) = page.split_once("<script type=\"application/json\">").unwrap();
         serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
@@ -458,7 +458,7 @@ mod tests {
         assert_eq!(parts[0], "default-src 'none'");
         assert!(parts[1].starts_with("script-src 'sha256-") && parts[2].starts_with("style-src 'sha256-"));
         assert_eq!(parts[3..], ["base-uri 'none'", "form-action 'none'"]);
-        // What is hashed is what stands between the tags, so neither may hold its own end.
+        // The text between the tags is hashed, so neither text may hold its own end tag.
         assert!(page.contains(&format!("<script>{SCRIPT}</script>")) && !SCRIPT.contains("</script"));
         assert!(page.contains(&format!("<style>{STYLE}</style>")) && !STYLE.contains("</style"));
         for forbidden in ["http:", "https:", "src=", " style=", "onclick", "url("] {
