@@ -61,7 +61,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         refuse_to_accept(args)?;
     }
     let Found { mut jobs, passed_over, empty_folders, warnings } =
-        checking::find(&args.paths, &args.overrides, args.html.is_some())?;
+        checking::find(&args.paths, &args.overrides, args.html.is_some());
     for name in passed_over {
         terminal.detail(format_args!("{name}: nothing to check"));
     }
@@ -72,6 +72,12 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         ));
     }
     terminal.warn_of(&warnings);
+    if jobs.is_empty() {
+        return Err(Error::Usage(
+            "there is nothing to check: `beamcast check --accept JOB.toml` makes a job's first baseline"
+                .to_owned(),
+        ));
+    }
     let rays = jobs.iter().filter_map(Checked::plan).map(|plan| plan.rays).sum();
     let check_all = || check_all(args, &mut jobs, terminal, &interrupt);
     terminal.with_progress(rays, interrupt.progress(), check_all)?;

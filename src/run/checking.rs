@@ -80,10 +80,7 @@ pub struct Found {
 /// Reads the jobs that the paths name. A file must be a job; of a folder, the jobs that have something to be checked are
 /// taken: a baseline, `[check]` or `[[expect]]`. `overrides` are changes of keys, as [`config::load_job`] takes them.
 /// `with_page` says that views are kept for a page.
-///
-/// # Errors
-/// [`Error::Usage`] if there is no job at all.
-pub fn find(paths: &[PathBuf], overrides: &[String], with_page: bool) -> Result<Found, Error> {
+pub fn find(paths: &[PathBuf], overrides: &[String], with_page: bool) -> Found {
     let holding = if with_page { Holding::ComparedViews } else { Holding::Comparisons };
     let mut found = Found::default();
     let mut seen = Vec::new();
@@ -130,13 +127,7 @@ pub fn find(paths: &[PathBuf], overrides: &[String], with_page: bool) -> Result<
             found.empty_folders.push(path.clone());
         }
     }
-    if found.jobs.is_empty() {
-        return Err(Error::Usage(
-            "there is nothing to check: `beamcast check --accept JOB.toml` makes a job's first baseline"
-                .to_owned(),
-        ));
-    }
-    Ok(found)
+    found
 }
 
 /// Reads a job. `None` for a sensor file in a folder; a sensor file that the user named is an error.
