@@ -100,7 +100,7 @@ impl Caster {
                 [one] => Origins::Common(one),
                 _ => Origins::Each(&origins[range.clone()]),
             };
-            Rays { origins, directions: &directions[range], t_min: 0.0, t_max: f64::INFINITY }
+            Rays::unlimited(origins, &directions[range])
         };
         let tracer = &self.tracer;
         let items = directions.len().div_ceil(ITEM);
@@ -136,7 +136,7 @@ impl Caster {
             [one] => Origins::Common(one),
             _ => Origins::Each(&self.origins),
         };
-        let rays = Rays { origins, directions: &self.directions, t_min: 0.0, t_max: f64::INFINITY };
+        let rays = Rays::unlimited(origins, &self.directions);
         self.tracer.cast(&rays, &mut hits);
         let mut bytes = Vec::with_capacity(hits.len() * 12);
         for hit in &hits {

@@ -18,8 +18,7 @@ pub fn main() -> Result<(), Box<dyn Error>> {
     // Straight down from under the ceiling, every half metre along the room. Each ray has an origin of its own.
     let origins: Vec<_> = (-8..=8).map(|step| DVec3::new(0.5 * f64::from(step), 0.3, 2.5)).collect();
     let directions = vec![-DVec3::Z; origins.len()];
-    let down =
-        Rays { origins: Origins::Each(&origins), directions: &directions, t_min: 0.0, t_max: f64::INFINITY };
+    let down = Rays::unlimited(Origins::Each(&origins), &directions);
     let mut hits = vec![None; origins.len()];
     tracer.cast(&down, &mut hits);
     for (origin, hit) in origins.iter().zip(&hits) {
@@ -33,7 +32,7 @@ pub fn main() -> Result<(), Box<dyn Error>> {
     let eye = DVec3::new(-4.5, 0.0, 1.5);
     let targets = [DVec3::new(4.5, 0.0, 1.5), DVec3::new(20.0, 0.0, 1.5)];
     let towards = targets.map(|target| target - eye);
-    let sight = Rays { origins: Origins::Common(eye), directions: &towards, t_min: 0.0, t_max: 1.0 };
+    let sight = Rays { t_max: 1.0, ..Rays::unlimited(Origins::Common(eye), &towards) };
     let mut blocked = [false; 2];
     tracer.blocked(&sight, &mut blocked);
     for (target, blocked) in targets.iter().zip(blocked) {

@@ -183,10 +183,7 @@ fn targets(scene: &Scene, tracer: &Tracer, sensor: &Sensor, at: DVec3) -> Vec<Ta
         .map(|(row, column)| capture.pulse(row, column).expect("every beam has a pulse").direction)
         .collect();
     let mut hits = vec![None; directions.len()];
-    tracer.cast(
-        &Rays { origins: Origins::Common(at), directions: &directions, t_min: 0.0, t_max: f64::INFINITY },
-        &mut hits,
-    );
+    tracer.cast(&Rays::unlimited(Origins::Common(at), &directions), &mut hits);
     let seen = hits.into_iter().flatten().map(|hit: Hit| {
         let placement = &scene.arrangement.placements[hit.placement as usize];
         let mesh = &scene.geometry.meshes[placement.mesh as usize];
@@ -371,12 +368,7 @@ fn leaks(subjects: &[Subject], aim: Aim, rays: u64) -> Vec<f64> {
                 }));
                 hits.clear();
                 hits.resize(directions.len(), None);
-                let rays = Rays {
-                    origins: Origins::Common(origin),
-                    directions: &directions,
-                    t_min: 0.0,
-                    t_max: f64::INFINITY,
-                };
+                let rays = Rays::unlimited(Origins::Common(origin), &directions);
                 match &method {
                     Some(tracer) => tracer.cast(&rays, &mut hits),
                     None => exact.cast(&rays, &mut hits),

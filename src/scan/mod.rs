@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::frame::Pose;
 use crate::scene::Scene;
 use crate::sensor::Capture;
-use crate::trace::{Cast, Hit, Origins, Rays};
+use crate::trace::{Cast, Hit, Origins, PACKET_RAYS, Rays};
 
 use frame::ReturnsMut;
 pub use frame::{Cause, Frame, Return, Returns};
@@ -26,6 +26,7 @@ pub struct Progress {
 
 /// Rows and columns of a tile: as many rays as the tracer takes at once, and neighbours, so that they are a narrow pyramid.
 const TILE: (usize, usize) = (8, 16);
+const _: () = assert!(TILE.0 * TILE.1 == PACKET_RAYS);
 
 /// Columns of a strip, which is cast as one batch, tile by tile.
 const STRIP: usize = 16 * TILE.1;
@@ -151,6 +152,7 @@ impl<C: Cast> Scanner<'_, C> {
             directions,
             t_min: range.min_m,
             t_max: range.max_m,
+            after: None,
         };
         self.tracer.cast(&rays, hits);
         for (ray, (&(row, column), hit)) in pixels.iter().zip(hits.iter()).enumerate() {

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use super::methods::{Method, MethodTracer};
-use super::{Cast, Hit, Rays, Tracer, TraversalStats};
+use super::rays::{Cast, Hit, Rays};
+use super::stats::TraversalStats;
+use super::tracer::Tracer;
 use crate::scene::{Arrangement, Scene};
 
 /// The tracer that a job casts with, chosen once for a scene. Its clones share everything.

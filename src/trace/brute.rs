@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::exact::{Candidate, Corners, LocalRay};
-use super::{Cast, Hit, Rays};
+use super::exact::{Candidate, Corners, Limits, LocalRay};
+use super::rays::{Cast, Hit, Rays};
 use crate::scene::Scene;
 
 /// Applies the definition of a hit to every triangle that is not plainly far from the ray. It is slow, and right by
@@ -24,6 +24,7 @@ impl Cast for BruteForce<'_> {
             .enumerate()
             .map(|(ray, &direction)| LocalRay { origin: rays.origin(ray) - scene.geometry.centre, direction })
             .collect();
+        let limits: Vec<_> = (0..hits.len()).map(|ray| Limits::of(rays, ray)).collect();
         let mut nearest: Vec<Option<Candidate>> = vec![None; hits.len()];
         for (index, placement) in scene.arrangement.placements.iter().enumerate() {
             let local: Vec<_> = all
@@ -35,7 +36,7 @@ impl Cast for BruteForce<'_> {
             let mesh = &scene.geometry.meshes[placement.mesh as usize];
             for triangle in 0..mesh.triangles.len() as u32 {
                 let sphere = Sphere::around(&Corners::of(mesh, triangle, DVec3::ZERO), farthest);
-                for (&(ray, unit), best) in local.iter().zip(&mut nearest) {
+                for ((&(ray, unit), limits), best) in local.iter().zip(&limits).zip(&mut nearest) {
                     if sphere.is_clear_of(ray.origin, unit) {
                         continue;
                     }
@@ -45,8 +46,7 @@ impl Cast for BruteForce<'_> {
                     }
                     let t = corners.depth(ray.direction);
                     let found = Candidate { t, placement: index as u32, triangle };
-                    if (rays.t_min..=rays.t_max).contains(&t) && best.is_none_or(|known| found.beats(&known))
-                    {
+                    if limits.admits(&found) && best.is_none_or(|known| found.beats(&known)) {
                         *best = Some(found);
                     }
                 }

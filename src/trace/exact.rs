@@ -7,7 +7,8 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::{Hit, Origins, TraversalStats};
+use super::rays::{Hit, Origins, Rays};
+use super::stats::TraversalStats;
 use crate::scene::{Mesh, Placement};
 
 /// One f64 or several side by side, with operations of IEEE 754, whose results are fixed to the bit. The definition is written
@@ -438,6 +439,44 @@ impl Candidate {
         let normal = out_of(placement, facet.normal).normalized();
         let normal = DVec3::new(normal.0, normal.1, normal.2);
         Hit { t: self.t, u, v, normal, placement: self.placement, triangle: self.triangle }
+    }
+}
+
+/// The limits on the hits of one ray.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// The least depth, included. It is at least that of `after`.
+    pub t_min: f64,
+    /// The largest depth, included.
+    pub t_max: f64,
+    /// A hit that the ray's hit must follow in the order of [`Candidate::beats`].
+    pub after: Option<Candidate>,
+}
+
+impl Limits {
+    /// The limits of one ray of a batch.
+    pub fn of(rays: &Rays, ray: usize) -> Self {
+        Self::new(rays.t_min, rays.t_max, rays.after.and_then(|after| after[ray]))
+    }
+
+    /// Limits on the depth of hits that come after another hit, if there is one.
+    #[inline(always)]
+    pub(super) fn new(t_min: f64, t_max: f64, after: Option<Hit>) -> Self {
+        let after = after.map(|hit| Candidate { t: hit.t, placement: hit.placement, triangle: hit.triangle });
+        Self { t_min: after.map_or(t_min, |after| t_min.max(after.t)), t_max, after }
+    }
+
+    /// Whether a hit keeps within the limits.
+    #[inline]
+    pub fn admits(&self, found: &Candidate) -> bool {
+        self.admits_for::<true>(found)
+    }
+
+    /// [`Limits::admits`], for code that knows whether there is a hit to come after (`AFTER`).
+    #[inline(always)]
+    pub(super) fn admits_for<const AFTER: bool>(&self, found: &Candidate) -> bool {
+        (self.t_min..=self.t_max).contains(&found.t)
+            && (!AFTER || self.after.is_none_or(|after| after.beats(found)))
     }
 }
 

@@ -1,32 +1,58 @@
-//! The whole hits of rays whose nearest triangle is known: depth, weights, normal and ids, in f64 and eight rays side by side,
-//! from the leaf that is still in the cache.
-
-use std::array::from_fn;
+//! The attributes of hits whose triangles are known: depth, barycentric weights, normal and ids. They are computed in f64 for
+//! eight rays at a time, from leaf blocks that are still in the cache.
 
 use glam::{DAffine3, DVec3};
 
-use super::bvh::{LeafBlock, TriangleRef};
-use super::exact::{self, Corners, Facet, LocalRay, Xyz};
-use super::packet::NearestHits;
+use super::batch::{Batch, NearestHit, NearestHits, group_of};
+use super::bvh::{Bvh8, LeafBlock, TriangleRef};
+use super::exact::{self, Candidate, Corners, Facet, LocalRay, Xyz};
+use super::rays::{Hit, Origins};
 use super::simd::{F32x8, F64x8, Mask8, U32x8};
-use super::tracer::{Batch, Tracer};
-use super::{Hit, Origins};
+use crate::scene::Placement;
 
-impl Tracer {
-    /// The whole hits of a batch of at most a packet's rays.
+/// The triangles of a scene: its placements, and the hierarchy of each mesh.
+#[derive(Clone, Copy)]
+pub(super) struct Surfaces<'a> {
+    pub placements: &'a [Placement],
+    pub bvhs: &'a [Bvh8],
+}
+
+impl<'a> Surfaces<'a> {
+    /// The hierarchy of a placement's mesh.
     #[inline(always)]
-    pub(super) fn write_hits<S: F32x8>(&self, rays: &Batch, nearest: &NearestHits, hits: &mut [Option<Hit>]) {
+    pub fn bvh(&self, placement: u32) -> &'a Bvh8 {
+        &self.bvhs[self.placements[placement as usize].mesh as usize]
+    }
+
+    /// What of a hit decides its place in the order of hits.
+    pub fn candidate(&self, hit: &NearestHit) -> Candidate {
+        let block = LeafBlock::at(&self.bvh(hit.placement).blocks, hit.triangle.block_offset());
+        Candidate { t: hit.t, placement: hit.placement, triangle: block.id(hit.triangle.lane()) }
+    }
+
+    /// The hit of one ray, which is given in the scene's space.
+    pub fn hit(&self, ray: LocalRay, hit: &NearestHit) -> Hit {
+        let placement = &self.placements[hit.placement as usize];
+        let local = ray.carried(placement);
+        let block = LeafBlock::at(&self.bvh(hit.placement).blocks, hit.triangle.block_offset());
+        let corners = Corners::from_positions(block.positions(hit.triangle.lane()), local.origin);
+        self.candidate(hit).finish(&corners, local.direction, placement)
+    }
+
+    /// Writes the hits of a batch of at most [`PACKET_RAYS`](super::batch::PACKET_RAYS) rays.
+    #[inline(always)]
+    pub fn write_hits<S: F32x8>(&self, rays: &Batch, nearest: &NearestHits, hits: &mut [Option<Hit>]) {
         let mut last = None;
-        let mut room = [DVec3::ZERO; 8];
+        let mut buffer = [DVec3::ZERO; 8];
         for (group, hits) in hits.chunks_mut(8).enumerate() {
-            let found = nearest.hits(group) & ((1 << hits.len()) - 1);
+            let found = nearest.hits_of_group(group) & ((1 << hits.len()) - 1);
             if found != (1 << hits.len()) - 1 {
                 hits.fill(None);
             }
             if found == 0 {
                 continue;
             }
-            let directions = eight(rays.directions, group, &mut room);
+            let directions = group_of(rays.directions, group, &mut buffer);
             if found == 0xff
                 && self.write_hits_of_one_triangle::<S>(rays, directions, nearest, group, hits, &mut last)
             {
@@ -36,8 +62,8 @@ impl Tracer {
         }
     }
 
-    /// The whole hits of a group of rays if all hit the same triangle of placement 0; false if they don't. `last` is the
-    /// triangle of the previous ones.
+    /// Writes the hits of a group of eight rays if all of them start at one point and hit the same triangle of placement 0;
+    /// otherwise returns false. `last` is the triangle that the previous such group hit.
     #[inline(always)]
     fn write_hits_of_one_triangle<S: F32x8>(
         &self,
@@ -46,29 +72,29 @@ impl Tracer {
         nearest: &NearestHits,
         group: usize,
         hits: &mut [Option<Hit>],
-        last: &mut Option<Seen>,
+        last: &mut Option<SharedFacet>,
     ) -> bool {
         let Origins::Common(origin) = rays.origins else { return false };
-        let (slots, placements) = nearest.places(group);
-        let slot = TriangleRef(slots[0]);
-        if *slots != [slot.0; 8] || *placements != [0; 8] {
+        let (triangles, placements) = nearest.triangles_of_group(group);
+        let shared = TriangleRef(triangles[0]);
+        if *triangles != [shared.0; 8] || *placements != [0; 8] {
             return false;
         }
-        let Seen { facet, normal, triangle, .. } = match last {
-            Some(seen) if seen.slot == slot => seen,
+        let SharedFacet { facet, normal, id, .. } = match last {
+            Some(last) if last.triangle == shared => last,
             _ => {
-                let block = LeafBlock::at(&self.bvh(0).blocks, slot.block_offset());
-                let facet = Facet::new(Corners::from_positions(block.positions(slot.lane()), origin).xyz());
+                let block = LeafBlock::at(&self.bvh(0).blocks, shared.block_offset());
+                let facet = Facet::new(Corners::from_positions(block.positions(shared.lane()), origin).xyz());
                 let Xyz(x, y, z) = facet.normal.normalized();
-                last.insert(Seen {
-                    slot,
+                last.insert(SharedFacet {
+                    triangle: shared,
                     facet,
                     normal: DVec3::new(x, y, z),
-                    triangle: block.id(slot.lane()),
+                    id: block.id(shared.lane()),
                 })
             }
         };
-        let (normal, triangle) = (*normal, *triangle);
+        let (normal, triangle) = (*normal, *id);
         let facet = Facet::<S::F64x8>::splat(facet);
         let [x, y, z] = S::F64x8::load_xyz(directions);
         let d = Xyz(x, y, z);
@@ -84,7 +110,7 @@ impl Tracer {
         true
     }
 
-    /// The whole hits of the rays of a group that have one, a bit each in `found`, placement by placement.
+    /// Writes the hits of the rays of a group that have one (a bit each in `found`), placement by placement.
     #[inline(always)]
     fn write_hits_of_group<S: F32x8>(
         &self,
@@ -93,34 +119,34 @@ impl Tracer {
         (group, found): (usize, u32),
         hits: &mut [Option<Hit>],
     ) {
-        let (slots, placements) = nearest.places(group);
-        let (scene_o, scene_d) = rays.eight::<S>(group);
+        let (triangles, placements) = nearest.triangles_of_group(group);
+        let (scene_o, scene_d) = rays.group::<S>(group);
         let mut rest = found;
         while rest != 0 {
             let first = rest.trailing_zeros() as usize & 7;
             let placement = placements[first];
             let lanes = rest & (0..8).fold(0, |set, k| set | u32::from(placements[k] == placement) << k);
             rest &= !lanes;
-            // In the lanes of others, the same is worked out as in the first, and dropped.
-            let slot = S::select(
+            // The lanes of other placements repeat the computation of the first lane, and their results are dropped.
+            let refs = S::select(
                 S::Mask8::from_bits(lanes),
-                S::U32x8::load(slots).bitcast(),
-                S::U32x8::splat(slots[first]).bitcast(),
+                S::U32x8::load(triangles).bitcast(),
+                S::U32x8::splat(triangles[first]).bitcast(),
             );
-            let place = &self.scene.arrangement.placements[placement as usize];
+            let place = &self.placements[placement as usize];
             let (mut d, mut o) = (scene_d, scene_o);
             if placement != 0 && *place.mesh_from_scene() != DAffine3::IDENTITY {
                 d = exact::carried_direction(place.mesh_from_scene(), d);
                 o = exact::carried_point(place.mesh_from_scene(), o);
             }
             let bvh = self.bvh(placement);
-            let (corners, ids) = if *slots == [slots[first]; 8] {
-                let slot = TriangleRef(slots[first]);
-                let block = LeafBlock::at(&bvh.blocks, slot.block_offset());
-                let [a, b, c] = block.positions(slot.lane());
-                ([splat(a), splat(b), splat(c)], S::U32x8::splat(block.id(slot.lane())))
+            let (corners, ids) = if *triangles == [triangles[first]; 8] {
+                let triangle = TriangleRef(triangles[first]);
+                let block = LeafBlock::at(&bvh.blocks, triangle.block_offset());
+                let [a, b, c] = block.positions(triangle.lane());
+                ([splat(a), splat(b), splat(c)], S::U32x8::splat(block.id(triangle.lane())))
             } else {
-                LeafBlock::corners::<S>(&bvh.blocks, S::U32x8::bitcast_from(slot))
+                LeafBlock::corners::<S>(&bvh.blocks, S::U32x8::bitcast_from(refs))
             };
             let [a, b, c] = [in_f64(corners[0]), in_f64(corners[1]), in_f64(corners[2])];
             let facet = Facet::new([a.sub(o), b.sub(o), c.sub(o)]);
@@ -129,53 +155,42 @@ impl Tracer {
             let normal = exact::out_of(place, facet.normal).normalized();
             let (mut t, u, v) = (store(t), store(u), store(v));
             let (x, y, z) = (store(normal.0), store(normal.1), store(normal.2));
-            let mut triangles = [0; 8];
-            ids.store(&mut triangles);
+            let mut id = [0; 8];
+            ids.store(&mut id);
             if lanes & !within != 0 {
                 for k in (0..8).filter(|k| (lanes & !within) >> k & 1 != 0) {
-                    let slot = TriangleRef(slots[k]);
-                    let positions = LeafBlock::at(&bvh.blocks, slot.block_offset()).positions(slot.lane());
-                    let ray = rays.ray(group * 8 + k);
-                    let LocalRay { origin, direction } = ray.carried(place);
+                    let triangle = TriangleRef(triangles[k]);
+                    let positions =
+                        LeafBlock::at(&bvh.blocks, triangle.block_offset()).positions(triangle.lane());
+                    let LocalRay { origin, direction } = rays.ray(group * 8 + k).carried(place);
                     t[k] = Corners::from_positions(positions, origin).depth(direction);
                 }
             }
             for (k, hit) in hits.iter_mut().enumerate() {
                 if lanes >> k & 1 != 0 {
                     let normal = DVec3::new(x[k], y[k], z[k]);
-                    *hit = Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement, triangle: triangles[k] });
+                    *hit = Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement, triangle: id[k] });
                 }
             }
         }
     }
 }
 
-/// A triangle of placement 0, as the last rays that hit it needed it.
-struct Seen {
-    slot: TriangleRef,
+/// A triangle of placement 0 as seen from an origin that many rays share, kept for the next group that hits it.
+struct SharedFacet {
+    triangle: TriangleRef,
     facet: Facet<f64>,
     normal: DVec3,
-    triangle: u32,
+    id: u32,
 }
 
-/// The points of a group, filled up with the last one; `room` is for them.
-#[inline(always)]
-pub(super) fn eight<'r>(points: &'r [DVec3], group: usize, room: &'r mut [DVec3; 8]) -> &'r [DVec3; 8] {
-    let start = group * 8;
-    if let Some(Ok(eight)) = points.get(start..start + 8).map(TryFrom::try_from) {
-        return eight;
-    }
-    *room = from_fn(|k| points[(start + k).min(points.len() - 1)]);
-    room
-}
-
-/// One corner for all.
+/// One corner in all lanes.
 #[inline(always)]
 fn splat<S: F32x8>([x, y, z]: [f32; 3]) -> [S; 3] {
     [S::splat(x), S::splat(y), S::splat(z)]
 }
 
-/// A corner of eight triangles.
+/// A corner of eight triangles, in f64.
 #[inline(always)]
 pub(super) fn in_f64<S: F32x8>([x, y, z]: [S; 3]) -> Xyz<S::F64x8> {
     Xyz(S::F64x8::from_f32(x), S::F64x8::from_f32(y), S::F64x8::from_f32(z))

@@ -1,76 +1,77 @@
-//! Single rays of any origin: bounces, shadow tests, whatever is no packet. One ray against eight boxes or eight triangles,
-//! and up to 64 rays side by side ([`together`]).
+//! Single rays of any origin and direction: bounces, shadow rays, and all others that make no packet. One ray is tested against
+//! eight boxes or eight triangles at a time; [`stream`](super::stream) lets many rays take turns.
 //!
 //! # Boxes
-//! With w the axis along which a ray mostly goes, depth is counted along it: z = t·|d_w|. A ray enters a box at the largest
-//! of three z and leaves it at the least, each a plane times d_w/d_k less a constant of the ray (Kay and Kajiya, "Ray Tracing
-//! Complex Scenes", 1986). The planes' rounding is in the boxes' padding; that of the origin, here and in the constant, takes
-//! a few 2⁻²⁴ of it, for which boxes grow by [`Prepared`]'s slack; what is left is relative, and the far end gives way for it
-//! (Ize, "Robust BVH Ray Traversal", 2013). A ray that hardly moves along an axis is taken to move a little: by 2⁻⁶⁰ of its
-//! way, which is far less than the padding. Which plane it enters by is a matter of its direction's sign, and planes are read
-//! from where those lie.
+//! Let w be the axis along which a ray mostly goes. Depth is counted along it: z = t·|d_w|. A ray enters a box at the largest of
+//! three z and leaves it at the least of three, each of which is a plane times |d_w|/d_k, less a constant of the ray (Kay and
+//! Kajiya, "Ray Tracing Complex Scenes", 1986). The boxes' padding holds the rounding of the planes. The rounding of the origin,
+//! here and in the constant, costs a few 2⁻²⁴ of it, for which boxes grow by the slack in [`PreparedRays::prepare`]. The remaining
+//! error is relative, and the far end grows by it (Ize, "Robust BVH Ray Traversal", 2013). A ray that hardly moves along an axis is
+//! taken to move a little, by 2⁻⁶⁰ of its way, which is far less than the padding. The sign of the direction decides through
+//! which of the two planes of an axis a ray enters, so it is the offset at which planes are loaded.
 //!
-//! The nearest child comes next, the others in any order: that is for speed only. They are kept with where their boxes begin
-//! as it was computed, and dropped if that is beyond the nearest hit's depth, rounded up. (Only the numbers that tell which
-//! child is nearest lose three bits, to the child's own number.)
+//! A ray visits the nearest child next and the others in any order; only speed depends on that. Children are pushed with the
+//! depth at which their boxes begin, and are dropped if that is beyond the depth of the nearest hit, rounded up. (To tell which
+//! child is nearest, three bits of these depths are replaced by the child's lane.)
 //!
 //! # Triangles
-//! Seen along the ray, x′ = x − g_u·z and y′ = y − g_v·z (Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection",
-//! 2013), the edge b–c has E = x′_b·y′_c − y′_b·x′_c = det(g, b, c). With u = 2⁻²⁴, s = |o|∞ + the largest |coordinate| of the
-//! mesh, and X the largest |x′|, |y′| of a triangle, a corner's x′ is off by (in units of u·s)
+//! Sheared along the ray, x′ = x − g_u·z and y′ = y − g_v·z (Woop, Benthin, Wald, "Watertight Ray/Triangle Intersection", 2013), the
+//! edge b–c has the edge function E = x′_b·y′_c − y′_b·x′_c = det(g, b, c). Let u = 2⁻²⁴, s = |o|∞ + the largest |coordinate| of the
+//! mesh, and X the largest |x′| or |y′| of a triangle. The x′ of a corner is off by (in units of u·s)
 //!
-//! | from | error |
+//! | source | error |
 //! |---|---|
-//! | the origin's rounding and the subtraction, in x and, times \|g\| ≤ 1, in z | 4 |
-//! | the rounding of g, times \|z\| | 1 |
-//! | the product and the difference, of size 2s at most | 3 |
+//! | the origin is rounded and subtracted, in x and, times \|g\| ≤ 1, in z | 4 |
+//! | g is rounded, times \|z\| | 1 |
+//! | the product and the difference are at most 2s | 3 |
 //!
-//! δ = 8u·s in all. E is then off by at most 4δX + 2δ² + 4u·X² (two products and a difference), and X ≤ 2s + δ: by
-//! 40u·s·X and terms in u²s², 128 of the first kind. [`EDGE`] and [`EDGE_SQUARED`] leave room. All three E beyond the bound on
-//! one side are a hit, two on different sides are a miss, and what lies between is decided by [`exact`](super::exact). Depths
-//! are those of [`exact`](super::exact), by the same code, so nothing is decided by any that is rounded otherwise.
+//! The sum is δ = 8u·s. E is then off by at most 4δX + 2δ² + 4u·X² (two products and a difference), and X ≤ 2s + δ: by 40u·s·X
+//! and terms in u²s², 128 of the first kind. [`EDGE`] and [`EDGE_SQUARED`] leave room. Three E beyond the bound on one side are
+//! a hit, two on different sides are a miss, and [`exact`](super::exact) decides everything in between. Depths are computed by
+//! the code of [`exact`](super::exact), so no other rounding reaches a result.
 
 use std::hint::select_unpredictable;
 
+use super::batch::NearestHit;
 use super::bvh::{Bvh8, Child, LeafBlock, Node, TriangleRef, WIDTH};
-use super::exact::{Candidate, Corners, LocalRay, Real, Xyz};
-use super::packet::{TINY, U};
+use super::exact::{Candidate, Corners, Limits, LocalRay, Real, Xyz};
+use super::rounding::{TINY, U};
 use super::simd::{F32x8, F32x16, F64x8, Mask8, U32x8};
 use super::stats::TraversalStats;
-use super::tracer::NearestHit;
 
-/// Error of an edge function in units of u·s·X, and in units of u²·s².
+/// The error of an edge function, in units of u·s·X.
 const EDGE: f32 = 48.0;
+/// The further error of an edge function, in units of u²·s².
 const EDGE_SQUARED: f32 = 256.0;
 
-/// u, v and w for each w.
+/// The axes u, v and w for each w.
 const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
-/// Rays in the space of a mesh (or of the scene), prepared.
-pub(super) struct Prepared<const N: usize> {
-    /// Of each of x, y, z: |d_w|/d_k, and what is added to planes times that, to those where the ray enters and those where it
-    /// leaves.
+/// Rays in the space of a mesh or of the scene, prepared for tests against boxes and triangles.
+pub(super) struct PreparedRays<const N: usize> {
+    /// For each of x, y and z: |d_w|/d_k, and the terms that are added to a plane times that, for the plane where the ray
+    /// enters and for that where it leaves.
     inverse: [[f32; N]; 3],
     from_near: [[f32; N]; 3],
     from_far: [[f32; N]; 3],
-    /// Where in a node's planes those begin where the ray enters: 0, or [`WIDTH`] if it goes down the axis.
+    /// The offset in a node's planes of those where the ray enters: 0, or [`WIDTH`] if it goes down the axis.
     near: [[u32; N]; 3],
-    /// Depths along w that hits may have.
+    /// The limits of the depth along w.
     z_min: [f32; N],
     pub(super) z_max: [f32; N],
-    /// Which axis is w.
+    /// The axis w.
     pub(super) w: [u32; N],
     /// d_u/d_w and d_v/d_w.
     g: [[f32; N]; 2],
     /// The origin, in the order u, v, w.
     origin: [[f32; N]; 3],
-    /// The bound of an edge function's error: times X, and alone.
+    /// The error bound of an edge function: a factor of X, and a constant.
     bound: [[f32; N]; 2],
-    /// |d_w|: what depths are times, to be along w.
+    /// |d_w|, the factor from depths along the ray to depths along w.
     stretch: [f64; N],
 }
 
-impl<const N: usize> Prepared<N> {
+impl<const N: usize> PreparedRays<N> {
     pub(super) const NONE: Self = Self {
         inverse: [[0.0; N]; 3],
         from_near: [[0.0; N]; 3],
@@ -85,8 +86,8 @@ impl<const N: usize> Prepared<N> {
         stretch: [0.0; N],
     };
 
-    /// Prepares the eight rays of a group for hits from `t_min` to `t_max`. Gives a bit each for those that f32 is of use
-    /// for: finite, and of sizes whose cubes don't leave f32's range.
+    /// Prepares the eight rays of a group for hits from `t_min` to `t_max`. Returns one bit for each ray that f32 can serve: it
+    /// is finite, and the cubes of its coordinates stay within f32's range.
     #[inline(always)]
     pub(super) fn prepare<S: F32x8>(
         &mut self,
@@ -94,14 +95,14 @@ impl<const N: usize> Prepared<N> {
         o: Xyz<S::F64x8>,
         d: Xyz<S::F64x8>,
         largest: f32,
-        (t_min, t_max): (f64, f64),
+        (t_min, t_max): (S::F64x8, f64),
     ) -> u32 {
         let constant = S::F64x8::splat;
         let along = Xyz(d.0.abs(), d.1.abs(), d.2.abs());
         let away = Xyz(o.0.abs(), o.1.abs(), o.2.abs());
         let farthest = away.0.max(away.1).max(away.2);
         let stretch = along.0.max(along.1).max(along.2);
-        // (In this form NaN doesn't pass.)
+        // In this form NaN does not pass.
         let near_by = constant(1e12 - f64::from(largest));
         let in_range = away.0.le(near_by) & away.1.le(near_by) & away.2.le(near_by);
         let in_range = in_range & constant(1e-30).le(stretch) & stretch.le(constant(1e30));
@@ -111,7 +112,7 @@ impl<const N: usize> Prepared<N> {
         let is_y = S::Mask8::from_bits(along.2.le(along.1));
         let numbers = |k: u32| S::splat(f32::from_bits(k));
         let w = S::select(is_x, numbers(0), S::select(is_y, numbers(1), numbers(2)));
-        S::U32x8::bitcast_from(w).store(part(&mut self.w, group));
+        S::U32x8::bitcast_from(w).store(group_part(&mut self.w, group));
 
         let per_stretch = constant(1.0).div(stretch);
         let parts =
@@ -123,50 +124,52 @@ impl<const N: usize> Prepared<N> {
             let least = S::splat(1.0 / (1_u64 << 60) as f32);
             let moves = parts[axis].abs().max(least).xor(signs);
             let inverse = S::splat(1.0).div(moves);
-            // Boxes grow on both sides: a lower plane is the nearer by the slack, an upper one the farther.
+            // Boxes grow on both sides: the slack moves lower planes down and upper planes up.
             let slack = slack.xor(signs);
             let minus = inverse.neg();
-            inverse.store(part(&mut self.inverse[axis], group));
-            at[axis].add(slack).mul(minus).store(part(&mut self.from_near[axis], group));
-            at[axis].sub(slack).mul(minus).store(part(&mut self.from_far[axis], group));
+            inverse.store(group_part(&mut self.inverse[axis], group));
+            at[axis].add(slack).mul(minus).store(group_part(&mut self.from_near[axis], group));
+            at[axis].sub(slack).mul(minus).store(group_part(&mut self.from_far[axis], group));
             let eights = S::U32x8::bitcast_from(signs).shift_right(S::U32x8::splat(28));
-            eights.store(part(&mut self.near[axis], group));
+            eights.store(group_part(&mut self.near[axis], group));
         }
         let signs = S::select(is_x, parts[0], S::select(is_y, parts[1], parts[2])).sign_bits();
         let gu = S::select(is_x, parts[1], S::select(is_y, parts[2], parts[0]));
         let gv = S::select(is_x, parts[2], S::select(is_y, parts[0], parts[1]));
-        gu.xor(signs).store(part(&mut self.g[0], group));
-        gv.xor(signs).store(part(&mut self.g[1], group));
+        gu.xor(signs).store(group_part(&mut self.g[0], group));
+        gv.xor(signs).store(group_part(&mut self.g[1], group));
         let u = S::select(is_x, at[1], S::select(is_y, at[2], at[0]));
         let v = S::select(is_x, at[2], S::select(is_y, at[0], at[1]));
         let w = S::select(is_x, at[0], S::select(is_y, at[1], at[2]));
-        u.store(part(&mut self.origin[0], group));
-        v.store(part(&mut self.origin[1], group));
-        w.store(part(&mut self.origin[2], group));
+        u.store(group_part(&mut self.origin[0], group));
+        v.store(group_part(&mut self.origin[1], group));
+        w.store(group_part(&mut self.origin[2], group));
 
         let size = farthest.add(constant(f64::from(largest))).to_f32();
         let unit = size.mul(S::splat(U * (1.0 + 4.0 * U)));
-        unit.mul(S::splat(EDGE)).store(part(&mut self.bound[0], group));
-        unit.mul(unit).mul_add(S::splat(EDGE_SQUARED), S::splat(TINY)).store(part(&mut self.bound[1], group));
-        let z_min = constant(t_min).mul(stretch).to_f32().mul(S::splat(1.0 - 4.0 * U));
-        z_min.store(part(&mut self.z_min, group));
+        unit.mul(S::splat(EDGE)).store(group_part(&mut self.bound[0], group));
+        unit.mul(unit)
+            .mul_add(S::splat(EDGE_SQUARED), S::splat(TINY))
+            .store(group_part(&mut self.bound[1], group));
+        let z_min = t_min.mul(stretch).to_f32().mul(S::splat(1.0 - 4.0 * U));
+        z_min.store(group_part(&mut self.z_min, group));
         let z_max = constant(t_max).mul(stretch).to_f32().mul_add(S::splat(1.0 + 8.0 * U), S::splat(TINY));
-        z_max.min(S::splat(f32::MAX)).store(part(&mut self.z_max, group));
-        stretch.store(part(&mut self.stretch, group));
+        z_max.min(S::splat(f32::MAX)).store(group_part(&mut self.z_max, group));
+        stretch.store(group_part(&mut self.stretch, group));
         in_range
     }
 
-    /// Hits of a ray beyond this depth are of no more use.
+    /// Ends the search of a ray at the depth of its nearest hit.
     #[inline(always)]
     pub(super) fn limit(&mut self, ray: usize, t: f64) {
         let z_max = (t * self.stretch[ray]) as f32 * (1.0 + 8.0 * U) + TINY;
         self.z_max[ray] = z_max.min(f32::MAX);
     }
 
-    /// Visits a node: gives the nearest child that the ray may meet, or if there is none, what is next on the stack; and the
-    /// stack's top, below which the other children are now.
+    /// Visits a node. Returns the nearest child that the ray may meet, or the next entry of the stack if it meets none, and the
+    /// new top of the stack, onto which the other children are pushed.
     #[inline(always)]
-    pub(super) fn step<S: F32x8>(
+    pub(super) fn visit_node<S: F32x8>(
         &self,
         ray: usize,
         node: &Node,
@@ -180,8 +183,8 @@ impl<const N: usize> Prepared<N> {
         let far = x[1].min(y[1]).min(z[1]).mul(S::splat(1.0 + 8.0 * U)).min(z_max);
         let is_met = far.ge(near);
         let met = is_met.bits();
-        // Nothing predicts which child is nearest, nor whether there is any, so there are no branches on it. The nearest has
-        // the least of numbers that end in the lanes' own.
+        // Which child is nearest, and whether there is any, is unpredictable, so there are no branches on it. The depths are
+        // tagged with their lanes in the last three bits, so that the least one names its lane.
         let numbered = near.and(S::splat(f32::from_bits(!7))).xor(S::load(&LANES));
         let least = S::select(is_met, numbered, S::splat(f32::INFINITY)).reduce_min();
         let lane = (least.to_bits() & 7) as usize;
@@ -194,11 +197,11 @@ impl<const N: usize> Prepared<N> {
         )
     }
 
-    /// Where a ray enters and leaves the boxes' slabs along one axis.
+    /// The depths along w at which a ray enters and leaves the slabs of eight boxes along one axis.
     #[inline(always)]
     fn slab<S: F32x8>(&self, ray: usize, node: &Node, axis: usize) -> [S; 2] {
         let inverse = S::splat(self.inverse[axis][ray]);
-        // Found by address rather than branched on: directions come in any order.
+        // The sign of the direction selects by address rather than by a branch, because directions come in any order.
         let start = self.near[axis][ray] as usize & WIDTH;
         let planes = &node.planes[axis];
         let near = S::load(planes[start..start + WIDTH].try_into().unwrap());
@@ -210,7 +213,7 @@ impl<const N: usize> Prepared<N> {
         ]
     }
 
-    /// x′ and y′ of vertices, and the larger |x′| or |y′|.
+    /// The x′ and y′ of vertices, and the larger of |x′| and |y′|.
     #[inline(always)]
     fn sheared<S: F32x8>(&self, ray: usize, [u, v, w]: [S::F32x16; 3]) -> [S::F32x16; 3] {
         let splat = S::F32x16::splat;
@@ -220,9 +223,9 @@ impl<const N: usize> Prepared<N> {
         [x, y, x.abs().max(y.abs())]
     }
 
-    /// The triangles of a block that a ray may hit, a bit each, and those of them that it surely does.
+    /// The three edge functions of a ray for the triangles of a block, and the bound of their errors.
     #[inline(always)]
-    pub(super) fn test_leaf<S: F32x8>(&self, ray: usize, block: &LeafBlock) -> (u32, u32) {
+    fn edge_functions<S: F32x8>(&self, ray: usize, block: &LeafBlock) -> ([S; 3], S) {
         let corners = block.corner_vertices::<S>();
         let [u, v, w] = AXES[self.w[ray] as usize % 3];
         let (u, v, w) = (block.coordinates::<S>(u), block.coordinates::<S>(v), block.coordinates::<S>(w));
@@ -247,18 +250,24 @@ impl<const N: usize> Prepared<N> {
         let ea = x[1].mul_sub(y[2], y[1].mul(x[2]));
         let eb = x[2].mul_sub(y[0], y[2].mul(x[0]));
         let ec = x[0].mul_sub(y[1], y[0].mul(x[1]));
-        let (least, most) = (ea.min(eb).min(ec), ea.max(eb).max(ec));
         let reach = reach[0].max(reach[1]).max(reach[2]);
-        let bound = reach.mul_add(S::splat(self.bound[0][ray]), S::splat(self.bound[1][ray]));
+        ([ea, eb, ec], reach.mul_add(S::splat(self.bound[0][ray]), S::splat(self.bound[1][ray])))
+    }
+
+    /// The triangles of a block that a ray may hit, one bit each, and those that it certainly hits.
+    #[inline(always)]
+    pub(super) fn test_leaf<S: F32x8>(&self, ray: usize, block: &LeafBlock) -> (u32, u32) {
+        let ([ea, eb, ec], bound) = self.edge_functions::<S>(ray, block);
+        let (least, most) = (ea.min(eb).min(ec), ea.max(eb).max(ec));
         let outer = bound.neg();
-        // In this form nothing that isn't a number passes for a miss.
+        // In this form a NaN is no miss.
         let miss = most.ge(bound).and(outer.ge(least)).bits();
         let maybe = !miss & ((1 << block.triangles) - 1);
         (maybe, least.ge(bound).or(outer.ge(most)).bits())
     }
 }
 
-/// Lanes' numbers, as bits.
+/// The lanes 0 to 7 as the bits of f32 numbers.
 const LANES: [f32; 8] = {
     let mut lanes = [0.0; 8];
     let mut lane = 0;
@@ -269,30 +278,30 @@ const LANES: [f32; 8] = {
     lanes
 };
 
-/// A group's part of what there is of rays.
+/// The eight elements of a group in a table of all rays.
 #[inline(always)]
-fn part<T, const N: usize>(of_rays: &mut [T; N], group: usize) -> &mut [T; 8] {
+fn group_part<T, const N: usize>(of_rays: &mut [T; N], group: usize) -> &mut [T; 8] {
     (&mut of_rays[8 * group..8 * group + 8]).try_into().unwrap()
 }
 
-/// Room for what is to be visited, the next at the top: children, and where their boxes begin along w. Below [`BOTTOM`], the
-/// first of all, is what ends the walk, and is never too far.
+/// The memory of a traversal stack, the next entry on top: children, and the depths along w at which their boxes begin. The entry
+/// below [`BOTTOM`] ends the traversal, and is never too far.
 pub(super) struct StackSlices<'s> {
     pub(super) nears: &'s mut [f32],
     pub(super) children: &'s mut [u32],
 }
 
-/// Where an empty stack's top is: there are always eight to look at below.
+/// The top of an empty stack. There are always eight entries below the top to look at.
 pub(super) const BOTTOM: usize = 8;
 
 impl StackSlices<'_> {
-    /// Makes it an empty stack.
+    /// Makes this an empty stack.
     #[inline(always)]
     pub(super) fn clear(&mut self) {
         (self.nears[BOTTOM - 1], self.children[BOTTOM - 1]) = (f32::NEG_INFINITY, Child::node(0).bits());
     }
 
-    /// Puts those of a node's children on the stack whose bit is set. (Writes eight.)
+    /// Pushes the children of a node whose bit is set. (Writes eight entries.)
     #[inline(always)]
     fn push<S: F32x8>(&mut self, nears: S, children: S::U32x8, which: u32, top: usize) {
         let children = S::U32x8::bitcast_from(children.bitcast().compress_by_bits(which));
@@ -300,13 +309,13 @@ impl StackSlices<'_> {
         children.store((&mut self.children[top..top + 8]).try_into().unwrap());
     }
 
-    /// Takes the next that is not too far, and gives the top where it was.
+    /// Pops the next child that is not too far, and returns it with the new top.
     #[inline(always)]
     pub(super) fn pop<S: F32x8>(&self, z_max: S, top: usize) -> (Child, usize) {
         self.pop_if::<S>(true, z_max, top)
     }
 
-    /// The same; anything if it isn't needed.
+    /// [`StackSlices::pop`], or any child and top if none is needed.
     #[inline(always)]
     fn pop_if<S: F32x8>(&self, is_needed: bool, z_max: S, top: usize) -> (Child, usize) {
         let mut start = top - 8;
@@ -320,28 +329,28 @@ impl StackSlices<'_> {
     }
 }
 
-/// A ray by itself.
+/// A ray that is traced alone.
 pub(super) struct SingleRay {
     ray: LocalRay,
-    /// Eight times the same.
-    prepared: Prepared<8>,
+    /// The ray in all eight places of a group.
+    prepared: PreparedRays<8>,
 }
 
-/// What a ray by itself is to visit.
+/// The traversal stack of a ray that is traced alone.
 #[derive(Default)]
-pub(super) struct Stack {
+pub(super) struct RayStack {
     nears: Vec<f32>,
     children: Vec<u32>,
     top: usize,
     pub stats: TraversalStats,
 }
 
-impl Stack {
-    /// Puts the root on an empty stack.
+impl RayStack {
+    /// Pushes the root of a hierarchy onto an empty stack.
     #[inline(always)]
-    pub fn start(&mut self, bvh: &Bvh8) {
-        self.make_room(BOTTOM);
-        self.stacked().clear();
+    pub fn push_root(&mut self, bvh: &Bvh8) {
+        self.reserve(BOTTOM);
+        self.slices().clear();
         self.top = BOTTOM;
         if !bvh.nodes.is_empty() {
             (self.nears[BOTTOM], self.children[BOTTOM]) = (f32::NEG_INFINITY, Child::node(0).bits());
@@ -350,21 +359,21 @@ impl Stack {
     }
 
     #[inline(always)]
-    fn stacked(&mut self) -> StackSlices<'_> {
+    fn slices(&mut self) -> StackSlices<'_> {
         StackSlices { nears: &mut self.nears, children: &mut self.children }
     }
 
-    /// Makes room for a node's children.
+    /// Reserves the memory for the children of a node.
     #[inline(always)]
-    fn make_room(&mut self, top: usize) {
+    fn reserve(&mut self, top: usize) {
         if top + WIDTH > self.nears.len() {
-            self.lengthen();
+            self.grow();
         }
     }
 
     #[cold]
     #[inline(never)]
-    fn lengthen(&mut self) {
+    fn grow(&mut self) {
         let length = (self.nears.len() * 2).max(128);
         self.nears.resize(length, 0.0);
         self.children.resize(length, 0);
@@ -372,29 +381,30 @@ impl Stack {
 }
 
 impl SingleRay {
-    /// Prepares a ray for hits from `t_min` to `t_max`. `None` if f32 is no use for it: not finite, or of sizes whose cubes
-    /// leave f32's range.
+    /// Prepares a ray for hits within limits on its depth, in a mesh whose largest |coordinate| is `largest`. Returns `None` if
+    /// the ray is not finite or cubes of its coordinates leave f32's range.
     #[inline(always)]
-    pub fn new<S: F32x8>(ray: LocalRay, largest: f32, limits: (f64, f64)) -> Option<Self> {
-        let mut prepared = Prepared::NONE;
+    pub fn new<S: F32x8>(ray: LocalRay, largest: f32, limits: &Limits) -> Option<Self> {
+        let mut prepared = PreparedRays::NONE;
+        let limits = (S::F64x8::splat(limits.t_min), limits.t_max);
         let (o, d) = (Xyz::constant(ray.origin), Xyz::constant(ray.direction));
         let in_range = prepared.prepare::<S>(0, o, d, largest, limits);
         (in_range != 0).then_some(Self { ray, prepared })
     }
 
-    /// Hits beyond this depth are of no more use.
+    /// Ends the search at the depth of the nearest hit.
     #[inline(always)]
     pub fn limit(&mut self, t: f64) {
         self.prepared.limit(0, t);
     }
 
-    /// Calls for every leaf whose box the ray may meet come from here: the next one, nearer boxes first.
+    /// The next leaf whose box the ray may meet, nearer boxes first.
     #[inline(always)]
-    pub fn next_leaf<S: F32x8>(&self, bvh: &Bvh8, stack: &mut Stack) -> Option<u32> {
+    pub fn next_leaf<S: F32x8>(&self, bvh: &Bvh8, stack: &mut RayStack) -> Option<u32> {
         let z_max = S::splat(self.prepared.z_max[0]);
         let mut top = stack.top;
         let mut child;
-        (child, top) = stack.stacked().pop::<S>(z_max, top);
+        (child, top) = stack.slices().pop::<S>(z_max, top);
         while top >= BOTTOM {
             match child.get() {
                 Ok(leaf) => {
@@ -403,10 +413,10 @@ impl SingleRay {
                 }
                 Err(node) => {
                     stack.stats.nodes += 1;
-                    stack.make_room(top);
+                    stack.reserve(top);
                     let before = top;
                     (child, top) =
-                        self.prepared.step::<S>(0, &bvh.nodes[node as usize], &mut stack.stacked(), top);
+                        self.prepared.visit_node::<S>(0, &bvh.nodes[node as usize], &mut stack.slices(), top);
                     for pushed in before..top {
                         bvh.prefetch::<S>(Child::from_bits(stack.children[pushed]));
                     }
@@ -417,18 +427,18 @@ impl SingleRay {
         None
     }
 
-    /// Betters `best` by the triangles of a block; true if it did.
+    /// Replaces `best` by the nearest hit in a block, if that is nearer, and returns whether it did. `AFTER` tells whether
+    /// [`Limits::after`] counts.
     #[inline(always)]
-    pub fn test_leaf<S: F32x8>(
+    pub fn test_leaf<S: F32x8, const AFTER: bool>(
         &mut self,
         bvh: &Bvh8,
         block_offset: u32,
         placement: u32,
-        limits: (f64, f64),
+        limits: &Limits,
         best: &mut Option<NearestHit>,
         stats: &mut TraversalStats,
     ) -> bool {
-        let (t_min, t_max) = limits;
         let block = LeafBlock::at(&bvh.blocks, block_offset);
         let (mut maybe, sure) = self.prepared.test_leaf::<S>(0, &block);
         stats.leaves += 1;
@@ -444,12 +454,12 @@ impl SingleRay {
             let t = corners.depth(self.ray.direction);
             let found = Candidate { t, placement, triangle: block.id(lane) };
             let beats = |known: &NearestHit| {
-                // The triangle matters only if it is of this placement.
-                let triangle = if known.placement == placement { id(bvh, known.slot) } else { 0 };
+                // The triangle's id decides only within a placement.
+                let triangle = if known.placement == placement { id(bvh, known.triangle) } else { 0 };
                 found.beats(&Candidate { t: known.t, placement: known.placement, triangle })
             };
-            if (t_min..=t_max).contains(&t) && best.as_ref().is_none_or(beats) {
-                *best = Some(NearestHit { t, placement, slot: TriangleRef::new(block_offset, lane) });
+            if limits.admits_for::<AFTER>(&found) && best.as_ref().is_none_or(beats) {
+                *best = Some(NearestHit { t, placement, triangle: TriangleRef::new(block_offset, lane) });
                 self.limit(t);
                 found_any = true;
             }
@@ -458,14 +468,14 @@ impl SingleRay {
     }
 }
 
-/// A triangle's id in its mesh.
+/// The id of a triangle in its mesh.
 #[inline(always)]
-pub(super) fn id(bvh: &Bvh8, slot: TriangleRef) -> u32 {
-    LeafBlock::at(&bvh.blocks, slot.block_offset()).id(slot.lane())
+pub(super) fn id(bvh: &Bvh8, triangle: TriangleRef) -> u32 {
+    LeafBlock::at(&bvh.blocks, triangle.block_offset()).id(triangle.lane())
 }
 
-/// Those of some triangles of a block that a ray passes through, a bit each. StoredPixels out of the loop: few come so close to an
-/// edge.
+/// Decides in f64, and exactly where that does not suffice, which of some triangles of a block a ray passes through, one bit each.
+/// This is kept out of the loop, because few rays come so close to an edge.
 #[cold]
 #[inline(never)]
 pub(super) fn passing(block: LeafBlock, mut maybe: u32, ray: LocalRay, stats: &mut TraversalStats) -> u32 {
@@ -479,4 +489,89 @@ pub(super) fn passing(block: LeafBlock, mut maybe: u32, ray: LocalRay, stats: &m
         }
     }
     passed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Rng;
+    use crate::trace::bvh;
+    use crate::trace::dyadic::adversary::Case;
+    use crate::trace::dyadic::{Dyadic, determinant, difference};
+    use crate::trace::simd::{self, PortableF32x8, SimdTask};
+    use glam::DVec3;
+
+    /// Measures the largest error of an edge function in units of which the bound has [`EDGE`], and the number of tests.
+    struct Measure;
+
+    impl SimdTask for Measure {
+        type Output = (f64, usize);
+
+        #[inline(always)]
+        fn run<S: F32x8>(self) -> (f64, usize) {
+            let mut rng = Rng::new(2);
+            let (mut largest, mut tests) = (0.0_f64, 0);
+            for _ in 0..1500 {
+                let case = Case::new(&mut rng, 1.0);
+                let bvh = bvh::build(&case.mesh);
+                for (&origin, &direction) in case.origins.iter().zip(&case.directions) {
+                    let ray = LocalRay { origin, direction };
+                    let limits = Limits { t_min: 0.0, t_max: f64::INFINITY, after: None };
+                    let Some(single) = SingleRay::new::<S>(ray, bvh.largest, &limits) else { continue };
+                    let mut stack = RayStack::default();
+                    stack.push_root(&bvh);
+                    while let Some(offset) = single.next_leaf::<S>(&bvh, &mut stack) {
+                        let block = LeafBlock::at(&bvh.blocks, offset);
+                        largest = largest.max(error_of::<S>(&single, &block));
+                        tests += block.triangles;
+                    }
+                }
+            }
+            (largest, tests)
+        }
+    }
+
+    #[inline(always)]
+    fn error_of<S: F32x8>(single: &SingleRay, block: &LeafBlock) -> f64 {
+        let (edges, bound) = single.prepared.edge_functions::<S>(0, block);
+        let stored = |x: S| {
+            let mut to = [0.0; 8];
+            x.store(&mut to);
+            to
+        };
+        let (edges, bound) = (edges.map(stored), stored(bound));
+        let axes = AXES[single.prepared.w[0] as usize];
+        let in_axes = |p: DVec3| axes.map(|axis| Dyadic::of(p[axis]));
+        // With the ray's direction d in place of g, everything is d_w times as large.
+        let (o, d) = (in_axes(single.ray.origin), in_axes(single.ray.direction));
+        let mut largest = 0.0_f64;
+        for lane in 0..block.triangles {
+            let corners = block.positions(lane).map(|p| in_axes(DVec3::from(p.map(f64::from))));
+            let [a, b, c] = [0, 1, 2].map(|k| difference(&corners[k], &o));
+            let exact = [determinant(&d, &b, &c), determinant(&d, &c, &a), determinant(&d, &a, &b)];
+            for (found, exact) in edges.iter().zip(exact) {
+                let error = Dyadic::of(found[lane].into()) * d[2].clone() - exact;
+                let error = error.abs().to_f64() / d[2].to_f64().abs();
+                largest = largest.max(error / f64::from(bound[lane]) * f64::from(EDGE));
+            }
+        }
+        largest
+    }
+
+    #[test]
+    fn the_bound_of_edge_functions_holds() {
+        let (mut largest, mut tests) = Measure.run::<PortableF32x8>();
+        #[cfg(target_arch = "x86_64")]
+        {
+            let mut more = Vec::new();
+            more.extend(simd::has_avx2().then(|| simd::run_with_avx2(Measure)));
+            more.extend(simd::has_avx512().then(|| simd::run_with_avx512(Measure)));
+            for (error, count) in more {
+                (largest, tests) = (largest.max(error), tests + count);
+            }
+        }
+        println!("{largest} of {EDGE} in {tests} tests");
+        assert!(tests > 10_000, "{tests}");
+        assert!(largest <= f64::from(EDGE), "{largest}");
+    }
 }

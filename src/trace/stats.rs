@@ -1,21 +1,21 @@
-//! What casting takes.
+//! Counters of the work that casting does.
 
 use std::ops::{AddAssign, Sub};
 
-/// What casting took, over all rays: how much of the hierarchy was looked at, and how far the decisions whether rays pass
-/// through triangles had to go. How the work is shared out among packets and single rays, and so all of this, is the tracer's
-/// own business, and may change.
+/// The work of a cast, summed over all rays: how much of the hierarchies was visited, and which arithmetic decided whether
+/// rays pass through triangles. The tracer alone decides how rays are parted into packets and single rays, so these numbers
+/// may change from version to version.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraversalStats {
-    /// Nodes visited, each by a packet or by a ray.
+    /// Visits of a node, each by a packet or by a ray.
     pub nodes: u64,
-    /// Leaves whose triangles were tested, each against a packet or a ray.
+    /// Visits of a leaf whose triangles were tested, each by a packet or by a ray.
     pub leaves: u64,
-    /// Tests of a ray against a triangle.
+    /// Tests of one ray against one triangle.
     pub tests: u64,
-    /// Those of them that f32 left open: decided in f64.
+    /// The tests that f32 left open and that were decided in f64.
     pub in_f64: u64,
-    /// Those of them that f64 left open: decided exactly.
+    /// The tests that f64 left open and that were decided exactly.
     pub exactly: u64,
 }
 

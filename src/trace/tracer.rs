@@ -1,4 +1,5 @@
-//! The tracer: a hierarchy of placements over a hierarchy a mesh, walked by packets.
+//! The tracer: a hierarchy over the placements, whose leaves are hierarchies over the meshes. Neighbouring rays traverse them in
+//! packets, other rays in streams or alone.
 
 use std::cell::Cell;
 use std::ops::Range;
@@ -6,21 +7,23 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 
+use super::batch::{Batch, NearestHit, NearestHits, PACKET_RAYS, RaySet};
 use super::bounds::Bounds;
 use super::bvh::{self, Bvh8, Child, LeafBlock, TriangleRef};
-use super::exact::{self, Candidate, Corners, LocalRay, Xyz};
-use super::hit_attributes::eight;
-use super::packet::{self, NearestHits, PACKET_RAYS, PerRay, RayPacket};
-use super::simd::{self, F32x8, F64x8, PortableF32x8, SimdTask};
-use super::single::{SingleRay, Stack};
+use super::exact::{self, Candidate, Corners, Limits, LocalRay};
+use super::hit_attributes::Surfaces;
+use super::packet::{self, PacketStack, RayData, RayPacket};
+use super::rays::{Cast, Hit, Origins, Rays};
+use super::simd::{self, F32x8, SimdTask};
+use super::single::{RayStack, SingleRay};
+use super::stats::TraversalStats;
 use super::stream::RayStream;
-use super::{Cast, Hit, Origins, Rays, TraversalStats};
 use crate::scene::{Arrangement, Mesh, Placement, Scene};
 
 /// Finds the hits that [`BruteForce`](super::BruteForce) finds, bit for bit, and fast.
 ///
-/// A tracer owns all that it needs and shares it with its clones, so a clone costs four reference counts. Rays are taken 128
-/// at a time as they come: a batch's neighbours should be neighbours in space.
+/// A tracer owns all that it needs and shares it with its clones, so a clone costs four reference counts. Rays are taken in
+/// their order, [`PACKET_RAYS`] at a time, so neighbours in a batch should be neighbours in space.
 #[derive(Clone, Debug)]
 pub struct Tracer {
     pub(super) scene: Scene,
@@ -28,20 +31,20 @@ pub struct Tracer {
     pub(super) meshes: Arc<[Bvh8]>,
     /// The bounds of each mesh in its own space.
     bounds: Arc<[Bounds]>,
-    /// The hierarchy over the placements; without nodes if mesh 0 is the only mesh.
+    /// The hierarchy over the placements. It has no nodes if mesh 0 is all there is.
     pub(super) top: Arc<Bvh8>,
     instructions: Instructions,
     packets: bool,
 }
 
-/// How a [`Tracer`] computes. The hits are the same.
+/// The instructions that a [`Tracer`] computes with. They do not change its hits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instructions {
-    /// The best that the processor has.
+    /// The widest that the processor has.
     Best,
-    /// AVX2 and FMA at most.
+    /// At most AVX2 and FMA.
     Avx2,
-    /// Those of any processor.
+    /// Those that every processor has.
     Portable,
     /// One ray, box and triangle at a time, in f64.
     Scalar,
@@ -77,60 +80,66 @@ impl Tracer {
         &self.scene
     }
 
-    /// The same with other instructions.
+    /// The same tracer with other instructions.
     pub fn with_instructions(self, instructions: Instructions) -> Self {
         Self { instructions, ..self }
     }
 
-    /// The same without packets: each ray by itself.
+    /// The same tracer without packets.
     pub fn ray_by_ray(self) -> Self {
         Self { packets: false, ..self }
     }
 
-    /// The bytes held in addition to the scene.
+    /// The bytes that the tracer holds beside the scene.
     pub fn bytes(&self) -> usize {
         self.top.bytes() + self.meshes.iter().map(Bvh8::bytes).sum::<usize>()
     }
 
-    /// [`Cast::cast`], and what it took. (Nothing is counted of [`Instructions::Scalar`].)
+    /// [`Cast::cast`], and the work that it took. ([`Instructions::Scalar`] counts nothing.)
     ///
     /// # Panics
-    /// As [`Cast::cast`].
+    /// As [`Cast::cast`] does.
     pub fn cast_counted(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> TraversalStats {
         rays.check(hits.len());
-        match self.with_simd(All { tracer: self, rays, hits }) {
-            Ok(stats) => stats,
-            Err(all) => {
-                self.cast_all_in_f64(all.rays, all.hits);
-                TraversalStats::default()
-            }
-        }
-    }
-
-    /// Does something with the best lanes that there are; gives it back if there are to be none.
-    #[inline]
-    fn with_simd<W: SimdTask>(&self, work: W) -> Result<W::Output, W> {
-        Ok(match self.instructions {
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Best if simd::has_avx512() => simd::run_with_avx512(work),
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Best | Instructions::Avx2 if simd::has_avx2() => simd::run_with_avx2(work),
-            Instructions::Best | Instructions::Avx2 | Instructions::Portable => work.run::<PortableF32x8>(),
-            Instructions::Scalar => return Err(work),
+        let stats = if rays.after.is_some() {
+            self.with_simd(NearestTask::<true> { tracer: self, rays, hits: &mut *hits })
+        } else {
+            self.with_simd(NearestTask::<false> { tracer: self, rays, hits: &mut *hits })
+        };
+        stats.unwrap_or_else(|| {
+            self.cast_all_in_f64(rays, hits);
+            TraversalStats::default()
         })
     }
 
-    /// The hits of rays, by any kind of lanes: packet by packet.
+    /// Dispatches to the widest instruction set that is available and allowed. Returns `None`, and does nothing, when scalar mode is
+    /// forced.
+    #[inline]
+    fn with_simd<T: SimdTask>(&self, task: T) -> Option<T::Output> {
+        Some(match self.instructions {
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Best if simd::has_avx512() => simd::run_with_avx512(task),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Best | Instructions::Avx2 if simd::has_avx2() => simd::run_with_avx2(task),
+            Instructions::Best | Instructions::Avx2 | Instructions::Portable => simd::run_portably(task),
+            Instructions::Scalar => return None,
+        })
+    }
+
     #[inline(always)]
-    fn cast_all<S: F32x8>(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> TraversalStats {
-        let mut room = SCRATCH.take().unwrap_or_default();
-        let before = room.stats();
+    fn surfaces(&self) -> Surfaces<'_> {
+        Surfaces { placements: &self.scene.arrangement.placements, bvhs: &self.meshes }
+    }
+
+    /// Writes the hits of rays: packet by packet, and in streams where rays make no packet.
+    #[inline(always)]
+    fn cast_all<S: F32x8>(&self, rays: &Rays, hits: &mut [Option<Hit>], scratch: &mut Scratch) {
         let mut origins = Vec::new();
-        // Those in no packet, in one row as far as they go.
+        // The pending run of consecutive rays that no packet accepted.
         let mut singles = 0..0;
         for start in (0..hits.len()).step_by(PACKET_RAYS) {
             let end = (start + PACKET_RAYS).min(hits.len());
-            // Directions come from memory as often as not: ask for the next ones while these are at work.
+            // Directions often come from memory, so the next ones are prefetched while these are cast.
             for line in (end..(end + PACKET_RAYS).min(hits.len())).step_by(2) {
                 S::prefetch(rays.directions.as_ptr().wrapping_add(line).cast());
                 if let Origins::Each(origins) = rays.origins {
@@ -138,27 +147,35 @@ impl Tracer {
                 }
             }
             let batch = self.batch(rays, start..end, &mut origins);
-            let mut apart = self.cast_batch::<S>(&batch, &mut hits[start..end], &mut room);
-            while apart != 0 {
-                let from = apart.trailing_zeros() as usize;
-                let to = from + (apart >> from).trailing_ones() as usize;
-                apart &= !(ones(to - from) << from);
-                if singles.end != start + from || singles.len() >= MANY {
-                    self.cast_singles::<S>(rays, singles, hits, &mut origins, &mut room.single);
+            let mut rejected = self.cast_packets::<S>(&batch, &mut hits[start..end], scratch);
+            while rejected != 0 {
+                let from = rejected.trailing_zeros() as usize;
+                let to = from + (rejected >> from).trailing_ones() as usize;
+                rejected &= !(ones(to - from) << from);
+                if singles.end != start + from || singles.len() >= STREAM_RUN {
+                    self.cast_singles::<S, false>(rays, singles, hits, &mut origins, &mut scratch.single);
                     singles = start + from..start + from;
                 }
                 singles.end = start + to;
             }
         }
-        self.cast_singles::<S>(rays, singles, hits, &mut origins, &mut room.single);
-        let stats = room.stats() - before;
-        SCRATCH.set(Some(room));
-        stats
+        self.cast_singles::<S, false>(rays, singles, hits, &mut origins, &mut scratch.single);
     }
 
-    /// Some of the rays, in the scene's space; `room` is for their origins.
+    /// Writes the hits of rays of which some must come after a given hit ([`Rays::after`]). These rays make no packets: a packet
+    /// has one least depth for all its rays, and such rays have one each.
     #[inline(always)]
-    fn batch<'r>(&self, rays: &Rays<'r>, range: Range<usize>, room: &'r mut Vec<DVec3>) -> Batch<'r> {
+    fn cast_all_after<S: F32x8>(&self, rays: &Rays, hits: &mut [Option<Hit>], scratch: &mut SingleScratch) {
+        let mut origins = Vec::new();
+        for start in (0..hits.len()).step_by(STREAM_RUN) {
+            let run = start..(start + STREAM_RUN).min(hits.len());
+            self.cast_singles::<S, true>(rays, run, hits, &mut origins, scratch);
+        }
+    }
+
+    /// Some of the rays in the scene's space. Their origins go to `buffer` if they differ.
+    #[inline(always)]
+    fn batch<'r>(&self, rays: &Rays<'r>, range: Range<usize>, buffer: &'r mut Vec<DVec3>) -> Batch<'r> {
         let centre = self.scene.geometry.centre;
         let origins = match rays.origins {
             Origins::Common(origin) => Origins::Common(origin - centre),
@@ -167,59 +184,64 @@ impl Tracer {
                 if all.iter().all(|o| *o == all[0]) {
                     Origins::Common(all[0] - centre)
                 } else {
-                    room.clear();
-                    room.extend(all.iter().map(|&origin| origin - centre));
-                    Origins::Each(room)
+                    buffer.clear();
+                    buffer.extend(all.iter().map(|&origin| origin - centre));
+                    Origins::Each(buffer)
                 }
             }
         };
-        Batch { origins, directions: &rays.directions[range], t_min: rays.t_min, t_max: rays.t_max }
+        let after = rays.after.map(|after| &after[range.clone()]);
+        Batch { origins, directions: &rays.directions[range], t_min: rays.t_min, t_max: rays.t_max, after }
     }
 
-    /// The hits of those of up to [`PACKET_RAYS`] rays that are packets; gives the others, a bit each.
+    /// Writes the hits of the packets among up to [`PACKET_RAYS`] rays, and returns the rays that are in no packet.
     #[inline(always)]
-    fn cast_batch<S: F32x8>(&self, batch: &Batch, hits: &mut [Option<Hit>], room: &mut Scratch) -> u128 {
+    fn cast_packets<S: F32x8>(
+        &self,
+        batch: &Batch,
+        hits: &mut [Option<Hit>],
+        scratch: &mut Scratch,
+    ) -> RaySet {
         let mut pending = [(0, 0); 8];
         pending[0] = (0, hits.len());
         let mut count = 1;
         let top = if self.top.nodes.is_empty() { &self.meshes[0] } else { &self.top };
-        // Rays that are in no packet, a bit each.
-        let mut apart = 0_u128;
+        let mut rejected: RaySet = 0;
         while count > 0 {
             count -= 1;
             let (from, to) = pending[count];
             let part = batch.part(from..to);
-            // A packet takes as long as a few single rays; those that start apart and are no packet at once are seldom one
-            // in pieces.
+            // A packet takes as long as a few single rays. Rays with origins of their own that do not make a packet together
+            // seldom make one in pieces.
             let least = if matches!(part.origins, Origins::Common(_)) { 4 } else { PACKET_RAYS / 4 };
             if self.packets && to - from >= 4 && packet::may_be_packet(top, part.origins) {
                 let mut nearest = NearestHits::new(part.t_max);
-                if self.cast_packet::<S>(&part, &mut nearest, room) {
-                    self.write_hits::<S>(&part, &nearest, &mut hits[from..to]);
+                if self.cast_packet::<S>(&part, &mut nearest, scratch) {
+                    self.surfaces().write_hits::<S>(&part, &nearest, &mut hits[from..to]);
                     continue;
                 }
             }
             if self.packets && to - from > least {
-                // No narrow pyramid; its halves may be.
+                // The rays are no narrow pyramid, but their halves may be.
                 let middle = from + (to - from) / 2;
                 (pending[count], pending[count + 1]) = ((middle, to), (from, middle));
                 count += 2;
                 continue;
             }
-            apart |= ones(to - from) << from;
+            rejected |= ones(to - from) << from;
         }
-        apart
+        rejected
     }
 
-    /// The hits of rays that are in no packet.
+    /// Writes the hits of rays that are in no packet.
     #[inline(always)]
-    fn cast_singles<S: F32x8>(
+    fn cast_singles<S: F32x8, const AFTER: bool>(
         &self,
         rays: &Rays,
         range: Range<usize>,
         hits: &mut [Option<Hit>],
         origins: &mut Vec<DVec3>,
-        room: &mut SingleScratch,
+        scratch: &mut SingleScratch,
     ) {
         if range.is_empty() {
             return;
@@ -227,19 +249,20 @@ impl Tracer {
         let hits = &mut hits[range.clone()];
         let batch = self.batch(rays, range, origins);
         let mut nearest = NearestHits::new(batch.t_max);
-        let mut eights = 0..hits.len().div_ceil(8);
-        while let Some(eight) = self.next_eight::<S>(&batch, false, &mut eights, &mut nearest, room) {
-            let rays = 8 * eight..(8 * eight + 8).min(hits.len());
-            self.write_hits::<S>(&batch.part(rays.clone()), &nearest, &mut hits[rays]);
+        let mut groups = 0..hits.len().div_ceil(8);
+        while let Some(group) = self.next_group::<S, AFTER>(&batch, false, &mut groups, &mut nearest, scratch)
+        {
+            let rays = 8 * group..(8 * group + 8).min(hits.len());
+            self.surfaces().write_hits::<S>(&batch.part(rays.clone()), &nearest, &mut hits[rays]);
         }
     }
 
-    /// The nearest hits of up to [`PACKET_RAYS`] rays; false if they are no narrow pyramid.
+    /// Finds the nearest hits of up to [`PACKET_RAYS`] rays. Returns false if they are no narrow pyramid.
     #[inline(always)]
-    fn cast_packet<S: F32x8>(&self, rays: &Batch, nearest: &mut NearestHits, room: &mut Scratch) -> bool {
+    fn cast_packet<S: F32x8>(&self, rays: &Batch, nearest: &mut NearestHits, scratch: &mut Scratch) -> bool {
         match rays.origins {
-            Origins::Common(_) => self.cast_packet_of::<S, false>(rays, nearest, room),
-            Origins::Each(_) => self.cast_packet_of::<S, true>(rays, nearest, room),
+            Origins::Common(_) => self.cast_packet_of::<S, false>(rays, nearest, scratch),
+            Origins::Each(_) => self.cast_packet_of::<S, true>(rays, nearest, scratch),
         }
     }
 
@@ -248,18 +271,18 @@ impl Tracer {
         &self,
         rays: &Batch,
         nearest: &mut NearestHits,
-        room: &mut Scratch,
+        scratch: &mut Scratch,
     ) -> bool {
         let limits = (rays.t_min, rays.t_max);
         let Scratch {
             top: stack,
             mesh: mesh_stack,
-            carried,
-            carried_origins,
+            directions,
+            origins: origin_buffer,
             single,
-            rays: of_top,
-            rays_of_mesh,
-        } = room;
+            rays: top_rays,
+            mesh_rays,
+        } = scratch;
         if self.top.nodes.is_empty() {
             let bvh = &self.meshes[0];
             let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
@@ -269,12 +292,12 @@ impl Tracer {
                 rays.directions,
                 limits,
                 nearest,
-                rays_of_mesh,
+                mesh_rays,
             ) else {
                 return false;
             };
-            packet.walk_mesh::<S>(mesh_stack);
-            packet.leave(nearest, false);
+            packet.traverse_mesh::<S>(mesh_stack);
+            packet.write_hits(nearest, false);
             return true;
         }
         let Some(mut top) = RayPacket::<MULTI_ORIGIN>::new::<S>(
@@ -284,88 +307,101 @@ impl Tracer {
             rays.directions,
             limits,
             nearest,
-            of_top,
+            top_rays,
         ) else {
             return false;
         };
-        top.enter_root::<S>(stack);
+        top.push_root::<S>(stack);
         while let Some(leaf) = top.next_leaf::<S>(stack) {
             let index = leaf.number;
             let placement = &self.scene.arrangement.placements[index as usize];
-            let origins = exact::carry(placement, rays.origins, rays.directions, carried, carried_origins);
+            let origins = exact::carry(placement, rays.origins, rays.directions, directions, origin_buffer);
             let bvh = &self.meshes[placement.mesh as usize];
             if let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
-                bvh,
-                index,
-                origins,
-                carried,
-                limits,
-                nearest,
-                rays_of_mesh,
+                bvh, index, origins, directions, limits, nearest, mesh_rays,
             ) {
-                packet.walk_mesh::<S>(mesh_stack);
-                packet.leave(nearest, true);
+                packet.traverse_mesh::<S>(mesh_stack);
+                packet.write_hits(nearest, true);
             } else {
                 for ray in 0..rays.directions.len() {
                     let mut best = nearest.get(ray);
-                    self.single_in::<S>(index, rays.ray(ray), limits, false, &mut best, &mut single.mesh);
+                    let limits = rays.limits::<false>(ray);
+                    let ray_stack = &mut single.mesh;
+                    self.intersect_placement::<S, false>(
+                        index,
+                        rays.ray(ray),
+                        &limits,
+                        false,
+                        &mut best,
+                        ray_stack,
+                    );
                     nearest.set(ray, best);
                 }
             }
-            top.update(nearest);
+            top.update_depths(nearest);
         }
         true
     }
 
-    /// The nearest hits, or with `any` hits, of eight more rays of a batch: which eight. `eights` are those to come where rays
-    /// are taken one by one.
+    /// Finds the nearest hits (any hits, if `any`) of eight more rays of a batch, and returns which group of eight it was.
+    /// Groups come in any order. `groups` are the groups to come where rays are cast one by one.
     #[inline(always)]
-    fn next_eight<S: F32x8>(
+    fn next_group<S: F32x8, const AFTER: bool>(
         &self,
         rays: &Batch,
         any: bool,
-        eights: &mut Range<usize>,
+        groups: &mut Range<usize>,
         nearest: &mut NearestHits,
-        room: &mut SingleScratch,
+        scratch: &mut SingleScratch,
     ) -> Option<usize> {
-        let limits = (rays.t_min, rays.t_max);
         if !self.top.nodes.is_empty() {
-            let eight = eights.next()?;
+            let group = groups.next()?;
             nearest.clear();
-            for k in 0..(rays.directions.len() - 8 * eight).min(8) {
+            for k in 0..(rays.directions.len() - 8 * group).min(8) {
                 let mut best = None;
-                self.cast_single::<S>(rays.ray(8 * eight + k), limits, any, &mut best, room);
+                let ray = 8 * group + k;
+                let limits = rays.limits::<AFTER>(ray);
+                self.cast_single::<S, AFTER>(rays.ray(ray), &limits, any, &mut best, scratch);
                 nearest.set(k, best);
             }
-            return Some(eight);
+            return Some(group);
         }
-        let (eight, mut rest) = room.stream.next_eight::<S>(&self.meshes[0], rays, any, nearest)?;
+        let (group, mut rest) = scratch.stream.next_group::<S, AFTER>(&self.meshes[0], rays, any, nearest)?;
         while rest != 0 {
             let k = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let mut best = None;
-            self.single_in::<S>(0, rays.ray(8 * eight + k), limits, any, &mut best, &mut room.mesh);
+            let ray = 8 * group + k;
+            let limits = rays.limits::<AFTER>(ray);
+            self.intersect_placement::<S, AFTER>(
+                0,
+                rays.ray(ray),
+                &limits,
+                any,
+                &mut best,
+                &mut scratch.mesh,
+            );
             nearest.set(k, best);
         }
-        Some(eight)
+        Some(group)
     }
 
-    /// The nearest hit of one ray, or with `any` a hit, where there are placements.
+    /// Finds the nearest hit of one ray (any hit, if `any`) in a scene with a hierarchy over placements.
     #[inline(always)]
-    fn cast_single<S: F32x8>(
+    fn cast_single<S: F32x8, const AFTER: bool>(
         &self,
         ray: LocalRay,
-        limits: (f64, f64),
+        limits: &Limits,
         any: bool,
         best: &mut Option<NearestHit>,
-        room: &mut SingleScratch,
+        scratch: &mut SingleScratch,
     ) {
         let Some(mut top) = SingleRay::new::<S>(ray, self.top.largest, limits) else {
-            return self.cast_in_f64(ray, limits, best, &mut room.scalar);
+            return self.cast_in_f64(ray, limits, best, &mut scratch.scalar);
         };
-        room.top.start(&self.top);
-        while let Some(index) = top.next_leaf::<S>(&self.top, &mut room.top) {
-            self.single_in::<S>(index, ray, limits, any, best, &mut room.mesh);
+        scratch.top.push_root(&self.top);
+        while let Some(index) = top.next_leaf::<S>(&self.top, &mut scratch.top) {
+            self.intersect_placement::<S, AFTER>(index, ray, limits, any, best, &mut scratch.mesh);
             if let Some(best) = best {
                 if any {
                     return;
@@ -375,85 +411,100 @@ impl Tracer {
         }
     }
 
-    /// Betters `best` by what one ray, of the scene's space, hits in a placement.
+    /// Replaces `best` by the nearest hit of one ray in one placement, if that is nearer. The ray is given in the scene's space.
     #[inline(always)]
-    fn single_in<S: F32x8>(
+    fn intersect_placement<S: F32x8, const AFTER: bool>(
         &self,
         placement: u32,
         ray: LocalRay,
-        limits: (f64, f64),
+        limits: &Limits,
         any: bool,
         best: &mut Option<NearestHit>,
-        stack: &mut Stack,
+        stack: &mut RayStack,
     ) {
         let ray = if placement == 0 {
             ray
         } else {
             ray.carried(&self.scene.arrangement.placements[placement as usize])
         };
-        let bvh = self.bvh(placement);
+        let bvh = self.surfaces().bvh(placement);
         let Some(mut single) = SingleRay::new::<S>(ray, bvh.largest, limits) else {
-            return self.nearest_in(placement, ray, limits, best, &mut Vec::new());
+            return self.intersect_placement_in_f64(placement, ray, limits, best, &mut Vec::new());
         };
         if let Some(best) = best {
             single.limit(best.t);
         }
-        stack.start(bvh);
+        stack.push_root(bvh);
         while let Some(block_offset) = single.next_leaf::<S>(bvh, stack) {
-            if single.test_leaf::<S>(bvh, block_offset, placement, limits, best, &mut stack.stats) && any {
+            let found =
+                single.test_leaf::<S, AFTER>(bvh, block_offset, placement, limits, best, &mut stack.stats);
+            if found && any {
                 return;
             }
         }
     }
 
-    /// The hits of rays taken one by one, in f64.
+    /// Writes the hits of rays, one ray after the other, in f64.
     #[inline(never)]
     fn cast_all_in_f64(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        let mut room = ScalarScratch::default();
-        for (ray, hit) in hits.iter_mut().enumerate() {
-            let ray = LocalRay {
-                origin: rays.origin(ray) - self.scene.geometry.centre,
-                direction: rays.directions[ray],
-            };
-            let mut best: Option<NearestHit> = None;
-            self.cast_in_f64(ray, (rays.t_min, rays.t_max), &mut best, &mut room);
-            *hit = best.map(|best| self.finish(ray, &best));
+        let mut scratch = ScalarScratch::default();
+        for (index, hit) in hits.iter_mut().enumerate() {
+            let origin = rays.origin(index) - self.scene.geometry.centre;
+            let ray = LocalRay { origin, direction: rays.directions[index] };
+            let mut best = None;
+            self.cast_in_f64(ray, &Limits::of(rays, index), &mut best, &mut scratch);
+            *hit = best.map(|best| self.surfaces().hit(ray, &best));
         }
     }
 
-    /// The nearest hit of a ray, in f64.
+    /// Writes whether rays hit anything, one ray after the other, in f64.
+    #[inline(never)]
+    fn find_blocked_in_f64(&self, rays: &Rays, blocked: &mut [bool]) {
+        let mut scratch = ScalarScratch::default();
+        for (index, blocked) in blocked.iter_mut().enumerate() {
+            let origin = rays.origin(index) - self.scene.geometry.centre;
+            let ray = LocalRay { origin, direction: rays.directions[index] };
+            let mut best = None;
+            self.cast_in_f64(ray, &Limits::of(rays, index), &mut best, &mut scratch);
+            *blocked = best.is_some();
+        }
+    }
+
+    /// Finds the nearest hit of a ray, in f64.
     #[inline(never)]
     fn cast_in_f64(
         &self,
         ray: LocalRay,
-        limits: (f64, f64),
+        limits: &Limits,
         best: &mut Option<NearestHit>,
-        room: &mut ScalarScratch,
+        scratch: &mut ScalarScratch,
     ) {
-        let ScalarScratch { top, mesh } = room;
+        let ScalarScratch { top, mesh } = scratch;
         if self.top.nodes.is_empty() {
-            return self.nearest_in(0, ray, limits, best, mesh);
+            return self.intersect_placement_in_f64(0, ray, limits, best, mesh);
         }
-        self.top.traverse(&ray, limits, top, |index| {
+        self.top.traverse(&ray, (limits.t_min, limits.t_max), top, |index| {
             let local = ray.carried(&self.scene.arrangement.placements[index as usize]);
-            self.nearest_in(index, local, limits, best, mesh);
-            best.map_or(limits.1, |b| b.t)
+            self.intersect_placement_in_f64(index, local, limits, best, mesh);
+            best.map_or(limits.t_max, |b| b.t)
         });
     }
 
-    /// Betters `best` by what one ray, in the placement's space, hits there; in f64.
+    /// Replaces `best` by the nearest hit of one ray in one placement, if that is nearer, in f64. The ray is given in the
+    /// placement's space.
     #[inline(never)]
-    fn nearest_in(
+    fn intersect_placement_in_f64(
         &self,
         placement: u32,
         ray: LocalRay,
-        (t_min, t_max): (f64, f64),
+        limits: &Limits,
         best: &mut Option<NearestHit>,
         stack: &mut Vec<(Child, f64)>,
     ) {
-        let bvh = self.bvh(placement);
-        let far = best.map_or(t_max, |b| b.t);
-        bvh.traverse(&ray, (t_min, far), stack, |block_offset| {
+        let surfaces = self.surfaces();
+        let bvh = surfaces.bvh(placement);
+        let far = best.map_or(limits.t_max, |b| b.t);
+        bvh.traverse(&ray, (limits.t_min, far), stack, |block_offset| {
             let block = LeafBlock::at(&bvh.blocks, block_offset);
             for lane in 0..block.triangles {
                 let corners = Corners::from_positions(block.positions(lane), ray.origin);
@@ -462,30 +513,12 @@ impl Tracer {
                 }
                 let t = corners.depth(ray.direction);
                 let found = Candidate { t, placement, triangle: block.id(lane) };
-                if (t_min..=t_max).contains(&t) && best.is_none_or(|b| found.beats(&self.candidate(&b))) {
-                    *best = Some(NearestHit { t, placement, slot: TriangleRef::new(block_offset, lane) });
+                if limits.admits(&found) && best.is_none_or(|b| found.beats(&surfaces.candidate(&b))) {
+                    *best = Some(NearestHit { t, placement, triangle: TriangleRef::new(block_offset, lane) });
                 }
             }
-            best.map_or(t_max, |b| b.t)
+            best.map_or(limits.t_max, |b| b.t)
         });
-    }
-
-    pub(super) fn bvh(&self, placement: u32) -> &Bvh8 {
-        &self.meshes[self.scene.arrangement.placements[placement as usize].mesh as usize]
-    }
-
-    fn candidate(&self, best: &NearestHit) -> Candidate {
-        let block = LeafBlock::at(&self.bvh(best.placement).blocks, best.slot.block_offset());
-        Candidate { t: best.t, placement: best.placement, triangle: block.id(best.slot.lane()) }
-    }
-
-    /// The whole hit of a ray in the scene's space.
-    fn finish(&self, ray: LocalRay, best: &NearestHit) -> Hit {
-        let placement = &self.scene.arrangement.placements[best.placement as usize];
-        let local = ray.carried(placement);
-        let block = LeafBlock::at(&self.bvh(best.placement).blocks, best.slot.block_offset());
-        let corners = Corners::from_positions(block.positions(best.slot.lane()), local.origin);
-        self.candidate(best).finish(&corners, local.direction, placement)
     }
 }
 
@@ -496,164 +529,116 @@ impl Cast for Tracer {
 
     fn blocked(&self, rays: &Rays, blocked: &mut [bool]) {
         rays.check(blocked.len());
-        if let Err(any) = self.with_simd(Any { tracer: self, rays, blocked }) {
-            any.run_in_f64();
-        }
+        let done = if rays.after.is_some() {
+            self.with_simd(BlockedTask::<true> { tracer: self, rays, blocked: &mut *blocked })
+        } else {
+            self.with_simd(BlockedTask::<false> { tracer: self, rays, blocked: &mut *blocked })
+        };
+        done.unwrap_or_else(|| self.find_blocked_in_f64(rays, blocked));
     }
 }
 
-/// [`Cast::cast`].
-struct All<'a, 'r> {
+/// [`Cast::cast`] as a task. `AFTER` tells whether [`Rays::after`] counts.
+struct NearestTask<'a, 'r, const AFTER: bool> {
     tracer: &'a Tracer,
     rays: &'a Rays<'r>,
     hits: &'a mut [Option<Hit>],
 }
 
-impl SimdTask for All<'_, '_> {
+impl<const AFTER: bool> SimdTask for NearestTask<'_, '_, AFTER> {
     type Output = TraversalStats;
 
     #[inline(always)]
     fn run<S: F32x8>(self) -> TraversalStats {
-        self.tracer.cast_all::<S>(self.rays, self.hits)
+        let Self { tracer, rays, hits } = self;
+        let mut scratch = SCRATCH.take().unwrap_or_else(Scratch::boxed);
+        let before = scratch.stats();
+        if AFTER {
+            tracer.cast_all_after::<S>(rays, hits, &mut scratch.single);
+        } else {
+            tracer.cast_all::<S>(rays, hits, &mut scratch);
+        }
+        let stats = scratch.stats() - before;
+        SCRATCH.set(Some(scratch));
+        stats
     }
 }
 
-/// [`Cast::blocked`].
-struct Any<'a, 'r> {
+/// [`Cast::blocked`] as a task. `AFTER` tells whether [`Rays::after`] counts.
+struct BlockedTask<'a, 'r, const AFTER: bool> {
     tracer: &'a Tracer,
     rays: &'a Rays<'r>,
     blocked: &'a mut [bool],
 }
 
-impl Any<'_, '_> {
-    fn run_in_f64(self) {
-        let Self { tracer, rays, blocked } = self;
-        let mut room = ScalarScratch::default();
-        for (ray, blocked) in blocked.iter_mut().enumerate() {
-            let origin = rays.origin(ray) - tracer.scene.geometry.centre;
-            let ray = LocalRay { origin, direction: rays.directions[ray] };
-            let mut best = None;
-            tracer.cast_in_f64(ray, (rays.t_min, rays.t_max), &mut best, &mut room);
-            *blocked = best.is_some();
-        }
-    }
-}
-
-impl SimdTask for Any<'_, '_> {
+impl<const AFTER: bool> SimdTask for BlockedTask<'_, '_, AFTER> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: F32x8>(self) {
         let Self { tracer, rays, blocked } = self;
-        let mut room = SCRATCH.take().unwrap_or_default();
+        let mut scratch = SCRATCH.take().unwrap_or_else(Scratch::boxed);
         let mut origins = Vec::new();
         let mut nearest = NearestHits::new(rays.t_max);
-        for (start, blocked) in (0..).step_by(MANY).zip(blocked.chunks_mut(MANY)) {
+        for (start, blocked) in (0..).step_by(STREAM_RUN).zip(blocked.chunks_mut(STREAM_RUN)) {
             let batch = tracer.batch(rays, start..start + blocked.len(), &mut origins);
-            let mut eights = 0..blocked.len().div_ceil(8);
-            while let Some(eight) =
-                tracer.next_eight::<S>(&batch, true, &mut eights, &mut nearest, &mut room.single)
+            let mut groups = 0..blocked.len().div_ceil(8);
+            while let Some(group) =
+                tracer.next_group::<S, AFTER>(&batch, true, &mut groups, &mut nearest, &mut scratch.single)
             {
-                for (k, blocked) in blocked[8 * eight..].iter_mut().take(8).enumerate() {
+                for (k, blocked) in blocked[8 * group..].iter_mut().take(8).enumerate() {
                     *blocked = nearest.get(k).is_some();
                 }
             }
         }
-        SCRATCH.set(Some(room));
+        SCRATCH.set(Some(scratch));
     }
 }
 
-/// Rays of the scene's space.
-#[derive(Clone, Copy)]
-pub(super) struct Batch<'r> {
-    pub origins: Origins<'r>,
-    pub directions: &'r [DVec3],
-    pub t_min: f64,
-    pub t_max: f64,
-}
+/// About how many rays that are in no packet make one run of a stream: enough that few of them are left at the end with too few
+/// others to take turns with, and few enough that their origins stay in the cache.
+const STREAM_RUN: usize = 512;
 
-impl Batch<'_> {
-    #[inline(always)]
-    pub fn origin(&self, ray: usize) -> DVec3 {
-        match self.origins {
-            Origins::Common(origin) => origin,
-            Origins::Each(origins) => origins[ray],
-        }
-    }
-
-    #[inline(always)]
-    pub fn ray(&self, ray: usize) -> LocalRay {
-        LocalRay { origin: self.origin(ray), direction: self.directions[ray] }
-    }
-
-    /// Origins and directions of a group of eight, filled up with the last one's.
-    #[inline(always)]
-    pub fn eight<S: F32x8>(&self, group: usize) -> (Xyz<S::F64x8>, Xyz<S::F64x8>) {
-        let mut room = [DVec3::ZERO; 8];
-        let [x, y, z] = S::F64x8::load_xyz(eight(self.directions, group, &mut room));
-        let direction = Xyz(x, y, z);
-        let origin = match self.origins {
-            Origins::Common(origin) => Xyz::constant(origin),
-            Origins::Each(origins) => {
-                let [x, y, z] = S::F64x8::load_xyz(eight(origins, group, &mut room));
-                Xyz(x, y, z)
-            }
-        };
-        (origin, direction)
-    }
-
-    #[inline(always)]
-    fn part(&self, range: Range<usize>) -> Self {
-        let origins = match self.origins {
-            Origins::Common(origin) => Origins::Common(origin),
-            Origins::Each(origins) => Origins::Each(&origins[range.clone()]),
-        };
-        Self { origins, directions: &self.directions[range], ..*self }
-    }
-}
-
-/// About how many rays in no packet are taken together: so many that few are left without company at the end, and that their
-/// origins stay in the cache.
-const MANY: usize = 512;
-
-/// So many bits from the lowest on.
-fn ones(count: usize) -> u128 {
-    u128::MAX >> (PACKET_RAYS - count)
-}
-
-/// Where a ray's nearest hit lies.
-#[derive(Clone, Copy)]
-pub(super) struct NearestHit {
-    pub t: f64,
-    pub placement: u32,
-    pub slot: TriangleRef,
+/// The set of the first `count` rays.
+fn ones(count: usize) -> RaySet {
+    RaySet::MAX >> (PACKET_RAYS - count)
 }
 
 thread_local! {
-    /// A thread's room, unless it is in use: tens of kilobytes that need not be made for each call.
+    /// The scratch memory of a thread unless it is in use: tens of kilobytes that need not be allocated in each call.
     static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
 }
 
-/// Room to work in, kept from packet to packet and cast to cast.
+/// The memory that casting works in, kept from packet to packet and from cast to cast.
 #[derive(Default)]
 struct Scratch {
-    top: packet::Stack,
-    mesh: packet::Stack,
-    carried: Vec<DVec3>,
-    carried_origins: Vec<DVec3>,
-    rays: PerRay,
-    rays_of_mesh: PerRay,
+    /// The traversal stacks of packets in the hierarchy over placements and in that of a mesh.
+    top: PacketStack,
+    mesh: PacketStack,
+    /// Directions and origins in the space of a placement.
+    directions: Vec<DVec3>,
+    origins: Vec<DVec3>,
+    /// The data of a packet's rays in the scene's space and in that of a mesh.
+    rays: RayData,
+    mesh_rays: RayData,
     single: SingleScratch,
 }
 
 impl Scratch {
-    /// What was done in it so far.
+    /// New memory. This is kept out of casting, so that its temporary copy is not on the stack of that.
+    #[cold]
+    #[inline(never)]
+    fn boxed() -> Box<Self> {
+        Box::default()
+    }
+
+    /// The work that was done in this memory so far.
     fn stats(&self) -> TraversalStats {
         let mut stats =
             TraversalStats { nodes: self.top.visited + self.mesh.visited, ..TraversalStats::default() };
         for more in [
             self.rays.stats(),
-            self.rays_of_mesh.stats(),
+            self.mesh_rays.stats(),
             self.single.top.stats,
             self.single.mesh.stats,
             self.single.stream.stats(),
@@ -664,21 +649,23 @@ impl Scratch {
     }
 }
 
+/// The memory for rays in no packet.
 #[derive(Default)]
 struct SingleScratch {
-    top: Stack,
-    mesh: Stack,
+    top: RayStack,
+    mesh: RayStack,
     stream: RayStream,
     scalar: ScalarScratch,
 }
 
+/// The traversal stacks of a ray that is cast in f64.
 #[derive(Default)]
 struct ScalarScratch {
     top: Vec<(Child, f64)>,
     mesh: Vec<(Child, f64)>,
 }
 
-/// The hierarchy over a scene's placements; without nodes if there is one.
+/// The hierarchy over the placements of a scene. It has no nodes if there is only one placement.
 fn over_placements(scene: &Scene, bounds: &[Bounds]) -> Bvh8 {
     let size = scene.arrangement.placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
     let size = size.filter(|b| b.low.x <= b.high.x).fold(Bounds::EMPTY, Bounds::union).largest();
@@ -687,7 +674,7 @@ fn over_placements(scene: &Scene, bounds: &[Bounds]) -> Bvh8 {
         .placements
         .iter()
         .map(|p| match scene.geometry.meshes[p.mesh as usize].triangles.is_empty() {
-            // An empty mesh 0 is placed all the same; its box is a point, where a ray finds nothing.
+            // An empty mesh 0 has a placement too. Its box is a point, where a ray finds nothing.
             true => Bounds { low: DVec3::ZERO, high: DVec3::ZERO },
             false => carried_bounds(&bounds[p.mesh as usize], p, size),
         })

@@ -364,12 +364,7 @@ fn leaks(method: &Method, rays: usize) -> [usize; 3] {
             })
             .collect();
         // The second time from the same origin is by what was worked out for it: nothing changes.
-        let rays = Rays {
-            origins: Origins::Common(origin),
-            directions: &directions,
-            t_min: 0.0,
-            t_max: f64::INFINITY,
-        };
+        let rays = Rays::unlimited(Origins::Common(origin), &directions);
         let (mut hits, mut again) = (vec![None; 32], vec![None; 32]);
         tracer.cast(&rays, &mut hits);
         tracer.cast(&rays, &mut again);
@@ -412,12 +407,8 @@ fn watertight_at_every_scale_and_from_afar() {
                 let at = |k: usize| Vec3::from(mesh.positions[triangle[k] as usize]).as_dvec3() * 0.99;
                 // A little within the silhouette, if seen from outside: f32 can't see its last bits from far away.
                 let p = (at(0) + (at(1) - at(0)) * [0.0, random.unit()][random.below(2)]) * 0.9;
-                let rays = Rays {
-                    origins: Origins::Common(origin + scene.geometry.centre),
-                    directions: &[(p - origin).normalize()],
-                    t_min: 0.0,
-                    t_max: f64::INFINITY,
-                };
+                let directions = [(p - origin).normalize()];
+                let rays = Rays::unlimited(Origins::Common(origin + scene.geometry.centre), &directions);
                 let mut hits = [None];
                 tracer.cast(&rays, &mut hits);
                 let [hit] = hits;

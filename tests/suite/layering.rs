@@ -118,6 +118,233 @@ fn rooms_import_what_the_table_allows_and_no_more() {
     assert!(wrong.is_empty(), "\n{}\nThe table is in tests/suite/layering.rs.\n", wrong.join("\n"));
 }
 
+/// Rooms whose modules still import each other in a circle. The test fails when one of them no longer does.
+const CIRCULAR: &[&str] = &["cli", "config/read/sensor"];
+
+/// Within each room, and within each folder of a room, the modules import each other in one direction.
+///
+/// The modules of a folder are its files, its subfolders (each one module, whatever is in it), and the folder's own `mod.rs`. A
+/// path that names a module imports that module. A path that names an item of the folder itself imports the module from which
+/// `mod.rs` takes the item by a `use`, or `mod.rs` if the item is declared there. `mod.rs` imports the modules that its code
+/// names, but not those whose items it only passes on by a `pub use`. A method that is called on a value imports nothing.
+#[test]
+fn the_modules_of_a_room_import_each_other_in_one_direction() {
+    let sources: BTreeMap<Vec<String>, String> =
+        sources().into_iter().map(|(file, code)| (module_path(&file), code)).collect();
+    let folders: BTreeSet<&[String]> =
+        sources.keys().filter(|path| path.len() > 1).map(|path| &path[..path.len() - 1]).collect();
+    let mut wrong = Vec::new();
+    for folder in folders {
+        let name = folder.join("/");
+        let circle = circle(&imports_within(folder, &sources));
+        match (circle, CIRCULAR.contains(&name.as_str())) {
+            (Some(circle), false) => wrong.push(format!("src/{name}: {} is a circle", circle.join(" → "))),
+            (None, true) => wrong.push(format!("src/{name} has no circle any more: take it out of the list")),
+            _ => {}
+        }
+    }
+    assert!(wrong.is_empty(), "\n{}\n", wrong.join("\n"));
+}
+
+/// The path of the module that a source file is.
+fn module_path(file: &str) -> Vec<String> {
+    let mut path: Vec<_> = file.trim_end_matches(".rs").split('/').map(String::from).collect();
+    if path.last().is_some_and(|last| last == "mod") {
+        path.pop();
+    }
+    path
+}
+
+/// The name of a folder's own module in [`imports_within`].
+const OWN: &str = "mod.rs";
+
+/// For each module of a folder the modules of the folder that it imports.
+fn imports_within(
+    folder: &[String],
+    sources: &BTreeMap<Vec<String>, String>,
+) -> BTreeMap<String, BTreeSet<String>> {
+    let children: BTreeSet<&String> =
+        sources.keys().filter_map(|path| path.strip_prefix(folder)?.first()).collect();
+    // The items that mod.rs takes from a child, and from which.
+    let own = sources.get(folder).map(|code| paths(code)).unwrap_or_default();
+    let child_of = |path: &[String]| path.first().filter(|first| children.contains(first)).cloned();
+    let taken: BTreeMap<&String, String> =
+        own.iter().filter_map(|path| Some((path.names.last()?, child_of(&path.names)?))).collect();
+    let mut imports: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (module, code) in sources {
+        let Some(below) = module.strip_prefix(folder) else { continue };
+        let from = below.first().map_or(OWN, String::as_str);
+        for path in paths(code) {
+            let Some(names) = path.absolute(module) else {
+                if below.is_empty() && !path.is_passed_on {
+                    imports.entry(from.into()).or_default().extend(child_of(&path.names));
+                }
+                continue;
+            };
+            let Some([first, ..]) = names.strip_prefix(folder) else { continue };
+            let to = match () {
+                () if below.is_empty() && path.is_passed_on => continue,
+                () if children.contains(first) => first.as_str(),
+                () => taken.get(first).map_or(OWN, String::as_str),
+            };
+            if to != from {
+                imports.entry(from.into()).or_default().insert(to.into());
+            }
+        }
+    }
+    imports
+}
+
+/// A path in code, as it is written there.
+struct CodePath {
+    /// The number of `super::` that it begins with, or `None` if it begins otherwise.
+    up: Option<usize>,
+    is_from_crate: bool,
+    names: Vec<String>,
+    /// Whether it stands in a `pub use`.
+    is_passed_on: bool,
+}
+
+impl CodePath {
+    /// The path from the crate's root, seen from a module; `None` if it begins with a plain name.
+    fn absolute(&self, module: &[String]) -> Option<Vec<String>> {
+        let root = match self.up {
+            _ if self.is_from_crate => &[],
+            Some(up) => &module[..module.len().checked_sub(up)?],
+            None => return None,
+        };
+        Some([root, &self.names].concat())
+    }
+}
+
+/// Every path of two or more names in code, those of `use` with their branches.
+fn paths(code: &str) -> Vec<CodePath> {
+    let mut found = Vec::new();
+    let mut rest = code;
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    let mut is_passed_on = false;
+    while let Some(start) = rest.find(is_part) {
+        let before = rest[..start].trim_end();
+        is_passed_on &= !before.contains(';');
+        let is_continued = before.ends_with("::") || before.ends_with('$') || before.ends_with('.');
+        rest = &rest[start..];
+        let end = rest.find(|c| !is_part(c)).unwrap_or(rest.len());
+        let word = &rest[..end];
+        if word == "use" {
+            // `pub use` and `pub(…) use` pass on what they name.
+            let statement = code[..code.len() - rest.len()].trim_end();
+            let line = statement.rsplit(['\n', ';', '}']).next().unwrap_or_default();
+            is_passed_on = words(line, "pub").next().is_some();
+        }
+        if is_continued || !rest[end..].starts_with("::") {
+            rest = &rest[end..];
+            continue;
+        }
+        let length = rest.find(|c: char| !is_part(c) && c != ':').unwrap_or(rest.len());
+        let (head, tail) = rest.split_at(length);
+        let branches = match tail.strip_prefix('{').filter(|_| head.ends_with("::")) {
+            Some(group) => branches(group),
+            None => vec![String::new()],
+        };
+        for branch in branches {
+            let full = format!("{head}{branch}");
+            let mut names: Vec<String> =
+                full.split("::").filter(|name| !name.is_empty()).map(|name| name.trim().into()).collect();
+            let up = names.iter().take_while(|name| *name == "super").count();
+            let is_from_crate = names.first().is_some_and(|name| name == "crate");
+            let is_own = names.first().is_some_and(|name| name == "self");
+            names.drain(..if is_from_crate || is_own { 1 } else { up });
+            names.retain(|name| name != "self");
+            found.push(CodePath { up: (up > 0).then_some(up), is_from_crate, names, is_passed_on });
+        }
+        let group_end = match tail.strip_prefix('{').filter(|_| head.ends_with("::")) {
+            Some(group) => {
+                let mut depth = 0;
+                let end = group.find(|c| {
+                    depth += i32::from(c == '{') - i32::from(c == '}');
+                    depth < 0
+                });
+                end.map_or(tail.len(), |end| end + 1)
+            }
+            None => 0,
+        };
+        rest = &tail[group_end..];
+    }
+    found
+}
+
+/// The branches of the group of a `use`, given what follows its opening brace.
+fn branches(group: &str) -> Vec<String> {
+    let (mut depth, mut start, mut found) = (0, 0, Vec::new());
+    for (index, c) in group.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' if depth > 0 => depth -= 1,
+            ',' | '}' if depth == 0 => {
+                let branch = group[start..index].split(" as ").next().unwrap_or_default().trim();
+                match branch.split_once('{') {
+                    Some((head, inner)) => {
+                        found.extend(branches(inner).into_iter().map(|inner| format!("{head}{inner}")));
+                    }
+                    None if branch.is_empty() => {}
+                    None => found.push(branch.into()),
+                }
+                start = index + 1;
+                if c == '}' {
+                    break;
+                }
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+/// A circle of imports, if there is one: its modules in order, the first once more at the end.
+fn circle(imports: &BTreeMap<String, BTreeSet<String>>) -> Option<Vec<String>> {
+    fn visit(
+        module: &String,
+        imports: &BTreeMap<String, BTreeSet<String>>,
+        way: &mut Vec<String>,
+        done: &mut BTreeSet<String>,
+    ) -> Option<Vec<String>> {
+        if let Some(start) = way.iter().position(|earlier| earlier == module) {
+            return Some(way[start..].iter().chain([module]).cloned().collect());
+        }
+        if done.contains(module) {
+            return None;
+        }
+        way.push(module.clone());
+        let found =
+            imports.get(module).into_iter().flatten().find_map(|next| visit(next, imports, way, done));
+        way.pop();
+        done.insert(module.clone());
+        found
+    }
+    let mut done = BTreeSet::new();
+    imports.keys().find_map(|module| visit(module, imports, &mut Vec::new(), &mut done))
+}
+
+#[test]
+fn circles_are_found() {
+    let files = [
+        ("room/mod.rs", "mod a; mod b;\npub use a::A;\npub(crate) use b::{B, inner::C};\nfn x() { 1 }"),
+        ("room/a.rs", "use super::{B, c::{D, E}};\nfn y(x: super::super::other::Z) {}"),
+        ("room/b.rs", "fn z() -> super::C { crate::room::c::f() }"),
+        ("room/c/mod.rs", "use super::Own;\nmod d;"),
+        ("room/c/d.rs", "use std::fmt;\nuse super::super::a::A;"),
+    ];
+    let sources = files.map(|(file, code)| (module_path(file), code.to_string())).into();
+    let imports = imports_within(&["room".to_string()], &sources);
+    let of = |module: &str| imports[module].iter().map(String::as_str).collect::<Vec<_>>();
+    assert_eq!(of("a"), ["b", "c"]);
+    assert_eq!(of("b"), ["c"]);
+    assert_eq!(of("c"), ["a", "mod.rs"]);
+    assert!(!imports.contains_key("mod.rs"), "mod.rs only passes on");
+    assert_eq!(circle(&imports).unwrap(), ["a", "b", "c", "a"]);
+    assert_eq!(circle(&[("a".into(), ["b".into()].into()), ("b".into(), ["c".into()].into())].into()), None);
+}
+
 #[test]
 fn what_is_confined_stays_where_it_is() {
     let mut wrong = Vec::new();

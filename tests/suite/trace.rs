@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use beamcast::rng::Rng;
 use beamcast::scene::{Arrangement, Scene, SourceMesh};
-use beamcast::trace::methods::Method;
+use beamcast::trace::exact::{Candidate, Corners, Limits, LocalRay};
+use beamcast::trace::methods::{Method, Ray};
 use beamcast::trace::{AnyTracer, BruteForce, Cast, Hit, Instructions, Origins, Rays, Tracer};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
@@ -125,12 +126,26 @@ fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Rng
         1 => (spread, f64::INFINITY),
         _ => (0.0, f64::INFINITY),
     };
-    same_hits(scene, tracers, batch, &Rays { origins, directions: &directions, t_min, t_max })
+    same_hits(scene, tracers, batch, &Rays { origins, directions: &directions, t_min, t_max, after: None })
 }
 
-/// Holds every tracer to brute force, bit for bit. The number of hits.
+/// Holds every tracer to brute force, bit for bit, and in every fourth batch once more for the hits after the nearest ones.
+/// Returns the number of hits.
 fn same_hits(scene: &Scene, tracers: &Tracers, batch: usize, rays: &Rays) -> usize {
     let expected = cast(&BruteForce(scene), rays);
+    all_find(&expected, tracers, batch, rays);
+    if batch.is_multiple_of(4) {
+        // Some rays of the batch have no hit that theirs must follow.
+        let keep = |(ray, hit): (usize, &Option<Hit>)| hit.filter(|_| ray % 5 != 0);
+        let after: Vec<_> = expected.iter().enumerate().map(keep).collect();
+        let rays = Rays { after: Some(&after), ..*rays };
+        all_find(&cast(&BruteForce(scene), &rays), tracers, batch, &rays);
+    }
+    expected.iter().flatten().count()
+}
+
+/// Holds every tracer to the expected hits, bit for bit.
+fn all_find(expected: &[Option<Hit>], tracers: &Tracers, batch: usize, rays: &Rays) {
     for (name, tracer) in tracers {
         let found = cast(tracer, rays);
         let mut blocked = vec![false; found.len()];
@@ -144,22 +159,56 @@ fn same_hits(scene: &Scene, tracers: &Tracers, batch: usize, rays: &Rays) -> usi
             };
             assert!(
                 bits(e) == bits(f) && blocked[index] == e.is_some(),
-                "{name}: batch {batch}, ray {index} from {:?} along {:?} in {} to {}: brute force {e:?}, found {f:?}, \
-                 blocked: {}",
+                "{name}: batch {batch}, ray {index} from {:?} along {:?} in {} to {} after {:?}: brute force {e:?}, found \
+                 {f:?}, blocked: {}",
                 rays.origin(index),
                 rays.directions[index],
                 rays.t_min,
                 rays.t_max,
+                rays.after.map(|after| after[index]),
                 blocked[index]
             );
         }
     }
-    expected.iter().flatten().count()
 }
 
-/// Without limits.
-fn from<'r>(origins: Origins<'r>, directions: &'r [DVec3]) -> Rays<'r> {
-    Rays { origins, directions, t_min: 0.0, t_max: f64::INFINITY }
+/// Every triangle that a ray passes through within its limits, by the definition of a hit, in the order of hits.
+fn hits_in_order(scene: &Scene, rays: &Rays, ray: usize) -> Vec<Candidate> {
+    let limits = Limits::of(rays, ray);
+    let ray = LocalRay { origin: rays.origin(ray) - scene.geometry.centre, direction: rays.directions[ray] };
+    let mut hits = Vec::new();
+    for (index, placement) in scene.arrangement.placements.iter().enumerate() {
+        let local = ray.carried(placement);
+        let mesh = &scene.geometry.meshes[placement.mesh as usize];
+        for triangle in 0..mesh.triangles.len() as u32 {
+            let corners = Corners::of(mesh, triangle, local.origin);
+            if corners.passes(local.direction) {
+                let t = corners.depth(local.direction);
+                hits.push(Candidate { t, placement: index as u32, triangle });
+            }
+        }
+    }
+    hits.retain(|hit| limits.admits(hit));
+    hits.sort_by(|a, b| a.t.total_cmp(&b.t).then((a.placement, a.triangle).cmp(&(b.placement, b.triangle))));
+    hits
+}
+
+/// Casts rays again and again, each after its latest hit, and returns every hit of each ray.
+fn walk(tracer: &dyn Cast, rays: &Rays) -> Vec<Vec<Candidate>> {
+    let mut after = vec![None; rays.directions.len()];
+    let mut walked = vec![Vec::new(); after.len()];
+    loop {
+        let hits = cast(tracer, &Rays { after: Some(&after), ..*rays });
+        for ((after, walked), hit) in after.iter_mut().zip(&mut walked).zip(&hits) {
+            if let Some(hit) = hit {
+                walked.push(Candidate { t: hit.t, placement: hit.placement, triangle: hit.triangle });
+                *after = Some(*hit);
+            }
+        }
+        if hits.iter().all(Option::is_none) {
+            return walked;
+        }
+    }
 }
 
 fn rotated(axis: DVec3, angle: f64, scale: DVec3, translation: DVec3) -> DAffine3 {
@@ -226,7 +275,7 @@ fn placed_meshes_agree_with_brute_force() {
     // A published method answers as if it were built for the new arrangement, and its shadow rays as its hits.
     let directions: Vec<_> = (0..500).map(|_| random.direction()).collect();
     let origins = Origins::Common(scene.geometry.centre);
-    let rays = Rays { origins, directions: &directions, t_min: 0.0, t_max: 5.0 };
+    let rays = Rays { origins, directions: &directions, t_min: 0.0, t_max: 5.0, after: None };
     for method in ["moller-trumbore", "segura-feito-precomputed"].map(Method::named) {
         let rearranged = AnyTracer::build(&scene, method).rearranged(moved.arrangement.clone());
         let built = AnyTracer::build(&moved, method);
@@ -279,7 +328,8 @@ fn near_coincident_layers_agree_with_brute_force() {
     };
     let scene = alone(both);
     for (_, tracer) in tracers(&scene) {
-        let hits = cast(&tracer, &from(Origins::Common(DVec3::new(0.2, 0.1, 3.0)), &[DVec3::NEG_Z]));
+        let hits =
+            cast(&tracer, &Rays::unlimited(Origins::Common(DVec3::new(0.2, 0.1, 3.0)), &[DVec3::NEG_Z]));
         assert_eq!(hits[0].unwrap().triangle, 0);
         assert_eq!(hits[0].unwrap().t, 3.0);
     }
@@ -332,11 +382,11 @@ fn grazed_layers_agree_with_brute_force() {
                     .normalize(),
             })
             .collect();
-        hits += same_hits(&scene, &tracers, batch, &from(Origins::Common(origin), &directions));
+        hits += same_hits(&scene, &tracers, batch, &Rays::unlimited(Origins::Common(origin), &directions));
         // A moving sensor: depths are as uncertain, and origins differ.
         let origins: Vec<DVec3> =
             (0..128).map(|ray| origin + DVec3::X * (1e-6 * f64::from(ray % 8))).collect();
-        hits += same_hits(&scene, &tracers, batch, &from(Origins::Each(&origins), &directions));
+        hits += same_hits(&scene, &tracers, batch, &Rays::unlimited(Origins::Each(&origins), &directions));
     }
     assert!(hits > 10_000, "{hits}");
 }
@@ -364,6 +414,88 @@ fn degenerate_arrangements_agree_with_brute_force() {
         nested.parts[0].triangles.push([base, base + 1, base + 2]);
     }
     assert!(agrees(&alone(nested), 16, 31, 1.0) > 100);
+}
+
+/// A ray that is cast again and again after its latest hit meets every triangle on its way exactly once, in the order of hits.
+#[test]
+fn rays_walk_through_all_their_hits_in_order() {
+    let mut random = Rng::new(43);
+    // Four copies of the same two triangles, and layers an ulp apart: many depths are equal.
+    let mut layers = mesh(vec![], vec![]);
+    for z in [1.0_f32, 1.0, 1.0_f32.next_up(), 1.0, 2.0, 1.0] {
+        let base = layers.positions.len() as u32;
+        layers.positions.extend([[-3.0, -3.0, z], [3.0, -3.0, z], [3.0, 3.0, z], [-3.0, 3.0, z]]);
+        layers.parts[0].triangles.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+    }
+    let turn = rotated(DVec3::new(1.0, 2.0, 3.0), 0.7, DVec3::new(1.0, 0.5, -2.0), DVec3::X);
+    // Every place but the last is taken twice, so that depths of different placements are equal.
+    let places = [0.0, 0.0, 0.5, 0.5, -2.0].map(|x| (0, DAffine3::from_translation(DVec3::X * x) * turn));
+    let scenes = [
+        alone(soup(&mut Rng::new(5), 300, 1.0)),
+        alone(layers.clone()),
+        placed(vec![layers], vec![(0, DAffine3::IDENTITY); 3]),
+        placed(vec![sphere(1.0, DVec3::ZERO, 2)], places.to_vec()),
+    ];
+    for (index, scene) in scenes.iter().enumerate() {
+        let (mut hits, mut ties) = (0, 0);
+        for batch in 0..6 {
+            let origins: Vec<_> = (0..150).map(|_| scene.geometry.centre + random.point() * 3.0).collect();
+            let is_common = batch % 2 == 0;
+            let directions: Vec<_> = (0..150)
+                .map(|ray| target(scene, &mut random) - origins[if is_common { 0 } else { ray }])
+                .map(|d| if d == DVec3::ZERO { DVec3::X } else { d })
+                .collect();
+            let origins = if is_common { Origins::Common(origins[0]) } else { Origins::Each(&origins) };
+            let (t_min, t_max) = if batch < 4 { (0.0, f64::INFINITY) } else { (0.4, 1.1) };
+            let rays = Rays { origins, directions: &directions, t_min, t_max, after: None };
+            let expected: Vec<_> = (0..150).map(|ray| hits_in_order(scene, &rays, ray)).collect();
+            hits += expected.iter().map(Vec::len).sum::<usize>();
+            let is_tie = |pair: &[Candidate]| pair[0].t == pair[1].t;
+            ties += expected.iter().flat_map(|of| of.windows(2)).filter(|pair| is_tie(pair)).count();
+            assert_eq!(
+                walk(&BruteForce(scene), &rays),
+                expected,
+                "scene {index}, batch {batch}: brute force"
+            );
+            for (name, tracer) in tracers(scene) {
+                assert_eq!(walk(&tracer, &rays), expected, "scene {index}, batch {batch}: {name}");
+            }
+        }
+        // Only in the first scene do no two triangles coincide.
+        assert!(hits > 1500 && (index == 0 || ties > 100), "scene {index}: {hits} hits, {ties} ties");
+    }
+}
+
+/// The next hit of a published method comes after the previous one by the method's own depths.
+#[test]
+fn rays_walk_through_all_hits_of_a_method() {
+    let mut random = Rng::new(47);
+    let scene = alone(soup(&mut Rng::new(5), 300, 1.0));
+    let mesh = &scene.geometry.meshes[0];
+    let method = Method::named("moller-trumbore").unwrap();
+    let tracer = method.tracer(&Tracer::build(&scene));
+    let origins: Vec<_> = (0..150).map(|_| scene.geometry.centre + random.point() * 3.0).collect();
+    let directions: Vec<_> =
+        origins.iter().map(|o| (random.point() + scene.geometry.centre - *o).normalize()).collect();
+    let rays = Rays::unlimited(Origins::Each(&origins), &directions);
+    let mut hits = 0;
+    for (ray, walked) in walk(&*tracer, &rays).into_iter().enumerate() {
+        let test = Ray {
+            origin: (origins[ray] - scene.geometry.centre).as_vec3(),
+            direction: directions[ray].as_vec3(),
+        };
+        let mut expected: Vec<_> = (0..mesh.triangles.len())
+            .filter_map(|triangle| {
+                let corners = mesh.triangles[triangle].map(|v| mesh.positions[v as usize].into());
+                let t = f64::from(method.intersect(&test, corners)?.t);
+                (t >= 0.0).then_some(Candidate { t, placement: 0, triangle: triangle as u32 })
+            })
+            .collect();
+        expected.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+        assert_eq!(walked, expected);
+        hits += expected.len();
+    }
+    assert!(hits > 500, "{hits}");
 }
 
 /// Many rays in one call, stretches of neighbours and stretches in no order by turns: packets, single rays, and where one
@@ -394,7 +526,7 @@ fn long_calls_agree_with_brute_force() {
             // One is inside of a sphere.
             let origins =
                 if call % 2 == 0 { Origins::Each(&origins) } else { Origins::Common(origins[0] * 0.1) };
-            let hits = same_hits(&scene, &tracers, call, &from(origins, &directions));
+            let hits = same_hits(&scene, &tracers, call, &Rays::unlimited(origins, &directions));
             assert!(hits > 100, "{hits} of {}", directions.len());
         }
     }
@@ -430,13 +562,13 @@ fn traversal_statistics_are_counted() {
     let vertices: Vec<_> = (0..300).map(|k| at(k % mesh.positions.len()) - scene.geometry.centre).collect();
     for (name, tracer) in tracers(&scene).into_iter().filter(|(name, _)| *name != "scalar") {
         let mut hits = vec![None; 300];
-        let inside = from(Origins::Common(scene.geometry.centre), &vertices);
+        let inside = Rays::unlimited(Origins::Common(scene.geometry.centre), &vertices);
         let effort = tracer.cast_counted(&inside, &mut hits);
         assert_eq!(hits, cast(&tracer, &inside), "{name}");
         assert!(effort.nodes > 0 && effort.leaves > 0, "{name}: {effort:?}");
         assert!(effort.tests >= effort.in_f64 && effort.in_f64 >= effort.exactly, "{name}: {effort:?}");
         assert!(effort.exactly >= 300, "{name}: {effort:?}");
-        let away = from(Origins::Common(scene.geometry.centre + DVec3::X * 3.0), &[DVec3::X]);
+        let away = Rays::unlimited(Origins::Common(scene.geometry.centre + DVec3::X * 3.0), &[DVec3::X]);
         assert_eq!(tracer.cast_counted(&away, &mut hits[..1]).tests, 0, "{name}");
     }
 }
@@ -470,7 +602,7 @@ fn closed_meshes_have_no_leaks() {
                     let origins: Vec<_> = (0..150).map(|_| origin + random.point() * radius * 1e-4).collect();
                     let origins =
                         if batch % 2 == 0 { Origins::Common(origin) } else { Origins::Each(&origins) };
-                    let hits = cast(&tracer, &from(origins, &directions));
+                    let hits = cast(&tracer, &Rays::unlimited(origins, &directions));
                     rays += hits.len() as u64;
                     if let Some(leak) = hits.iter().position(Option::is_none) {
                         panic!("{name}: radius {radius}, from {origin:?} along {:?}", directions[leak]);

@@ -1,7 +1,8 @@
-//! Building: split the mesh into parts from the top, let obvhs build each part's binary tree, make it eight wide.
+//! The construction of a hierarchy: the mesh is split into parts from the top, obvhs builds a binary tree of each part, and the
+//! binary trees are collapsed into nodes of eight children.
 //!
-//! obvhs's working memory is several times what the finished structure takes. Built part by part, only a part's worth of it
-//! exists at a time (one a thread), and the parts are what the threads share out.
+//! The working memory of obvhs is several times that of the finished hierarchy. Because the mesh is built part by part, only the
+//! working memory of one part a thread exists at a time. Threads share out the parts.
 
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
@@ -11,19 +12,20 @@ use rayon::prelude::*;
 
 use super::{BLOCK_OFFSET_WORDS, Bvh8, Child, HEADER, MAX_BLOCK_OFFSET, MAX_VERTICES, Node, TAIL, WIDTH};
 use crate::scene::Mesh;
-use crate::trace::Bounds;
+use crate::trace::bounds::Bounds;
 
-/// Triangles of a part: large enough that the seams don't matter, small enough that the working memory doesn't.
+/// The most triangles of a part. Parts are so large that the seams between them hardly cost any speed, and so small that their
+/// working memory is small.
 const PART: usize = 1 << 15;
 
-/// How much boxes grow on each side, with 1 for the largest |coordinate|: eight units of f32's roundoff, of which rounding
-/// here and subtracting an origin no farther out take three. (What a farther origin costs is added by who has one.)
+/// How much boxes grow on each side, in units of the largest |coordinate|. It is eight times the unit roundoff of f32, of which
+/// rounding here and subtracting an origin that is no farther out take three. (Rays from farther out add a slack of their own.)
 const PAD: f32 = 1.0 / (1 << 21) as f32;
 
-/// Builds the structure over a mesh.
+/// Builds the hierarchy over a mesh.
 ///
 /// # Panics
-/// If the blocks would take more than 8 GiB (some 200 million triangles).
+/// If the blocks take more than 8 GiB (some 200 million triangles).
 pub(in crate::trace) fn build(mesh: &Mesh) -> Bvh8 {
     if mesh.triangles.is_empty() {
         return Bvh8::default();
@@ -39,7 +41,7 @@ pub(in crate::trace) fn build(mesh: &Mesh) -> Bvh8 {
     space.join(trees, largest)
 }
 
-/// Builds a hierarchy over `boxes`, whose leaves are their numbers.
+/// Builds a hierarchy over boxes. The number of a leaf is the index of its box.
 pub(in crate::trace) fn build_over(boxes: &[Bounds]) -> Bvh8 {
     if boxes.is_empty() {
         return Bvh8::default();
@@ -52,12 +54,12 @@ pub(in crate::trace) fn build_over(boxes: &[Bounds]) -> Bvh8 {
     let mut tree = Tree::default();
     tree.widen(&bvh, |_, leaf| Child::leaf(bvh.primitive_indices[bvh.nodes[leaf].first_index as usize]));
     for node in &mut tree.nodes {
-        node.finish(scale, largest);
+        node.scale_back(scale, largest);
     }
     Bvh8 { nodes: tree.nodes, blocks: Vec::new(), largest }
 }
 
-/// A mesh and the power of two that brings its coordinates to 1 at most. obvhs measures areas in f32, which meshes of
+/// A mesh and the power of two that scales its coordinates to at most 1. obvhs measures areas in f32, whose range the areas of
 /// nanometres or gigametres would leave.
 struct Space<'m> {
     mesh: &'m Mesh,
@@ -79,7 +81,7 @@ impl Space<'_> {
         Aabb { min: min * self.scale, max: max * self.scale }
     }
 
-    /// Puts the parts' trees under one root.
+    /// Joins the trees of the parts under one root.
     fn join(&self, trees: Vec<Tree>, largest: f32) -> Bvh8 {
         let (nodes, words) = trees.iter().fold((0, 0), |(n, w), t| (n + t.nodes.len(), w + t.blocks.len()));
         assert!(words / BLOCK_OFFSET_WORDS < MAX_BLOCK_OFFSET, "a mesh of more than 8 GiB of leaves");
@@ -88,10 +90,10 @@ impl Space<'_> {
         if let [_] = roots[..] {
             bvh.nodes.reserve_exact(nodes);
         } else {
-            // Nodes above the parts; their leaves are the parts' roots.
+            // The leaves of the nodes above the parts are the roots of the parts.
             let over_parts = build_binary(&roots, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
             let mut top = Tree::default();
-            // For now a part goes by its number, as if it were a block.
+            // Until their roots are known, parts are referred to by their index, as if they were blocks.
             top.widen(&over_parts, |_, leaf| {
                 let first = over_parts.nodes[leaf].first_index as usize;
                 Child::leaf(over_parts.primitive_indices[first])
@@ -129,16 +131,16 @@ impl Space<'_> {
         }
         bvh.blocks.resize(bvh.blocks.len() + TAIL, 0);
         for node in &mut bvh.nodes {
-            node.finish(self.scale, largest);
+            node.scale_back(self.scale, largest);
         }
         bvh
     }
 }
 
 impl Node {
-    /// From the building's scale to the mesh's own, padded.
-    fn finish(&mut self, scale: f32, largest: f32) {
-        // A power of two, so exact; but its reciprocal may leave f32, where a division does not.
+    /// Scales the boxes back to the mesh's own size and pads them.
+    fn scale_back(&mut self, scale: f32, largest: f32) {
+        // The division by a power of two is exact, and its quotient is in f32's range where the reciprocal may not be.
         let pad = largest * PAD + f32::MIN_POSITIVE;
         for lane in 0..WIDTH {
             if self.child[lane] != Child::NONE {
@@ -152,18 +154,18 @@ impl Node {
     }
 }
 
-/// Twice the middles of boxes: their bounds.
+/// The bounds of twice the centres of boxes.
 #[derive(Clone, Copy)]
-struct Middles {
+struct Centres {
     low: Vec3A,
     high: Vec3A,
 }
 
-impl Middles {
+impl Centres {
     const NONE: Self = Self { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
 
-    fn with(self, middle: Vec3A) -> Self {
-        Self { low: self.low.min(middle), high: self.high.max(middle) }
+    fn with(self, centre: Vec3A) -> Self {
+        Self { low: self.low.min(centre), high: self.high.max(centre) }
     }
 
     fn union(self, other: Self) -> Self {
@@ -171,26 +173,26 @@ impl Middles {
     }
 }
 
-fn twice_middle(b: &Aabb) -> Vec3A {
+fn twice_centre(b: &Aabb) -> Vec3A {
     b.min + b.max
 }
 
-/// Triangles whose middles lie in one slice of a part.
+/// The triangles whose centres lie in one slice of a part.
 #[derive(Clone, Copy)]
 struct Bin {
     count: usize,
     bounds: Aabb,
-    middles: Middles,
+    centres: Centres,
 }
 
 impl Bin {
-    const EMPTY: Self = Self { count: 0, bounds: Aabb::INVALID, middles: Middles::NONE };
+    const EMPTY: Self = Self { count: 0, bounds: Aabb::INVALID, centres: Centres::NONE };
 
     fn union(self, other: &Self) -> Self {
         Self {
             count: self.count + other.count,
             bounds: self.bounds.union(&other.bounds),
-            middles: self.middles.union(other.middles),
+            centres: self.centres.union(other.centres),
         }
     }
 
@@ -199,25 +201,26 @@ impl Bin {
     }
 }
 
-/// Triangles that a thread takes at once.
+/// The number of triangles that a thread takes at a time.
 const CHUNK: usize = 1 << 14;
 
-/// Cuts `items` in place into parts of at most [`PART`], by the surface area heuristic over 32 bins of the widest axis.
+/// Splits `items` in place into parts of at most [`PART`] triangles, by the surface area heuristic over 32 bins of the widest
+/// axis.
 fn split<'i>(space: &Space, items: &'i mut [u32]) -> Vec<&'i mut [u32]> {
-    let middles = items
+    let centres = items
         .par_iter()
-        .fold(|| Middles::NONE, |all, &i| all.with(twice_middle(&space.scaled(i))))
-        .reduce(|| Middles::NONE, Middles::union);
-    split_within(space, items, middles)
+        .fold(|| Centres::NONE, |all, &i| all.with(twice_centre(&space.scaled(i))))
+        .reduce(|| Centres::NONE, Centres::union);
+    split_within(space, items, centres)
 }
 
-/// The same, given the bounds of twice the middles.
-fn split_within<'i>(space: &Space, items: &'i mut [u32], middles: Middles) -> Vec<&'i mut [u32]> {
+/// [`split`], given the bounds of twice the centres.
+fn split_within<'i>(space: &Space, items: &'i mut [u32], centres: Centres) -> Vec<&'i mut [u32]> {
     if items.len() <= PART {
         return vec![items];
     }
     const BINS: usize = 32;
-    let extent = middles.high - middles.low;
+    let extent = centres.high - centres.low;
     let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap();
     let per_unit = BINS as f32 / extent[axis];
     let mut bin_of = vec![0_u8; items.len()];
@@ -228,10 +231,10 @@ fn split_within<'i>(space: &Space, items: &'i mut [u32], middles: Middles) -> Ve
             let mut bins = [Bin::EMPTY; BINS];
             for (&i, bin_of) in items.iter().zip(bin_of) {
                 let bounds = space.scaled(i);
-                let middle = twice_middle(&bounds);
-                let bin = (((middle[axis] - middles.low[axis]) * per_unit) as usize).min(BINS - 1);
+                let centre = twice_centre(&bounds);
+                let bin = (((centre[axis] - centres.low[axis]) * per_unit) as usize).min(BINS - 1);
                 *bin_of = bin as u8;
-                bins[bin] = bins[bin].union(&Bin { count: 1, bounds, middles: Middles::NONE.with(middle) });
+                bins[bin] = bins[bin].union(&Bin { count: 1, bounds, centres: Centres::NONE.with(centre) });
             }
             bins
         })
@@ -243,16 +246,16 @@ fn split_within<'i>(space: &Space, items: &'i mut [u32], middles: Middles) -> Ve
             },
         );
     let union = |bins: &[Bin]| bins.iter().fold(Bin::EMPTY, Bin::union);
-    // Parts much smaller than PART make seams for nothing.
+    // Parts much smaller than PART would add seams without need.
     let cuts = (1..BINS).map(|cut| (cut, union(&bins[..cut]), union(&bins[cut..])));
     let cuts = cuts.filter(|(_, left, right)| left.count.min(right.count) >= PART / 4);
     let best = cuts.min_by(|a, b| (a.1.cost() + a.2.cost()).total_cmp(&(b.1.cost() + b.2.cost())));
     let (cut, left, right) = match best {
         Some((cut, left, right)) if per_unit.is_finite() => {
-            (partition(items, &mut bin_of, cut as u8), left.middles, right.middles)
+            (partition(items, &mut bin_of, cut as u8), left.centres, right.centres)
         }
-        // All in one place, or nearly: any half will do.
-        _ => (items.len() / 2, middles, middles),
+        // All centres are in one place, or nearly so, and any half will do.
+        _ => (items.len() / 2, centres, centres),
     };
     drop(bin_of);
     let (a, b) = items.split_at_mut(cut);
@@ -261,7 +264,7 @@ fn split_within<'i>(space: &Space, items: &'i mut [u32], middles: Middles) -> Ve
     parts
 }
 
-/// Brings the items whose bin is below `cut` to the front, and their bins with them; their number.
+/// Moves the items whose bin is below `cut` to the front, with their bins, and returns their number.
 fn partition(items: &mut [u32], bin_of: &mut [u8], cut: u8) -> usize {
     let (mut left, mut right) = (0, items.len());
     loop {
@@ -279,8 +282,8 @@ fn partition(items: &mut [u32], bin_of: &mut [u8], cut: u8) -> usize {
     }
 }
 
-/// A leaf costs nearly the same whatever it holds, up to eight triangles: so it holds as many as it may, which obvhs takes a high
-/// cost of nodes for.
+/// The parameters of a binary tree. The test of a leaf costs nearly the same for any number of triangles up to eight, so leaves
+/// should be full. A high cost of nodes makes obvhs fill them.
 const PARAMS: BvhBuildParams = BvhBuildParams {
     max_prims_per_leaf: WIDTH as u32,
     collapse_traversal_cost: 30.0,
@@ -292,7 +295,7 @@ fn build_binary(boxes: &[Aabb], params: BvhBuildParams) -> Bvh2 {
     obvhs::bvh2::builder::build_bvh2(boxes, params, &mut time)
 }
 
-/// A part's nodes and blocks, numbered from 0. Boxes are still in the building's scale and not padded.
+/// The nodes and blocks of a part, numbered from 0. The boxes are still scaled as in [`Space`], and not padded.
 #[derive(Default)]
 struct Tree {
     nodes: Vec<Node>,
@@ -316,12 +319,12 @@ impl Tree {
         tree
     }
 
-    /// Makes a tree of nodes eight wide out of a binary one. Nodes come depth first, so that what is visited together lies
-    /// together. `leaf` makes what stands for a leaf.
+    /// Collapses a binary tree into nodes of eight children. Nodes are in depth-first order, so that nodes that are visited
+    /// together lie close to each other. `leaf` makes the child for a leaf of the binary tree.
     fn widen(&mut self, bvh: &Bvh2, mut leaf: impl FnMut(&mut Self, usize) -> Child) {
         self.bounds = *bvh.nodes[0].aabb();
-        let forests = Forests::new(bvh);
-        // (binary node, where its wide node's index goes)
+        let collapse = Collapse::new(bvh);
+        // The stack of binary nodes, each with the wide node and lane that refers to it.
         let mut stack = vec![(0_usize, None::<(usize, usize)>)];
         while let Some((binary, parent)) = stack.pop() {
             let index = self.nodes.len();
@@ -330,7 +333,7 @@ impl Tree {
                 self.nodes[node].child[lane] = Child::node(index as u32);
             }
             let mut children = [0_usize; WIDTH];
-            let count = forests.roots_below(bvh, binary, &mut children);
+            let count = collapse.roots_below(bvh, binary, &mut children);
             for (lane, &child) in children[..count].iter().enumerate() {
                 let node = &bvh.nodes[child];
                 let Aabb { min, max } = *node.aabb();
@@ -350,7 +353,7 @@ impl Tree {
         }
     }
 
-    /// Writes the block of a leaf.
+    /// Writes the block of a leaf, and returns the child that refers to it.
     fn block(&mut self, space: &Space, ids: &[u32]) -> Child {
         let mut indices = [0_u32; MAX_VERTICES];
         let mut count = 0;
@@ -358,7 +361,7 @@ impl Tree {
         let mut extent = 0.0_f32;
         for (lane, &id) in ids.iter().enumerate() {
             for (corner, v) in space.mesh.triangles[id as usize].into_iter().enumerate() {
-                // At most 24: a look at each is quicker than a hash.
+                // There are at most 24 vertices, so a linear search is faster than a hash.
                 let vertex = indices[..count].iter().position(|&known| known == v).unwrap_or_else(|| {
                     indices[count] = v;
                     count += 1;
@@ -387,19 +390,22 @@ impl Tree {
     }
 }
 
-/// How a binary tree's nodes are best taken together eight wide: such that the nodes' areas, in proportion to which rays
-/// visit them, add up to the least (Ylitie, Karras, Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed
-/// Wide BVHs", 2017). What is below a node may stand as a forest of up to so many trees; the least area of that is the
-/// node's own and its children's best forest of eight, or what its two children have when they share out the trees.
-struct Forests {
-    /// For each node, and a forest of up to 1 to 7 trees, how many trees the children's forests have (a nibble each; 0 for the
-    /// node being one tree); last, how the children share out eight if the node is a wide one.
+/// The best way to collapse a binary tree into nodes of eight children: the sum of the areas of the wide nodes, to which the
+/// number of visits is proportional, is the least (Ylitie, Karras, Laine, "Efficient Incoherent Ray Traversal on GPUs Through
+/// Compressed Wide BVHs", 2017).
+///
+/// Let `cost[node][n]` be the least area of representing the subtree of a node by at most n roots. For n = 1 the node becomes a
+/// wide node, which costs its own area and that of representing its subtree by eight roots below it. For n > 1 its two children
+/// share out the n roots.
+struct Collapse {
+    /// For each node and each n from 1 to 7, how its two children share out the n roots (four bits each, or 0 if the node is one
+    /// root); last, how they share out eight roots if the node becomes a wide node.
     shares: Vec<[u8; WIDTH]>,
 }
 
-impl Forests {
+impl Collapse {
     fn new(bvh: &Bvh2) -> Self {
-        // Parents before children.
+        // The inner nodes, parents before children.
         let mut order = Vec::with_capacity(bvh.nodes.len());
         let mut stack = vec![0];
         while let Some(node) = stack.pop() {
@@ -409,12 +415,12 @@ impl Forests {
                 stack.extend([first, first + 1]);
             }
         }
-        // The least area, by node and number of trees. (Leaves have the same in any case.)
-        let mut areas = vec![[0.0_f32; WIDTH]; bvh.nodes.len()];
+        // cost[node][n - 1]. A leaf has the same cost for every n.
+        let mut cost = vec![[0.0_f32; WIDTH]; bvh.nodes.len()];
         let mut shares = vec![[0_u8; WIDTH]; bvh.nodes.len()];
         for &node in order.iter().rev() {
             let first = bvh.nodes[node].first_index as usize;
-            let (left, right) = (areas[first], areas[first + 1]);
+            let (left, right) = (cost[first], cost[first + 1]);
             let shared = |trees: usize| {
                 let splits =
                     (1..trees).map(|to_left| (left[to_left - 1] + right[trees - to_left - 1], to_left));
@@ -423,24 +429,24 @@ impl Forests {
             let share = |trees: usize, to_left: usize| (to_left | (trees - to_left) << 4) as u8;
             let (area, to_left) = shared(WIDTH);
             shares[node][WIDTH - 1] = share(WIDTH, to_left);
-            areas[node][0] = bvh.nodes[node].aabb().half_area() + area;
+            cost[node][0] = bvh.nodes[node].aabb().half_area() + area;
             for trees in 2..WIDTH {
                 let (area, to_left) = shared(trees);
-                let is_better = area < areas[node][trees - 2];
-                (areas[node][trees - 1], shares[node][trees - 1]) = if is_better {
+                let is_better = area < cost[node][trees - 2];
+                (cost[node][trees - 1], shares[node][trees - 1]) = if is_better {
                     (area, share(trees, to_left))
                 } else {
-                    (areas[node][trees - 2], shares[node][trees - 2])
+                    (cost[node][trees - 2], shares[node][trees - 2])
                 };
             }
         }
         Self { shares }
     }
 
-    /// The binary nodes that are a wide node's children; their number.
+    /// Writes the binary nodes that become the children of a wide node, and returns their number.
     fn roots_below(&self, bvh: &Bvh2, node: usize, children: &mut [usize; WIDTH]) -> usize {
         if bvh.nodes[node].is_leaf() {
-            // A tree of one leaf has a node above it.
+            // A tree that is a single leaf still needs a node above it.
             children[0] = node;
             return 1;
         }
@@ -466,7 +472,7 @@ impl Forests {
     }
 }
 
-/// The power of two that brings `x` to between ½ and 1, as far as f32 goes; 1 for 0.
+/// The power of two that scales `x` to between ½ and 1, as far as f32's range goes, and 1 for 0.
 fn reciprocal_power_of_two(x: f32) -> f32 {
     let (_, exponent) = libm::frexpf(x);
     if x == 0.0 { 1.0 } else { libm::ldexpf(1.0, (-exponent).clamp(-126, 127)) }
@@ -477,7 +483,7 @@ mod tests {
     use super::*;
     use crate::rng::Rng;
 
-    /// The least sum of areas of wide nodes below `node`, by trying every set of up to eight children.
+    /// The least sum of the areas of the wide nodes below `node`, by trying every set of up to eight children.
     fn least_area(bvh: &Bvh2, node: usize) -> f32 {
         fn forests(bvh: &Bvh2, open: &[usize], closed: &[usize], least: &mut f32) {
             let Some((&next, open)) = open.split_first() else {
@@ -512,13 +518,13 @@ mod tests {
                 })
                 .collect();
             let bvh = build_binary(&boxes, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
-            let forests = Forests::new(&bvh);
+            let collapse = Collapse::new(&bvh);
             let mut stack = vec![0];
             let (mut area, mut leaves) = (0.0, 0);
             while let Some(node) = stack.pop() {
                 area += bvh.nodes[node].aabb().half_area();
                 let mut children = [0; WIDTH];
-                let found = forests.roots_below(&bvh, node, &mut children);
+                let found = collapse.roots_below(&bvh, node, &mut children);
                 for &child in &children[..found] {
                     if bvh.nodes[child].is_leaf() {
                         leaves += 1;

@@ -1,8 +1,8 @@
-//! The structure that packets walk: a hierarchy eight boxes wide, its leaves blocks of triangles.
+//! The bounding volume hierarchy that rays traverse. Its nodes have up to eight children, and its leaves are blocks of triangles.
 //!
-//! Nodes hold their children's boxes as f32, an array an axis, so that eight boxes are tested at once. A leaf is a block
-//! of up to eight triangles with the vertices that they share, in the order of the tree: what a packet needs of a leaf
-//! lies in two or three cache lines.
+//! A node holds the boxes of its children as f32, one array an axis, so that eight boxes are tested at a time. A leaf is a block of
+//! up to eight triangles with the vertices that they share. Blocks lie in the order of the tree, and the data of a leaf takes two or
+//! three cache lines.
 
 mod build;
 mod traverse;
@@ -13,56 +13,58 @@ use super::simd::{F32x8, F32x16, U32x8};
 
 pub(super) use build::{build, build_over};
 
-/// Children of a node and triangles of a block.
+/// The most children of a node, and the most triangles of a block.
 pub(super) const WIDTH: usize = 8;
 
 /// A hierarchy over the triangles of one mesh, in the mesh's space.
 #[derive(Debug, Default)]
 pub(super) struct Bvh8 {
-    /// The root is node 0, if there is any.
+    /// The nodes. The root is node 0, if there is any.
     pub nodes: Vec<Node>,
-    /// Blocks, one after the other, each a whole number of [`BLOCK_OFFSET_WORDS`]; see [`LeafBlock`]. Empty for a hierarchy of placements,
-    /// whose leaves are named by number.
+    /// The blocks, one after the other, as [`LeafBlock`] reads them. Each takes a multiple of [`BLOCK_OFFSET_WORDS`]. A hierarchy
+    /// over placements has no blocks: the number of a leaf is that of the placement.
     pub blocks: Vec<u32>,
     /// The largest |coordinate| of a vertex.
     pub largest: f32,
 }
 
-/// Up to eight children, boxes as structure of arrays, one cache line an axis.
+/// A node of up to eight children. Their boxes are a structure of arrays with one cache line an axis.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Node {
-    /// `planes[axis][child]` is the lower plane of a child's box, `planes[axis][WIDTH + child]` the upper one.
+    /// `planes[axis][child]` is the lower plane of a child's box, and `planes[axis][WIDTH + child]` the upper plane.
     pub planes: [[f32; 2 * WIDTH]; 3],
     pub child: [Child; WIDTH],
 }
 
-/// A child of a node: another node, or a block.
+/// A reference to a child of a node: another node, or a leaf.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Child(u32);
 
 impl Child {
     const LEAF: u32 = 1 << 31;
-    /// No child; its box is empty.
+    /// No child. Its box is empty.
     pub const NONE: Self = Self(u32::MAX);
 
+    /// The node of an index.
     pub fn node(index: u32) -> Self {
         debug_assert!(index < Self::LEAF);
         Self(index)
     }
 
+    /// The leaf whose block has an offset.
     pub fn leaf(block_offset: u32) -> Self {
         debug_assert!(block_offset < Self::LEAF - 1);
         Self(block_offset | Self::LEAF)
     }
 
-    /// As [`Child::bits`] gave it.
+    /// The child of a number that [`Child::bits`] returned.
     #[inline(always)]
     pub fn from_bits(bits: u32) -> Self {
         Self(bits)
     }
 
-    /// As a number, whose highest bit says that it is a block.
+    /// The child as a number, whose highest bit is set for a leaf.
     #[inline(always)]
     pub fn bits(self) -> u32 {
         self.0
@@ -73,27 +75,27 @@ impl Child {
         self.0 & Self::LEAF != 0
     }
 
-    /// The block's offset or the node's index, whichever it is.
+    /// The offset of the leaf's block, or the index of the node.
     #[inline(always)]
     pub fn number(self) -> u32 {
         self.0 & !Self::LEAF
     }
 
-    /// The block's offset, or the node's index.
+    /// `Ok` with the offset of the leaf's block, or `Err` with the index of the node.
     pub fn get(self) -> Result<u32, u32> {
         if self.is_leaf() { Ok(self.number()) } else { Err(self.0) }
     }
 }
 
 impl Node {
-    /// All children's bits.
+    /// The bits of all children.
     #[inline(always)]
     pub fn children<S: F32x8>(&self) -> S::U32x8 {
         let [a, b, c, d, e, f, g, h] = &self.child;
         S::U32x8::load(&[a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0])
     }
 
-    /// A node without children. Its boxes are inside out, and finite, so that no arithmetic on them makes a NaN.
+    /// A node without children. Its boxes are inside out, so no ray meets them, and finite, so no arithmetic on them makes a NaN.
     pub const EMPTY: Self = {
         let mut planes = [f32::MAX; 2 * WIDTH];
         let mut lane = WIDTH;
@@ -105,27 +107,27 @@ impl Node {
     };
 }
 
-/// Words (of 32 bits) that a block's place is counted in.
+/// The unit of a block's offset, in words of 32 bits.
 pub(super) const BLOCK_OFFSET_WORDS: usize = 4;
 
-/// The largest block offset that a reference can tell apart.
+/// The bound of block offsets: a [`TriangleRef`] has 29 bits for them.
 pub(super) const MAX_BLOCK_OFFSET: usize = 1 << 29;
 
-/// With fewer nodes than these, they and their leaves are in the cache as it is (about a megabyte of both).
+/// A hierarchy of fewer nodes than this is in the cache anyway: with its leaves it takes about a megabyte.
 const IN_CACHE: usize = 1024;
 
-/// Words after the last block, so that whole vectors may be read from anywhere in it.
+/// The words of padding after the last block, so that a whole vector can be loaded from any place in it.
 const TAIL: usize = 3 * WIDTH;
 
 /// A view of one block. Its words are:
 ///
-/// | words | what |
+/// | words | content |
 /// |---|---|
-/// | 1 | triangles (low byte) and vertices (next byte) |
-/// | 1 | the largest side of a triangle's box, f32 |
-/// | 3 × vertices | x of all vertices, then y, then z, f32 |
-/// | 3 × 2 | for the first, second and third corner: a byte a triangle, which vertex it is |
-/// | triangles | ids in the mesh |
+/// | 1 | the number of triangles (low byte) and of vertices (next byte) |
+/// | 1 | the largest side of the bounding box of any triangle, f32 |
+/// | 3 × vertices | x of all vertices, then all y, then all z, f32 |
+/// | 3 × 2 | for the first, second and third corner: the index of its vertex, one byte a triangle |
+/// | triangles | the ids of the triangles in the mesh |
 #[derive(Clone, Copy)]
 pub(super) struct LeafBlock<'a> {
     words: &'a [u32],
@@ -133,12 +135,13 @@ pub(super) struct LeafBlock<'a> {
     vertices: usize,
 }
 
-/// Vertices of a block at most: eight triangles that share none.
+/// The most vertices of a block, which has eight triangles that share none.
 pub(super) const MAX_VERTICES: usize = 3 * WIDTH;
 
 const HEADER: usize = 2;
 
 impl<'a> LeafBlock<'a> {
+    /// The block at an offset.
     #[inline(always)]
     pub fn at(blocks: &'a [u32], block_offset: u32) -> Self {
         let words = &blocks[block_offset as usize * BLOCK_OFFSET_WORDS..];
@@ -146,14 +149,14 @@ impl<'a> LeafBlock<'a> {
         Self { words, triangles: (head & 0xff) as usize, vertices: (head >> 8 & 0xff) as usize }
     }
 
-    /// The largest side of any triangle's bounding box.
+    /// The largest side of the bounding box of any triangle.
     #[inline(always)]
     pub fn extent(&self) -> f32 {
         f32::from_bits(self.words[1])
     }
 
-    /// A coordinate of its vertices: the first sixteen, and eight more if there are more. Lanes past the last vertex mean
-    /// nothing.
+    /// One coordinate of the vertices: of the first sixteen, and of eight more if there are more. Lanes past the last vertex
+    /// are unspecified.
     #[inline(always)]
     pub fn coordinates<S: F32x8>(&self, axis: usize) -> (S::F32x16, Option<S>) {
         let start = HEADER + axis * self.vertices;
@@ -162,7 +165,7 @@ impl<'a> LeafBlock<'a> {
         (S::F32x16::load_u32(words[..16].try_into().unwrap()), more)
     }
 
-    /// For each of a triangle's three corners, which vertex it is. Lanes past the last triangle mean nothing.
+    /// The vertex indices of the first, second and third corners. Lanes past the last triangle are unspecified.
     #[inline(always)]
     pub fn corner_vertices<S: F32x8>(&self) -> [S::U32x8; 3] {
         let start = HEADER + 3 * self.vertices;
@@ -175,13 +178,13 @@ impl<'a> LeafBlock<'a> {
         ]
     }
 
-    /// Of eight triangles, given by their slots: each corner's x, y and z, and the ids in their mesh.
+    /// Gathers eight triangles, given as [`TriangleRef`]s: x, y and z of each corner, and the ids in their mesh.
     #[inline(always)]
-    pub fn corners<S: F32x8>(blocks: &[u32], slots: S::U32x8) -> ([[S; 3]; 3], S::U32x8) {
+    pub fn corners<S: F32x8>(blocks: &[u32], triangles: S::U32x8) -> ([[S; 3]; 3], S::U32x8) {
         let constant = S::U32x8::splat;
-        let lane = slots.and(constant(WIDTH as u32 - 1));
-        // References count in offsets of four words, after three bits for the lane.
-        let start = slots.shift_right(constant(1)).and(constant(!(BLOCK_OFFSET_WORDS as u32 - 1)));
+        let lane = triangles.and(constant(WIDTH as u32 - 1));
+        // A reference is an offset, which counts in four words, after three bits for the lane.
+        let start = triangles.shift_right(constant(1)).and(constant(!(BLOCK_OFFSET_WORDS as u32 - 1)));
         let vertices = S::U32x8::gather(blocks, start).shift_right(constant(8)).and(constant(0xff));
         let x = start.add(constant(HEADER as u32));
         let (y, z) = (x.add(vertices), x.add(vertices).add(vertices));
@@ -208,7 +211,7 @@ impl<'a> LeafBlock<'a> {
         self.words[HEADER + 3 * self.vertices + 6 + lane]
     }
 
-    /// The corners of a triangle.
+    /// The positions of a triangle's corners.
     #[inline(always)]
     pub fn positions(&self, lane: usize) -> [[f32; 3]; 3] {
         let (coordinates, rest) = self.words[HEADER..].split_at(3 * self.vertices);
@@ -224,7 +227,7 @@ impl<'a> LeafBlock<'a> {
     }
 }
 
-/// Where a triangle lies: its block's offset and its lane in the block, in 32 bits.
+/// A reference to a triangle: the offset of its block and its lane in the block, in 32 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct TriangleRef(pub u32);
 
@@ -246,14 +249,14 @@ impl TriangleRef {
 }
 
 impl Bvh8 {
-    /// Asks for what a child is: a node, or a block's first cache lines.
+    /// Prefetches a child: a node, or the first cache lines of a block.
     #[inline(always)]
     pub fn prefetch<S: F32x8>(&self, child: Child) {
         if self.nodes.len() < IN_CACHE {
             return;
         }
-        // Both addresses are worked out and one is taken, since nobody can predict which it is. Nothing is read from them: a
-        // child that is none does no harm.
+        // Both addresses are computed and one is selected, because a branch would be unpredictable. A prefetch reads nothing, so
+        // `Child::NONE` does no harm.
         let node = self.nodes.as_ptr().wrapping_add(child.number() as usize).cast::<u32>();
         let block = self.blocks.as_ptr().wrapping_add(child.number() as usize * BLOCK_OFFSET_WORDS);
         let start = select_unpredictable(child.is_leaf(), block, node);
@@ -263,7 +266,7 @@ impl Bvh8 {
         S::prefetch(start.wrapping_add(48));
     }
 
-    /// Bytes held.
+    /// The bytes that the hierarchy holds.
     pub fn bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>() + self.blocks.capacity() * size_of::<u32>()
     }
@@ -275,7 +278,7 @@ mod tests {
     use crate::scene::Mesh;
 
     #[test]
-    fn children_and_slots_keep_what_they_are_given() {
+    fn children_and_references_keep_what_they_are_given() {
         assert_eq!(Child::node(7).get(), Err(7));
         assert_eq!(Child::leaf(9).get(), Ok(9));
         let last = MAX_BLOCK_OFFSET as u32 - 1;

@@ -1,4 +1,4 @@
-//! One ray in f64: for rays that no packet takes, and to compare packets with.
+//! The traversal by one ray in f64, for rays that f32 cannot serve and as a reference for the SIMD code.
 
 use glam::DVec3;
 
@@ -6,11 +6,11 @@ use super::{Bvh8, Child, Node, WIDTH};
 use crate::trace::exact::LocalRay;
 
 impl Bvh8 {
-    /// Calls `visit` for every leaf (its number) whose box the ray may meet at a depth in `t_min ..= t_max`, near boxes
-    /// first. `visit` gives the new `t_max`. `stack` is room to work in.
+    /// Calls `visit` with the number of every leaf whose box the ray may meet at a depth in `t_min ..= t_max`, near boxes first.
+    /// `visit` returns the new `t_max`. `stack` is scratch memory.
     ///
-    /// Conservative: a leaf with a point on the ray within those depths, up to an error of 10⁻¹² of the distance from the
-    /// origin, is always visited.
+    /// The traversal is conservative: a leaf with a point on the ray within those depths, up to an error of 10⁻¹² of the distance
+    /// from the origin, is always visited.
     pub fn traverse(
         &self,
         ray: &LocalRay,
@@ -21,8 +21,8 @@ impl Bvh8 {
         self.traverse_padded(ray, limits, 0.0, stack, visit);
     }
 
-    /// The same for leaves that the ray may pass by at `slack` times the largest |coordinate| of its origin and of the
-    /// mesh: for methods that round more.
+    /// [`Bvh8::traverse`] with boxes that are padded by `slack` times the largest |coordinate| of the ray's origin and of the mesh,
+    /// for methods that round more.
     pub fn traverse_padded(
         &self,
         ray: &LocalRay,
@@ -62,7 +62,7 @@ impl Bvh8 {
 
 /// A ray, prepared for testing boxes.
 struct Slabs {
-    /// Origin plus and minus the slack: what a box's low and high planes are measured from.
+    /// The origin plus the slack, from which lower planes are measured, and minus the slack, for upper planes.
     from_low: DVec3,
     from_high: DVec3,
     inverse: DVec3,
@@ -71,8 +71,8 @@ struct Slabs {
 
 impl Slabs {
     fn new(ray: &LocalRay, largest: f64, t_min: f64, slack: f64) -> Self {
-        // Covers 2⁻⁵³ of the operands lost in each of a few operations here and, seen from far away, the 10⁻¹² of a bound
-        // that a depth may stand outside of its triangle's box (Corners::depth): 2⁻³⁸ is 3.6 · 10⁻¹².
+        // The slack covers 2⁻⁵³ of the operands in each of a few operations here. Seen from far away, it also covers the 10⁻¹²
+        // of a bound by which a depth may lie outside of its triangle's box (Corners::depth): 2⁻³⁸ is 3.6 · 10⁻¹².
         let slack = (ray.origin.abs().max_element() + largest) * (slack + 1.0 / (1_u64 << 38) as f64);
         Self {
             from_low: ray.origin + slack,
@@ -82,15 +82,15 @@ impl Slabs {
         }
     }
 
-    /// The least depth of the ray in a child's box, if there may be one up to `t_max`.
+    /// The least depth of the ray in a child's box, or `None` if the ray surely does not meet the box up to `t_max`.
     #[inline]
     fn enter(&self, node: &Node, lane: usize, t_max: f64) -> Option<f64> {
         let (mut near, mut far) = (self.t_min, beyond(t_max));
         for axis in 0..3 {
             let t0 = (f64::from(node.planes[axis][lane]) - self.from_low[axis]) * self.inverse[axis];
             let t1 = (f64::from(node.planes[axis][WIDTH + lane]) - self.from_high[axis]) * self.inverse[axis];
-            // For a direction of 0 both are infinite, of different signs where the origin lies between the planes; 0·∞ is
-            // NaN, which min and max pass over.
+            // If the direction is 0 along an axis, both depths are infinite, with different signs if the origin lies between
+            // the planes. 0·∞ is NaN, which min and max ignore.
             near = near.max(t0.min(t1));
             far = far.min(t0.max(t1));
         }
@@ -98,7 +98,7 @@ impl Slabs {
     }
 }
 
-/// `t` with a few ulps of room, so that a box at the same depth as the best hit is still opened: its triangle may have the
+/// The depth `t` plus a few ulps, so that a box at the same depth as the best hit is still visited: its triangle may have the
 /// lower id.
 #[inline]
 fn beyond(t: f64) -> f64 {

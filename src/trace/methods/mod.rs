@@ -33,7 +33,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::Tracer;
+use super::tracer::Tracer;
 pub use kernel::{About, Crossing, Culling, Edges, Kernel, Ray};
 pub use tracer::{KernelTracer, MethodTracer};
 

@@ -8,8 +8,9 @@ use glam::Vec3;
 use super::kernel::{Kernel, Ray};
 use crate::scene::{Arrangement, Scene};
 use crate::trace::bvh::{BLOCK_OFFSET_WORDS, Bvh8, Child, LeafBlock, TriangleRef};
-use crate::trace::exact::{Candidate, Corners, LocalRay};
-use crate::trace::{Cast, Hit, Rays, Tracer};
+use crate::trace::exact::{Candidate, Corners, Limits, LocalRay};
+use crate::trace::rays::{Cast, Hit, Rays};
+use crate::trace::tracer::Tracer;
 
 /// A [`KernelTracer`] of any method.
 pub trait MethodTracer: Cast + Debug + Send {
@@ -81,7 +82,7 @@ fn corners(block: &LeafBlock, lane: usize) -> [Vec3; 3] {
 #[derive(Clone, Copy)]
 struct MethodHit {
     candidate: Candidate,
-    slot: TriangleRef,
+    triangle: TriangleRef,
     u: f32,
     v: f32,
 }
@@ -112,7 +113,7 @@ impl<K: Kernel> KernelTracer<K> {
         &self,
         placement: u32,
         ray: LocalRay,
-        limits: (f64, f64),
+        limits: &Limits,
         any: bool,
         mesh_0: Option<&Prepared<K>>,
         best: &mut Option<MethodHit>,
@@ -124,8 +125,8 @@ impl<K: Kernel> KernelTracer<K> {
         let ray = Ray { origin: ray.origin.as_vec3(), direction: ray.direction.as_vec3() };
         let walked = LocalRay { origin: ray.origin.as_dvec3(), direction: ray.direction.as_dvec3() };
         let test = K::ray(ray);
-        let far = best.map_or(limits.1, |b| b.candidate.t);
-        bvh.traverse_padded(&walked, (limits.0, far), SLACK, stack, |block_offset| {
+        let far = best.map_or(limits.t_max, |b| b.candidate.t);
+        bvh.traverse_padded(&walked, (limits.t_min, far), SLACK, stack, |block_offset| {
             let block = LeafBlock::at(&bvh.blocks, block_offset);
             let first = prepared.map_or(0, |p| p.first[block_offset as usize]) as usize;
             for lane in 0..block.triangles {
@@ -136,12 +137,12 @@ impl<K: Kernel> KernelTracer<K> {
                 let Some(crossing) = crossing else { continue };
                 let t = f64::from(crossing.t);
                 let candidate = Candidate { t, placement, triangle: block.id(lane) };
-                if (limits.0..=limits.1).contains(&t) && best.is_none_or(|b| candidate.beats(&b.candidate)) {
-                    let slot = TriangleRef::new(block_offset, lane);
-                    *best = Some(MethodHit { candidate, slot, u: crossing.u, v: crossing.v });
+                if limits.admits(&candidate) && best.is_none_or(|b| candidate.beats(&b.candidate)) {
+                    let triangle = TriangleRef::new(block_offset, lane);
+                    *best = Some(MethodHit { candidate, triangle, u: crossing.u, v: crossing.v });
                 }
             }
-            far_limit(best, limits, any)
+            far_limit(best, limits.t_max, any)
         });
     }
 
@@ -149,7 +150,6 @@ impl<K: Kernel> KernelTracer<K> {
     /// with `any` a hit.
     fn cast_each(&self, rays: &Rays, any: bool, mut found: impl FnMut(usize, LocalRay, Option<MethodHit>)) {
         let scene = &self.exact.scene;
-        let limits = (rays.t_min, rays.t_max);
         let (mut top_stack, mut stack) = (Vec::new(), Vec::new());
         for (run, origin) in rays.runs() {
             let origin = origin - scene.geometry.centre;
@@ -157,14 +157,18 @@ impl<K: Kernel> KernelTracer<K> {
             let seen = seen.as_deref();
             for number in run {
                 let ray = LocalRay { origin, direction: rays.directions[number] };
+                // The depth of the hit to come after is the method's and may lie outside of the triangle's box, so no box is
+                // skipped for lying before it.
+                let limits = Limits { t_min: rays.t_min, ..Limits::of(rays, number) };
+                let depths = (limits.t_min, limits.t_max);
                 let mut best = None;
                 if self.exact.top.nodes.is_empty() {
-                    self.nearest_in(0, ray, limits, any, seen, &mut best, &mut stack);
+                    self.nearest_in(0, ray, &limits, any, seen, &mut best, &mut stack);
                 } else {
-                    self.exact.top.traverse_padded(&ray, limits, SLACK, &mut top_stack, |index| {
+                    self.exact.top.traverse_padded(&ray, depths, SLACK, &mut top_stack, |index| {
                         let local = ray.carried(&scene.arrangement.placements[index as usize]);
-                        self.nearest_in(index, local, limits, any, seen, &mut best, &mut stack);
-                        far_limit(&best, limits, any)
+                        self.nearest_in(index, local, &limits, any, seen, &mut best, &mut stack);
+                        far_limit(&best, limits.t_max, any)
                     });
                 }
                 found(number, ray, best);
@@ -177,7 +181,7 @@ impl<K: Kernel> KernelTracer<K> {
         let placement = &self.exact.scene.arrangement.placements[best.candidate.placement as usize];
         let local = ray.carried(placement);
         let blocks = &self.exact.meshes[placement.mesh as usize].blocks;
-        let positions = LeafBlock::at(blocks, best.slot.block_offset()).positions(best.slot.lane());
+        let positions = LeafBlock::at(blocks, best.triangle.block_offset()).positions(best.triangle.lane());
         let corners = Corners::from_positions(positions, local.origin);
         let hit = best.candidate.finish(&corners, local.direction, placement);
         Hit { u: best.u.into(), v: best.v.into(), ..hit }
@@ -185,7 +189,7 @@ impl<K: Kernel> KernelTracer<K> {
 }
 
 /// The depth beyond which the traversal need not look any more.
-fn far_limit(best: &Option<MethodHit>, (_, t_max): (f64, f64), any: bool) -> f64 {
+fn far_limit(best: &Option<MethodHit>, t_max: f64, any: bool) -> f64 {
     match best {
         None => t_max,
         Some(_) if any => -1.0, // less than the depth of every box, which is at least 0

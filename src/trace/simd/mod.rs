@@ -1,8 +1,9 @@
-//! Eight rays, boxes or triangles at a time: one trait, a portable form, and one each for AVX2 with FMA and for AVX-512.
+//! SIMD vectors for eight rays, boxes or triangles at a time. The traits have three implementations: a portable one, one for AVX2
+//! with FMA, and one for AVX-512.
 //!
-//! In f32 they may differ in the last bit (a fused multiplication and addition rounds once): nothing that is computed with
-//! them reaches a result, only decisions that are taken again, exactly, whenever they are close (see `packet`). In f64 they
-//! have the operations of IEEE 754 and the same bits.
+//! In f32 the implementations may differ in the last bit, because a fused multiplication and addition rounds once. No f32 number
+//! reaches a result: f32 only makes decisions, and those that are close are made again, exactly (see `packet`). In f64 all
+//! implementations have the operations of IEEE 754 and give the same bits.
 
 mod portable;
 #[cfg(target_arch = "x86_64")]
@@ -12,19 +13,21 @@ use glam::DVec3;
 
 use super::exact::Real;
 
+#[cfg(test)]
 pub(super) use portable::PortableF32x8;
+pub(super) use portable::run_portably;
 #[cfg(target_arch = "x86_64")]
 pub(super) use x86::{has_avx2, has_avx512, run_with_avx2, run_with_avx512};
 
 /// Eight f32.
 pub(super) trait F32x8: Copy {
-    /// Eight times true or false.
+    /// A mask with one boolean a lane.
     type Mask8: Mask8;
-    /// The u32 that go with them.
+    /// The vector of u32 of the same implementation.
     type U32x8: U32x8<F32x8 = Self>;
-    /// The f64 that go with them.
+    /// The vector of f64 of the same implementation.
     type F64x8: F64x8<F32x8 = Self>;
-    /// Sixteen.
+    /// The vector of sixteen f32 of the same implementation.
     type F32x16: F32x16<Half = Self>;
     fn splat(x: f32) -> Self;
     fn load(x: &[f32; 8]) -> Self;
@@ -37,40 +40,40 @@ pub(super) trait F32x8: Copy {
     fn mul_add(self, factor: Self, term: Self) -> Self;
     /// self · factor − term, rounded once or twice.
     fn mul_sub(self, factor: Self, term: Self) -> Self;
-    /// The lesser; either if one is NaN.
+    /// The lesser of each pair of lanes, or either if one is NaN.
     fn min(self, other: Self) -> Self;
-    /// The larger; either if one is NaN.
+    /// The larger of each pair of lanes, or either if one is NaN.
     fn max(self, other: Self) -> Self;
-    /// Of the bits.
+    /// Bitwise and.
     fn and(self, other: Self) -> Self;
-    /// Of the bits.
+    /// Bitwise exclusive or.
     fn xor(self, other: Self) -> Self;
-    /// self ≥ other; false for NaN.
+    /// self ≥ other, which is false for NaN.
     fn ge(self, other: Self) -> Self::Mask8;
-    /// self > other; false for NaN.
+    /// self > other, which is false for NaN.
     fn gt(self, other: Self) -> Self::Mask8;
-    /// Lanes of `yes` where the mask is true, else of `no`.
+    /// The lanes of `yes` where the mask is true, and of `no` elsewhere.
     fn select(mask: Self::Mask8, yes: Self, no: Self) -> Self;
-    /// Lane k is number `from`'s k of the sixteen `first` and, if there are `more`, those after them; anything where there is
-    /// none of that number.
+    /// Looks up three vectors of indices in a table of sixteen values, or of twenty-four if there are `more`: result[k] is
+    /// table[from[k]]. Indices outside of the table give an unspecified value.
     fn lookup(first: Self::F32x16, more: Option<Self>, from: [Self::U32x8; 3]) -> [Self; 3];
-    /// Lane k is lane number `from`'s k, of which only the low three bits count.
+    /// Permutes the lanes: result[k] = self[from[k] mod 8].
     fn permute(self, from: Self::U32x8) -> Self;
-    /// The lanes where the mask is true, in their order, first; anything after them.
+    /// Moves the lanes where the mask is true to the front, in their order. The other lanes are unspecified.
     fn compress(self, mask: Self::Mask8) -> Self;
-    /// The lanes whose bit is set in the low eight of `bits`, in their order, first; anything after them.
+    /// [`F32x8::compress`], with the mask as the low eight bits of `bits`.
     fn compress_by_bits(self, bits: u32) -> Self;
-    /// The first lanes, in their order, in those where the mask is true; elsewhere `others`.
+    /// Moves the first lanes, in their order, to the lanes where the mask is true. The other lanes are those of `others`.
     fn expand(self, mask: Self::Mask8, others: Self) -> Self;
-    /// Asks for a cache line, if the machine has a way to ask. Nothing is read, so the address may be any.
+    /// Prefetches a cache line, if the implementation can. Nothing is read, so any address is allowed.
     fn prefetch(address: *const u32);
-    /// The least lane.
+    /// The least of the lanes.
     fn reduce_min(self) -> f32;
-    /// The largest lane.
+    /// The largest of the lanes.
     fn reduce_max(self) -> f32;
-    /// Element k is the least of the lanes of number k.
+    /// The least lane of each of four vectors.
     fn reduce_min_4(rows: [Self; 4]) -> [f32; 4];
-    /// Lane k is the least of the lanes of number k.
+    /// The least lane of each of eight vectors.
     fn reduce_min_8(rows: [Self; 8]) -> Self;
 
     /// −self.
@@ -79,7 +82,7 @@ pub(super) trait F32x8: Copy {
         self.xor(Self::splat(-0.0))
     }
 
-    /// Only the sign bits.
+    /// The sign bits alone.
     #[inline(always)]
     fn sign_bits(self) -> Self {
         self.and(Self::splat(-0.0))
@@ -91,17 +94,17 @@ pub(super) trait F32x8: Copy {
     }
 }
 
-/// Eight times true or false.
+/// Eight booleans, one a lane.
 pub(super) trait Mask8: Copy {
-    /// True in the lanes whose bit is set in the low eight of `bits`.
+    /// The mask that is true in the lanes whose bit is set among the low eight of `bits`.
     fn from_bits(bits: u32) -> Self;
-    /// One bit a lane.
+    /// The mask as one bit a lane.
     fn bits(self) -> u32;
     fn and(self, other: Self) -> Self;
     fn or(self, other: Self) -> Self;
 }
 
-/// Sixteen f32: a low and a high half.
+/// Sixteen f32, in a low and a high half of eight.
 pub(super) trait F32x16: Copy {
     type Half: F32x8;
     fn load(x: &[f32; 16]) -> Self;
@@ -109,36 +112,36 @@ pub(super) trait F32x16: Copy {
     fn from_halves(low: Self::Half, high: Self::Half) -> Self;
     fn splat(x: f32) -> Self;
     fn sub(self, other: Self) -> Self;
-    /// Lane `first` (which is even) in all of the low half, the next in all of the high one.
+    /// Broadcasts lane `first`, which is even, to the low half and the next lane to the high half.
     fn broadcast_two(eight: Self::Half, first: usize) -> Self;
     fn mul(self, other: Self) -> Self;
     /// self · factor + term, rounded once or twice.
     fn mul_add(self, factor: Self, term: Self) -> Self;
-    /// The lesser; either if one is NaN.
+    /// The lesser of each pair of lanes, or either if one is NaN.
     fn min(self, other: Self) -> Self;
-    /// The larger; either if one is NaN.
+    /// The larger of each pair of lanes, or either if one is NaN.
     fn max(self, other: Self) -> Self;
     fn abs(self) -> Self;
-    /// self ≥ other, a bit a lane; false for NaN.
+    /// self ≥ other as one bit a lane, which is 0 for NaN.
     fn ge(self, other: Self) -> u32;
-    /// Where each of `these` ≥ that of `those`, in both halves; false for NaN.
+    /// The lanes k in which both of `these` are ≥ `those` in both halves (lanes k and k + 8). False for NaN.
     fn all_ge(these: [Self; 2], those: [Self; 2]) -> <Self::Half as F32x8>::Mask8;
     fn halves(self) -> (Self::Half, Self::Half);
-    /// Lanes of `yes` whose bit is set, else of `no`.
+    /// The lanes of `yes` whose bit is set, and of `no` elsewhere.
     fn select(bits: u32, yes: Self, no: Self) -> Self;
-    /// Writes the lanes whose bit is set first, in their order; anything after them.
+    /// Stores the lanes whose bit is set next to each other, in their order. The rest of `to` is unspecified.
     fn compress_store(self, bits: u32, to: &mut [f32; 16]);
-    /// The first of `from`, in their order, in the lanes whose bit is set; elsewhere self.
+    /// Loads the first elements of `from`, in their order, to the lanes whose bit is set. The other lanes keep their values.
     fn expand_load(self, bits: u32, from: &[f32; 16]) -> Self;
-    /// The same, of f32 with these bits.
+    /// [`F32x16::expand_load`] of the bits of f32 numbers.
     fn expand_load_u32(self, bits: u32, from: &[u32; 16]) -> Self;
-    /// f32 of these bits.
+    /// Loads f32 numbers that are given as their bits.
     fn load_u32(x: &[u32; 16]) -> Self;
-    /// The bits of f32.
+    /// Stores the bits of the f32 numbers.
     fn store_u32(self, to: &mut [u32; 16]);
 }
 
-/// Sixteen f32 as two times eight.
+/// Sixteen f32 as two vectors of eight, for implementations without wider ones.
 #[derive(Clone, Copy)]
 pub(super) struct TwoF32x8<S>(S, S);
 
@@ -262,13 +265,13 @@ impl<S: F32x8> F32x16 for TwoF32x8<S> {
     }
 }
 
-/// The masks of both halves.
+/// The masks of the low and the high half.
 #[inline(always)]
 fn half_masks<S: F32x8>(bits: u32) -> (S::Mask8, S::Mask8) {
     (S::Mask8::from_bits(bits & 0xff), S::Mask8::from_bits(bits >> 8 & 0xff))
 }
 
-/// How many bits of the low half are set.
+/// The number of bits of the low half that are set.
 #[inline(always)]
 fn low_half_count(bits: u32) -> usize {
     (bits & 0xff).count_ones() as usize
@@ -284,49 +287,49 @@ pub(super) trait U32x8: Copy {
     fn and(self, other: Self) -> Self;
     fn or(self, other: Self) -> Self;
     fn xor(self, other: Self) -> Self;
-    /// Where they have a bit in common.
+    /// The lanes where both have a bit in common.
     fn test(self, other: Self) -> <Self::F32x8 as F32x8>::Mask8;
-    /// Which bit it is, of numbers with one bit; anything for others.
+    /// The index of the bit that is set in a lane. Lanes with no bit or several give an unspecified value.
     fn bit_index(self) -> Self;
-    /// A byte each, the lowest first.
+    /// Widens eight bytes, the lowest first.
     fn from_bytes(bytes: u64) -> Self;
-    /// By fewer than 32 bits.
+    /// Shifts left by fewer than 32 bits.
     fn shift_left(self, by: Self) -> Self;
-    /// By fewer than 32 bits.
+    /// Shifts right by fewer than 32 bits.
     fn shift_right(self, by: Self) -> Self;
-    /// `words[at]`.
+    /// Gathers words: result[k] = words[at[k]].
     ///
     /// # Panics
     /// If an index is not below the slice's length and 2³¹.
     fn gather(words: &[u32], at: Self) -> Self;
-    /// f32 of these bits.
+    /// The f32 numbers that have these bits.
     fn bitcast(self) -> Self::F32x8;
-    /// The bits of f32.
+    /// The bits of f32 numbers.
     fn bitcast_from(x: Self::F32x8) -> Self;
 }
 
-/// Eight f64, whose operations are those of IEEE 754: the same bits from every kind.
+/// Eight f64. The operations are those of IEEE 754, so all implementations give the same bits.
 pub(super) trait F64x8: Real {
     type F32x8: F32x8;
     fn load(x: &[f64; 8]) -> Self;
-    /// x, y and z of points.
+    /// Loads the x, y and z of eight points.
     fn load_xyz(points: &[DVec3; 8]) -> [Self; 3];
     fn store(self, to: &mut [f64; 8]);
-    /// The same numbers.
+    /// Widens f32 numbers, which is exact.
     fn from_f32(x: Self::F32x8) -> Self;
-    /// Rounded to nearest.
+    /// Narrows to f32, rounded to nearest.
     fn to_f32(self) -> Self::F32x8;
 }
 
-/// Something to be done with any kind of lanes. `run` must be `#[inline(always)]`, and so must all that it calls in a loop:
-/// code is compiled for a processor's features only where it is inlined into a function that has them. (So no closures over
-/// lanes: the compiler inlines these as it sees fit.)
+/// A task that runs with any implementation. `run` must be `#[inline(always)]`, and so must everything that it calls in a loop:
+/// code is compiled for the features of a processor only where it is inlined into a function that enables them. (This excludes
+/// closures over vectors, which the compiler inlines as it sees fit.)
 pub(super) trait SimdTask {
     type Output;
     fn run<S: F32x8>(self) -> Self::Output;
 }
 
-/// Three coordinates, eight of each.
+/// Eight vectors of three coordinates.
 #[derive(Clone, Copy)]
 pub(super) struct Vec3x8<S>(pub S, pub S, pub S);
 
@@ -355,13 +358,13 @@ impl<S: F32x8> Vec3x8<S> {
         )
     }
 
-    /// self · (u, v, 1).
+    /// The dot product self · (u, v, 1).
     #[inline(always)]
     pub fn dot_ray(self, u: S, v: S) -> S {
         u.mul_add(self.0, v.mul_add(self.1, self.2))
     }
 
-    /// volume − s·self, for the s whose 2·(g × s) is `moment`: (s_u, s_v) = (m_v, −m_u)/2.
+    /// volume − s·self, for the s with `moment` = 2·(g × s), that is (s_u, s_v) = (m_v, −m_u)/2.
     #[inline(always)]
     pub fn less_offset(self, moment: Self, volume: S) -> S {
         let (half_u, half_v) = (self.0.mul(S::splat(0.5)), self.1.mul(S::splat(-0.5)));
@@ -369,13 +372,13 @@ impl<S: F32x8> Vec3x8<S> {
         volume.sub(shift)
     }
 
-    /// Turns over the coordinates of lanes where `signs` has the sign bit.
+    /// Negates the lanes where `signs` has the sign bit.
     #[inline(always)]
     pub fn flip_signs(self, signs: S) -> Self {
         Self(self.0.xor(signs), self.1.xor(signs), self.2.xor(signs))
     }
 
-    /// Each coordinate in both halves.
+    /// Each coordinate in both halves of a vector of sixteen.
     #[inline(always)]
     pub fn in_both_halves(self) -> [S::F32x16; 3] {
         [

@@ -1,12 +1,20 @@
-//! Eight f32 in an array: for every machine, and what others are compared with.
+//! The portable implementation, in arrays. It runs on every machine and is the reference for the others.
 
 use std::array::from_fn;
 
 use glam::DVec3;
 
-use super::{F32x8, F32x16, F64x8, Mask8, TwoF32x8, U32x8};
+use super::{F32x8, F32x16, F64x8, Mask8, SimdTask, TwoF32x8, U32x8};
 use crate::trace::exact::Real;
 
+/// Runs a task on [`PortableF32x8`]. It is a function of its own, as the tasks of the other implementations are, because it takes
+/// much of the stack.
+#[inline(never)]
+pub(in crate::trace) fn run_portably<T: SimdTask>(task: T) -> T::Output {
+    task.run::<PortableF32x8>()
+}
+
+/// Eight f32 in an array.
 #[derive(Clone, Copy)]
 pub(in crate::trace) struct PortableF32x8([f32; 8]);
 
@@ -173,7 +181,7 @@ impl F32x8 for PortableF32x8 {
     }
 }
 
-/// All ones or all zeros a lane.
+/// A mask of all ones or all zeros in each lane.
 #[derive(Clone, Copy)]
 pub(in crate::trace) struct PortableMask8([u32; 8]);
 

@@ -1,20 +1,21 @@
-//! Registers of x86-64: eight f32 in 256 bits, with AVX2 and FMA, or with AVX-512 besides.
+//! The implementations for x86-64: one for AVX2 with FMA, and one for AVX-512.
 //!
-//! The only module with `unsafe`. Each block calls an intrinsic that needs the features of its kind and nothing else (loads
-//! and stores take references to whole arrays, unaligned; gathers check their indices). That the processor has them is the
-//! condition under which a value of the kind may be made at all: [`run_with_avx2`] and [`run_with_avx512`] are the only ways into
-//! code that makes one, and they ask [`has_avx2`] and [`has_avx512`].
+//! This is the only module with `unsafe`. Each block calls intrinsics that need the features of its implementation and nothing
+//! else: loads and stores take references to whole arrays, unaligned, and gathers check their indices. A vector may be made only
+//! on a processor that has these features. [`run_with_avx2`] and [`run_with_avx512`] are the only ways into code that makes one, and
+//! they check [`has_avx2`] and [`has_avx512`].
 #![allow(unsafe_code)]
 
 mod avx2;
 mod avx512;
+mod shared;
 
 pub(in crate::trace) use avx2::Avx2F32x8;
 pub(in crate::trace) use avx512::Avx512F32x8;
 
 use super::SimdTask;
 
-/// Whether this processor has AVX2 and FMA, and what all that have these count bits with.
+/// Whether this processor has AVX2 and FMA, and the bit counting instructions that come with them.
 #[inline]
 pub(in crate::trace) fn has_avx2() -> bool {
     is_x86_feature_detected!("avx2")
@@ -25,7 +26,7 @@ pub(in crate::trace) fn has_avx2() -> bool {
         && is_x86_feature_detected!("popcnt")
 }
 
-/// Whether this processor has what [`Avx512F32x8`] takes: any with AVX-512 since 2017.
+/// Whether this processor has the features that [`Avx512F32x8`] needs, as all with AVX-512 since 2017 have.
 #[inline]
 pub(in crate::trace) fn has_avx512() -> bool {
     has_avx2()
@@ -35,297 +36,32 @@ pub(in crate::trace) fn has_avx512() -> bool {
         && is_x86_feature_detected!("avx512bw")
 }
 
-/// Runs `work` on [`Avx2F32x8`], compiled for AVX2 and FMA.
+/// Runs a task on [`Avx2F32x8`], compiled for AVX2 and FMA.
 ///
 /// # Panics
-/// If the processor lacks them.
+/// If the processor lacks a feature.
 #[inline]
-pub(in crate::trace) fn run_with_avx2<W: SimdTask>(work: W) -> W::Output {
+pub(in crate::trace) fn run_with_avx2<T: SimdTask>(task: T) -> T::Output {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-    fn enabled<W: SimdTask>(work: W) -> W::Output {
-        work.run::<Avx2F32x8>()
+    fn enabled<T: SimdTask>(task: T) -> T::Output {
+        task.run::<Avx2F32x8>()
     }
     assert!(has_avx2());
-    // SAFETY: the processor has just said that it has all of them.
-    unsafe { enabled(work) }
+    // SAFETY: the processor has all of the features, as has just been checked.
+    unsafe { enabled(task) }
 }
 
-/// Runs `work` on [`Avx512F32x8`], compiled for AVX-512.
+/// Runs a task on [`Avx512F32x8`], compiled for AVX-512.
 ///
 /// # Panics
-/// If the processor lacks it.
+/// If the processor lacks a feature.
 #[inline]
-pub(in crate::trace) fn run_with_avx512<W: SimdTask>(work: W) -> W::Output {
+pub(in crate::trace) fn run_with_avx512<T: SimdTask>(task: T) -> T::Output {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512dq,avx512bw")]
-    fn enabled<W: SimdTask>(work: W) -> W::Output {
-        work.run::<Avx512F32x8>()
+    fn enabled<T: SimdTask>(task: T) -> T::Output {
+        task.run::<Avx512F32x8>()
     }
     assert!(has_avx512());
-    // SAFETY: the processor has just said that it has all of them.
-    unsafe { enabled(work) }
+    // SAFETY: the processor has all of the features, as has just been checked.
+    unsafe { enabled(task) }
 }
-
-/// The methods of `F32x8` that are the same instructions for both kinds, a tuple struct of one `__m256` each.
-macro_rules! f32x8_methods {
-    () => {
-        #[inline(always)]
-        fn splat(x: f32) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { _mm256_set1_ps(x) })
-        }
-
-        #[inline(always)]
-        fn load(x: &[f32; 8]) -> Self {
-            // SAFETY: AVX, see the module; the reference covers the 32 bytes read.
-            Self(unsafe { _mm256_loadu_ps(x.as_ptr()) })
-        }
-
-        #[inline(always)]
-        fn store(self, to: &mut [f32; 8]) {
-            // SAFETY: AVX, see the module; the reference covers the 32 bytes written.
-            unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
-        }
-
-        #[inline(always)]
-        fn add(self, other: Self) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { _mm256_add_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn sub(self, other: Self) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { _mm256_sub_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn mul(self, other: Self) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { _mm256_mul_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn div(self, other: Self) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { _mm256_div_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn mul_add(self, factor: Self, term: Self) -> Self {
-            // SAFETY: FMA, see the module.
-            Self(unsafe { _mm256_fmadd_ps(self.0, factor.0, term.0) })
-        }
-
-        #[inline(always)]
-        fn mul_sub(self, factor: Self, term: Self) -> Self {
-            // SAFETY: FMA, see the module.
-            Self(unsafe { _mm256_fmsub_ps(self.0, factor.0, term.0) })
-        }
-
-        #[inline(always)]
-        fn min(self, other: Self) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { _mm256_min_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn max(self, other: Self) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { _mm256_max_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn and(self, other: Self) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { _mm256_and_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn xor(self, other: Self) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { _mm256_xor_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn permute(self, from: Self::U32x8) -> Self {
-            // SAFETY: AVX2, see the module.
-            Self(unsafe { _mm256_permutevar8x32_ps(self.0, from.0) })
-        }
-
-        #[inline(always)]
-        fn reduce_min(self) -> f32 {
-            // SAFETY: AVX, see the module.
-            unsafe {
-                let four = _mm_min_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
-                let two = _mm_min_ps(four, _mm_movehl_ps(four, four));
-                _mm_cvtss_f32(_mm_min_ss(two, _mm_movehdup_ps(two)))
-            }
-        }
-
-        #[inline(always)]
-        fn reduce_max(self) -> f32 {
-            // SAFETY: AVX, see the module.
-            unsafe {
-                let four = _mm_max_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
-                let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
-                _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)))
-            }
-        }
-
-        #[inline(always)]
-        fn reduce_min_4([a, b, c, d]: [Self; 4]) -> [f32; 4] {
-            let mut to = [0.0; 8];
-            // SAFETY: AVX, see the module; the array takes the 32 bytes written.
-            unsafe {
-                let ab = _mm256_min_ps(
-                    _mm256_permute2f128_ps::<0x20>(a.0, b.0),
-                    _mm256_permute2f128_ps::<0x31>(a.0, b.0),
-                );
-                let cd = _mm256_min_ps(
-                    _mm256_permute2f128_ps::<0x20>(c.0, d.0),
-                    _mm256_permute2f128_ps::<0x31>(c.0, d.0),
-                );
-                // a a c c | b b d d
-                let two = _mm256_min_ps(
-                    _mm256_shuffle_ps::<0b01_00_01_00>(ab, cd),
-                    _mm256_shuffle_ps::<0b11_10_11_10>(ab, cd),
-                );
-                let one = _mm256_min_ps(two, _mm256_movehdup_ps(two));
-                _mm256_storeu_ps(to.as_mut_ptr(), one);
-            }
-            [to[0], to[4], to[2], to[6]]
-        }
-
-        #[inline(always)]
-        fn reduce_min_8(rows: [Self; 8]) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe {
-                {
-                    let [a, b, c, d, e, f, g, h] = rows;
-                    let ae = _mm256_min_ps(
-                        _mm256_permute2f128_ps::<0x20>(a.0, e.0),
-                        _mm256_permute2f128_ps::<0x31>(a.0, e.0),
-                    );
-                    let bf = _mm256_min_ps(
-                        _mm256_permute2f128_ps::<0x20>(b.0, f.0),
-                        _mm256_permute2f128_ps::<0x31>(b.0, f.0),
-                    );
-                    let cg = _mm256_min_ps(
-                        _mm256_permute2f128_ps::<0x20>(c.0, g.0),
-                        _mm256_permute2f128_ps::<0x31>(c.0, g.0),
-                    );
-                    let dh = _mm256_min_ps(
-                        _mm256_permute2f128_ps::<0x20>(d.0, h.0),
-                        _mm256_permute2f128_ps::<0x31>(d.0, h.0),
-                    );
-                    // a a b b | e e f f
-                    let abef = _mm256_min_ps(
-                        _mm256_shuffle_ps::<0b01_00_01_00>(ae, bf),
-                        _mm256_shuffle_ps::<0b11_10_11_10>(ae, bf),
-                    );
-                    let cdgh = _mm256_min_ps(
-                        _mm256_shuffle_ps::<0b01_00_01_00>(cg, dh),
-                        _mm256_shuffle_ps::<0b11_10_11_10>(cg, dh),
-                    );
-                    _mm256_min_ps(
-                        _mm256_shuffle_ps::<0b10_00_10_00>(abef, cdgh),
-                        _mm256_shuffle_ps::<0b11_01_11_01>(abef, cdgh),
-                    )
-                }
-            })
-        }
-
-        #[inline(always)]
-        fn prefetch(address: *const u32) {
-            // SAFETY: a hint that reads nothing, whatever the address.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
-        }
-    };
-}
-
-/// The methods of `U32x8` that are the same instructions for both kinds, a tuple struct of one `__m256i` each.
-macro_rules! u32x8_methods {
-    () => {
-        #[inline(always)]
-        fn splat(x: u32) -> Self {
-            // SAFETY: AVX, see the module.
-            Self(unsafe { _mm256_set1_epi32(x as i32) })
-        }
-
-        #[inline(always)]
-        fn load(x: &[u32; 8]) -> Self {
-            // SAFETY: AVX, see the module; the reference covers the 32 bytes read.
-            Self(unsafe { _mm256_loadu_si256(x.as_ptr().cast()) })
-        }
-
-        #[inline(always)]
-        fn store(self, to: &mut [u32; 8]) {
-            // SAFETY: AVX, see the module; the reference covers the 32 bytes written.
-            unsafe { _mm256_storeu_si256(to.as_mut_ptr().cast(), self.0) }
-        }
-
-        #[inline(always)]
-        fn add(self, other: Self) -> Self {
-            // SAFETY: AVX2, see the module.
-            Self(unsafe { _mm256_add_epi32(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn and(self, other: Self) -> Self {
-            // SAFETY: AVX2, see the module.
-            Self(unsafe { _mm256_and_si256(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn or(self, other: Self) -> Self {
-            // SAFETY: AVX2, see the module.
-            Self(unsafe { _mm256_or_si256(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn xor(self, other: Self) -> Self {
-            // SAFETY: AVX2, see the module.
-            Self(unsafe { _mm256_xor_si256(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        fn bit_index(self) -> Self {
-            // SAFETY: AVX2, see the module. (The exponent of f32, which is off by 127.)
-            Self(unsafe {
-                let exponent = _mm256_srli_epi32::<23>(_mm256_castps_si256(_mm256_cvtepi32_ps(self.0)));
-                _mm256_sub_epi32(exponent, _mm256_set1_epi32(127))
-            })
-        }
-
-        #[inline(always)]
-        fn from_bytes(bytes: u64) -> Self {
-            // SAFETY: AVX2, see the module.
-            Self(unsafe { _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(bytes as i64)) })
-        }
-
-        #[inline(always)]
-        fn shift_left(self, by: Self) -> Self {
-            // SAFETY: AVX2, see the module.
-            Self(unsafe { _mm256_sllv_epi32(self.0, by.0) })
-        }
-
-        #[inline(always)]
-        fn shift_right(self, by: Self) -> Self {
-            // SAFETY: AVX2, see the module.
-            Self(unsafe { _mm256_srlv_epi32(self.0, by.0) })
-        }
-
-        #[inline(always)]
-        fn gather(words: &[u32], at: Self) -> Self {
-            // SAFETY: AVX2, see the module; every index is one of the slice, which is shorter than 2³¹.
-            Self(unsafe {
-                let last = _mm256_set1_epi32((words.len().clamp(1, 1 << 31) - 1) as i32);
-                let within = _mm256_cmpeq_epi32(_mm256_min_epu32(at.0, last), at.0);
-                assert!(_mm256_movemask_epi8(within) == -1 && !words.is_empty());
-                _mm256_i32gather_epi32::<4>(words.as_ptr().cast(), at.0)
-            })
-        }
-    };
-}
-
-use {f32x8_methods, u32x8_methods};

@@ -1,0 +1,448 @@
+//! The preparation of a packet: its axes, its rays as points on the plane w = 1, and the rectangles around them.
+
+use glam::DVec3;
+
+use crate::trace::batch::{NearestHits, PACKET_RAYS, RaySet, chunk, chunk_mut, group_of};
+use crate::trace::bvh::Bvh8;
+use crate::trace::exact::Real;
+use crate::trace::rays::Origins;
+use crate::trace::rounding::{TINY, U};
+use crate::trace::simd::{F32x8, F32x16, F64x8};
+use crate::trace::stats::TraversalStats;
+
+/// Rays are computed with in groups of eight.
+const GROUPS: usize = PACKET_RAYS / 8;
+
+/// The hierarchy is traversed by bundles of two groups, so that eight bundles are tested against a box at a time.
+pub(super) const BUNDLES: usize = GROUPS / 2;
+
+/// The bound of |g_u| and |g_v| for the rays of a packet.
+const STEEPEST: f64 = 8.0;
+
+/// How far from their common point the origins of a packet may lie, in units of the largest |coordinate| of the mesh. Rays whose
+/// origins lie farther apart have too little in common.
+const SPREAD: f64 = 1.0 / 256.0;
+
+/// How far the sides of a packet's rectangles are moved outwards, relative to their coordinate and, for coordinates that
+/// underflow, absolutely. Rounding g to f32 costs u of the coordinate, moving a side another u, and multiplying it by a depth
+/// another u. 4·10⁻⁷ is 6.7u, so it has room for twice these 3u.
+const RECTANGLE_MARGIN: f32 = 4e-7;
+
+/// Whether rays from these origins may make a packet. The first and the last of them tell whether they come from all over.
+#[inline(always)]
+pub(in crate::trace) fn may_be_packet(bvh: &Bvh8, origins: Origins) -> bool {
+    match origins {
+        Origins::Common(_) => true,
+        Origins::Each(all) => {
+            let (first, last) = (all[0], all[all.len() - 1]);
+            (last - first).abs().max_element() <= f64::from(bvh.largest) * (2.0 * SPREAD)
+        }
+    }
+}
+
+/// The data of each ray of a packet. The memory is used again from packet to packet. (Sixteen rays are read at a time, from
+/// whole cache lines.)
+#[repr(align(64))]
+pub(in crate::trace) struct RayData {
+    /// g_u and g_v.
+    pub(super) g: [[f32; PACKET_RAYS]; 2],
+    /// 2·m for the moment m = g × s, that is (−2s_v, 2s_u, 2(g_u·s_v − g_v·s_u)), if the origins differ.
+    pub(super) moment: [[f32; PACKET_RAYS]; 3],
+    /// Bounds of the depth along w of the nearest hit. They are −1 in lanes without a ray.
+    pub(super) z_low: [f32; PACKET_RAYS],
+    pub(super) z_high: [f32; PACKET_RAYS],
+    /// The triangle of the nearest hit, for rays in [`RayPacket::here`].
+    pub(super) triangle: [u32; PACKET_RAYS],
+    /// The f64 depth of the nearest hit, for rays in [`RayPacket::known`].
+    pub(super) t: [f64; PACKET_RAYS],
+    /// The placement of the nearest hit, for rays that are not in [`RayPacket::here`].
+    pub(super) foreign: [u32; PACKET_RAYS],
+    /// The rays that are tested against a leaf.
+    pub(super) active: ActiveRays,
+}
+
+impl RayData {
+    /// The work that was done at leaves so far.
+    pub fn stats(&self) -> TraversalStats {
+        self.active.stats
+    }
+}
+
+impl Default for RayData {
+    fn default() -> Self {
+        let none = [0.0; PACKET_RAYS];
+        Self {
+            g: [none; 2],
+            moment: [none; 3],
+            z_low: none,
+            z_high: none,
+            triangle: [0; PACKET_RAYS],
+            t: [0.0; PACKET_RAYS],
+            foreign: [0; PACKET_RAYS],
+            active: ActiveRays::default(),
+        }
+    }
+}
+
+/// The rays of a packet that a leaf's box lets through, next to each other.
+#[repr(align(64))]
+pub(super) struct ActiveRays {
+    /// g_u and g_v.
+    pub g: [[f32; CAPACITY]; 2],
+    /// As in [`RayData::moment`], if the origins differ.
+    pub moment: [[f32; CAPACITY]; 3],
+    /// Bounds of the depths of the nearest hits.
+    pub z_low: [f32; CAPACITY],
+    pub z_high: [f32; CAPACITY],
+    /// The triangles of hits that are nearer than the rays' hits so far.
+    pub triangle: [u32; CAPACITY],
+    /// The triangles of the leaf that f32 leaves undecided for a ray, one bit each.
+    pub undecided: [u32; CAPACITY],
+    /// The bundles of the active rays, and which rays of each bundle are active, one bit each.
+    pub bundles: [(u8, u16); BUNDLES],
+    pub bundle_count: usize,
+    pub stats: TraversalStats,
+}
+
+/// Active rays are written sixteen at a time, of which any number may count.
+const CAPACITY: usize = PACKET_RAYS + 16;
+
+impl Default for ActiveRays {
+    fn default() -> Self {
+        let none = [0.0; CAPACITY];
+        Self {
+            g: [none; 2],
+            moment: [none; 3],
+            z_low: none,
+            z_high: none,
+            triangle: [0; CAPACITY],
+            undecided: [0; CAPACITY],
+            bundles: [(0, 0); BUNDLES],
+            bundle_count: 0,
+            stats: TraversalStats::default(),
+        }
+    }
+}
+
+/// A packet of rays in the space of one mesh. `MULTI_ORIGIN` tells whether the rays' origins differ.
+pub(in crate::trace) struct RayPacket<'a, const MULTI_ORIGIN: bool> {
+    pub(super) bvh: &'a Bvh8,
+    pub(super) placement: u32,
+    pub(super) origins: Origins<'a>,
+    pub(super) directions: &'a [DVec3],
+    pub(super) t_min: f64,
+    pub(super) t_max: f64,
+    /// Which of x, y, z are u, v and w.
+    pub(super) axes: [usize; 3],
+    /// Whether w is reversed.
+    pub(super) reversed: bool,
+    /// The point o along u, v, w (reversed as w is), as the sum of two f32 numbers.
+    pub(super) high: [f32; 3],
+    pub(super) low: [f32; 3],
+    /// The terms that make boxes relative to o, along u, v and w (w not reversed): the first is added to the negated lower
+    /// planes, the second to the upper planes.
+    pub(super) from: [[f32; 2]; 3],
+    pub(super) rays: &'a mut RayData,
+    /// The rays whose f64 depth is worked out, the rays with a hit, and the rays whose hit is in this mesh.
+    pub(super) known: RaySet,
+    pub(super) hit: RaySet,
+    pub(super) here: RaySet,
+    /// The rectangle of each bundle on the plane w = 1, moved outwards by [`RECTANGLE_MARGIN`]. Along u and v each has the
+    /// negated upper sides of all bundles first, then the lower sides.
+    pub(super) rectangle: [[f32; 2 * BUNDLES]; 2],
+    /// The largest `z_high` of each bundle.
+    pub(super) far: [f32; BUNDLES],
+    /// The largest of `far`.
+    pub(super) farthest: f32,
+    /// Depths along w up to here may be below `t_min`.
+    pub(super) near: f32,
+    /// The bound G = 1 + max|g_u| + max|g_v|.
+    pub(super) reach: f32,
+    /// The largest |s_u| or |s_v|, or 0 if all rays start at one point.
+    pub(super) offset: f32,
+    /// The coordinate of o along w (not reversed).
+    pub(super) start: f64,
+}
+
+impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
+    /// Prepares up to [`PACKET_RAYS`] rays for a mesh. Returns `None` if they are no narrow pyramid: if they are more than a
+    /// right angle apart or nearly so, not finite, from places too far apart, or from so far away that f32 cannot resolve
+    /// the mesh.
+    #[inline(always)]
+    pub fn new<S: F32x8>(
+        bvh: &'a Bvh8,
+        placement: u32,
+        origins: Origins<'a>,
+        directions: &'a [DVec3],
+        (t_min, t_max): (f64, f64),
+        nearest: &NearestHits,
+        rays: &'a mut RayData,
+    ) -> Option<Self> {
+        debug_assert!(directions.len() <= PACKET_RAYS && MULTI_ORIGIN == matches!(origins, Origins::Each(_)));
+        let last = directions.len() - 1;
+        // The axis along which most of a few rays go. Whether all rays go along it is tested below.
+        let sum = directions[0] + directions[last / 3] + directions[last - last / 3] + directions[last];
+        let along = sum.abs();
+        let w = if along.x >= along.y && along.x >= along.z {
+            0
+        } else if along.y >= along.z {
+            1
+        } else {
+            2
+        };
+        let axes = [(w + 1) % 3, (w + 2) % 3, w];
+        let reversed = sum[w] < 0.0;
+        let side = if reversed { -1.0 } else { 1.0 };
+        let mut origin = first_origin(origins);
+        if let (true, Origins::Each(all)) = (MULTI_ORIGIN, origins) {
+            // No ray starts before o along w.
+            origin[w] = side * all.iter().map(|o| o[w] * side).fold(f64::INFINITY, f64::min);
+        }
+        let size = f64::from(bvh.largest).max(origin.abs().max_element());
+        // The cubes of coordinates must stay within f32's range. (In this form NaN does not pass.)
+        let is_in_range = size < 1e12;
+        if !is_in_range {
+            return None;
+        }
+        if nearest.hit != 0 {
+            (rays.triangle, rays.t, rays.foreign) = (nearest.triangle, nearest.t, nearest.placement);
+        }
+        let mut packet = Self {
+            bvh,
+            placement,
+            origins,
+            directions,
+            t_min,
+            t_max,
+            axes,
+            reversed,
+            high: [0.0; 3],
+            low: [0.0; 3],
+            from: [[0.0; 2]; 3],
+            rays,
+            known: RaySet::MAX,
+            hit: nearest.hit,
+            here: 0,
+            rectangle: [[0.0; 2 * BUNDLES]; 2],
+            far: [-1.0; BUNDLES],
+            farthest: -1.0,
+            near: 0.0,
+            reach: 0.0,
+            offset: 0.0,
+            start: origin[w],
+        };
+        let has_hits = nearest.hit != 0 || t_max.is_finite();
+        let groups = directions.len().div_ceil(8);
+        let zero = S::F64x8::splat(0.0);
+        let (mut steepest, mut longest, mut latest) = (zero, zero, zero);
+        // The bounds of s_u and s_v.
+        let (mut least_s, mut most_s) =
+            ([S::F64x8::splat(f64::INFINITY); 2], [S::F64x8::splat(f64::NEG_INFINITY); 2]);
+        let sides = S::F64x8::splat(side);
+        let mut buffer = [DVec3::ZERO; 8];
+        for group in 0..groups {
+            // The last group is filled up with copies of the last ray. Their far end of −1 lets them hit nothing.
+            let [du, dv, dw] = in_order(S::F64x8::load_xyz(group_of(directions, group, &mut buffer)), w);
+            let along = dw.mul(sides);
+            let per_w = S::F64x8::splat(1.0).div(along);
+            let (gu, gv) = (du.mul(per_w), dv.mul(per_w));
+            let steep = gu.abs().max(gv.abs());
+            // In this form NaN, infinity and a wrong sign do not pass.
+            let passes = S::F64x8::splat(f64::MIN_POSITIVE).le(along)
+                & along.le(S::F64x8::splat(f64::MAX))
+                & gu.abs().le(S::F64x8::splat(STEEPEST))
+                & gv.abs().le(S::F64x8::splat(STEEPEST));
+            if passes != 0xff {
+                return None;
+            }
+            steepest = steepest.max(steep);
+            longest = longest.max(along);
+            let [all_u, all_v] = &mut packet.rays.g;
+            gu.to_f32().store(chunk_mut(all_u, 8 * group));
+            gv.to_f32().store(chunk_mut(all_v, 8 * group));
+            let mut start = zero;
+            if let (true, Origins::Each(all)) = (MULTI_ORIGIN, origins) {
+                let points = S::F64x8::load_xyz(group_of(all, group, &mut buffer));
+                let [ou, ov, ow] = in_order(points, w);
+                start = ow.sub(S::F64x8::splat(origin[w])).mul(sides);
+                latest = latest.max(start);
+                let su = ou.sub(S::F64x8::splat(origin[axes[0]])).sub(gu.mul(start));
+                let sv = ov.sub(S::F64x8::splat(origin[axes[1]])).sub(gv.mul(start));
+                let two = S::F64x8::splat(2.0);
+                let [m_u, m_v, m_w] = &mut packet.rays.moment;
+                sv.mul(S::F64x8::splat(-2.0)).to_f32().store(chunk_mut(m_u, 8 * group));
+                su.mul(two).to_f32().store(chunk_mut(m_v, 8 * group));
+                gu.mul(sv).sub(gv.mul(su)).mul(two).to_f32().store(chunk_mut(m_w, 8 * group));
+                least_s = [least_s[0].min(su), least_s[1].min(sv)];
+                most_s = [most_s[0].max(su), most_s[1].max(sv)];
+            }
+            if has_hits {
+                let z = S::F64x8::load(chunk(&nearest.t, 8 * group)).mul(along).add(start).to_f32();
+                // As in `bounds`.
+                let margin = z.mul_add(S::splat(4.0 * U), S::splat(TINY));
+                let is_finite = S::splat(f32::MAX).ge(z);
+                S::select(is_finite, z.sub(margin), z).store(chunk_mut(&mut packet.rays.z_low, 8 * group));
+                S::select(is_finite, z.add(margin), z).store(chunk_mut(&mut packet.rays.z_high, 8 * group));
+            }
+        }
+        let padded = groups * 8;
+        if !has_hits {
+            packet.rays.z_low[..padded].fill(f32::INFINITY);
+            packet.rays.z_high[..padded].fill(f32::INFINITY);
+        }
+        if directions.len() < PACKET_RAYS {
+            packet.rays.z_low[directions.len()..].fill(-1.0);
+            packet.rays.z_high[directions.len()..].fill(-1.0);
+        }
+        packet.reach = (1.0 + 2.0 * most(steepest)) as f32 * (1.0 + 2.0 * U);
+        let latest = most(latest);
+        packet.near = bounds(t_min * most(longest) + latest).1;
+        let mut grown = [[0.0_f32; 2]; 3];
+        if MULTI_ORIGIN {
+            let least_s = [least(least_s[0]), least(least_s[1])];
+            let most_s = [most(most_s[0]), most(most_s[1])];
+            let offset = least_s.into_iter().chain(most_s).fold(0.0, |a: f64, b| a.max(b.abs()));
+            // In this form NaN does not pass.
+            let is_near = offset.max(latest) <= f64::from(bvh.largest) * SPREAD;
+            if !is_near {
+                return None;
+            }
+            packet.offset = offset as f32 * (1.0 + 2.0 * U) + TINY;
+            // Rounding s and adding it cost 2u of it.
+            let margin = packet.offset * (4.0 * U);
+            for axis in 0..2 {
+                grown[axis] = [most_s[axis] as f32 + margin, least_s[axis] as f32 - margin];
+            }
+        }
+        // The planes of boxes lose u of the origin three times: when it is rounded, when the slack is added here, and when it is
+        // subtracted. (Boxes are padded for the u of their own size.)
+        let slack = (origin.abs().max_element() as f32) * (8.0 * U) + TINY;
+        for (k, &axis) in axes.iter().enumerate() {
+            let high = origin[axis] as f32;
+            let low = (origin[axis] - f64::from(high)) as f32;
+            packet.from[k] = [high + (slack + grown[k][0]), -(high + (grown[k][1] - slack))];
+            let turn = if k == 2 && reversed { -1.0 } else { 1.0 };
+            (packet.high[k], packet.low[k]) = (high * turn, low * turn);
+        }
+        for (g, sides) in packet.rays.g.iter_mut().zip(&mut packet.rectangle) {
+            // The groups past the last still hold rays of an earlier packet.
+            let last: [f32; 8] = *chunk(g, 8 * (groups - 1));
+            for group in groups..GROUPS {
+                *chunk_mut(g, 8 * group) = last;
+            }
+            let (mut upper, mut lower) = ([S::splat(0.0); BUNDLES], [S::splat(0.0); BUNDLES]);
+            for bundle in 0..BUNDLES {
+                let (a, b) = (S::load(chunk(g, 16 * bundle)), S::load(chunk(g, 16 * bundle + 8)));
+                (upper[bundle], lower[bundle]) = (a.max(b).neg(), a.min(b));
+            }
+            let (upper, lower) = (S::reduce_min_8(upper), S::reduce_min_8(lower));
+            let margin = S::splat(-RECTANGLE_MARGIN);
+            let upper = upper.add(upper.abs().mul_add(margin, margin));
+            let lower = lower.add(lower.abs().mul_add(margin, margin));
+            S::F32x16::from_halves(upper, lower).store(sides);
+        }
+        for bundle in 0..groups.div_ceil(2) {
+            packet.far[bundle] = if has_hits { packet.farthest_of::<S>(bundle) } else { f32::INFINITY };
+        }
+        packet.farthest = S::load(&packet.far).reduce_max();
+        Some(packet)
+    }
+
+    /// The origin of a ray.
+    #[inline(always)]
+    pub(super) fn origin(&self, ray: usize) -> DVec3 {
+        self.origins.of(ray)
+    }
+
+    /// Takes over the depths of hits that were found in other meshes since.
+    pub fn update_depths(&mut self, nearest: &NearestHits) {
+        for ray in 0..self.directions.len() {
+            (self.rays.z_low[ray], self.rays.z_high[ray]) = self.along(ray, nearest.t[ray]);
+        }
+        for (far, rays) in self.far.iter_mut().zip(self.rays.z_high.chunks_exact(16)) {
+            *far = rays.iter().copied().fold(-1.0, f32::max);
+        }
+        self.farthest = self.far.into_iter().fold(-1.0, f32::max);
+    }
+
+    /// Writes the hits that were found in this mesh to `nearest`, with their f64 depths if `with_depths`.
+    #[inline(always)]
+    pub fn write_hits(mut self, nearest: &mut NearestHits, with_depths: bool) {
+        if self.here == RaySet::MAX && !with_depths {
+            nearest.triangle = self.rays.triangle;
+            nearest.placement = [self.placement; PACKET_RAYS];
+        } else {
+            let mut rest = self.here;
+            while rest != 0 {
+                let ray = rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                if with_depths {
+                    nearest.t[ray] = self.depth_of_best(ray);
+                }
+                nearest.triangle[ray] = self.rays.triangle[ray];
+                nearest.placement[ray] = self.placement;
+            }
+        }
+        nearest.hit |= self.here;
+    }
+
+    /// The largest `z_high` of a bundle's rays.
+    #[inline(always)]
+    pub(super) fn farthest_of<S: F32x8>(&self, bundle: usize) -> f32 {
+        let z_high = &self.rays.z_high;
+        S::load(chunk(z_high, 16 * bundle)).max(S::load(chunk(z_high, 16 * bundle + 8))).reduce_max()
+    }
+
+    /// The f32 bounds of the depth along w, counted from o, of a depth along a ray.
+    #[inline(always)]
+    pub(super) fn along(&self, ray: usize, t: f64) -> (f32, f32) {
+        let w = self.axes[2];
+        let start = match (MULTI_ORIGIN, self.origins) {
+            (true, Origins::Each(origins)) => {
+                let from = origins[ray][w] - self.start;
+                if self.reversed { -from } else { from }
+            }
+            _ => 0.0,
+        };
+        bounds(t * self.directions[ray][w].abs() + start)
+    }
+}
+
+fn first_origin(origins: Origins) -> DVec3 {
+    match origins {
+        Origins::Common(origin) => origin,
+        Origins::Each(origins) => origins[0],
+    }
+}
+
+/// The f32 bounds of an f64 depth. Rounding the depth to f32 costs u of it, the margin and its sum another u, and the f64
+/// arithmetic before next to nothing: 4u has room for twice that.
+fn bounds(z: f64) -> (f32, f32) {
+    let near = z as f32;
+    let margin = near * (4.0 * U) + TINY;
+    if near.is_finite() { (near - margin, near + margin) } else { (near, near) }
+}
+
+/// Reorders (x, y, z) to (u, v, w).
+#[inline(always)]
+fn in_order<T>([x, y, z]: [T; 3], w: usize) -> [T; 3] {
+    match w {
+        0 => [y, z, x],
+        1 => [z, x, y],
+        _ => [x, y, z],
+    }
+}
+
+/// The least of eight numbers.
+#[inline(always)]
+fn least<D: F64x8>(x: D) -> f64 {
+    -most(D::splat(0.0).sub(x))
+}
+
+/// The largest of eight numbers.
+#[inline(always)]
+fn most<D: F64x8>(x: D) -> f64 {
+    let mut all = [0.0; 8];
+    x.store(&mut all);
+    all.into_iter().fold(f64::NEG_INFINITY, f64::max)
+}

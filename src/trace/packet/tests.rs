@@ -1,0 +1,197 @@
+//! The error bounds of the tests in f32, held to exact arithmetic.
+
+use glam::DVec3;
+
+use super::leaf::{EDGE, EDGE_MULTI_ORIGIN, PreparedTriangles, SLOPE, VOLUME};
+use super::{PacketStack, RayData, RayPacket};
+use crate::rng::Rng;
+use crate::trace::batch::{NearestHits, chunk};
+use crate::trace::bvh::{self, LeafBlock};
+use crate::trace::dyadic::adversary::Case;
+use crate::trace::dyadic::{Dyadic, cross, determinant, difference, dot};
+use crate::trace::rays::Origins;
+use crate::trace::simd::{self, F32x8, F32x16, PortableF32x8, SimdTask, Vec3x8};
+
+/// The largest errors that were seen, in the units of the constants, and the number of tests.
+#[derive(Clone, Copy, Debug, Default)]
+struct Errors {
+    edge: f64,
+    volume: f64,
+    slope: f64,
+    tests: usize,
+}
+
+impl Errors {
+    fn or(self, other: Self) -> Self {
+        Self {
+            edge: self.edge.max(other.edge),
+            volume: self.volume.max(other.volume),
+            slope: self.slope.max(other.slope),
+            tests: self.tests + other.tests,
+        }
+    }
+}
+
+/// Measures the errors over many cases.
+struct Measure<const MULTI_ORIGIN: bool>;
+
+impl<const MULTI_ORIGIN: bool> SimdTask for Measure<MULTI_ORIGIN> {
+    type Output = Errors;
+
+    #[inline(always)]
+    fn run<S: F32x8>(self) -> Errors {
+        let mut rng = Rng::new(1);
+        let mut errors = Errors::default();
+        for _ in 0..1500 {
+            let spread = if MULTI_ORIGIN { [1e-9, 1e-5, 1e-3][rng.below(3)] } else { 0.0 };
+            errors = errors.or(errors_of::<S, MULTI_ORIGIN>(&Case::new(&mut rng, spread)));
+        }
+        errors
+    }
+}
+
+/// x, y and z in the packet's axes, w reversed as the packet's is.
+fn in_axes<const MULTI_ORIGIN: bool>(packet: &RayPacket<MULTI_ORIGIN>, p: DVec3) -> [Dyadic; 3] {
+    let [u, v, w] = packet.axes.map(|axis| Dyadic::of(p[axis]));
+    [u, v, if packet.reversed { -w } else { w }]
+}
+
+#[inline(always)]
+fn errors_of<S: F32x8, const MULTI_ORIGIN: bool>(case: &Case) -> Errors {
+    let mut errors = Errors::default();
+    let bvh = bvh::build(&case.mesh);
+    let origins = if MULTI_ORIGIN { Origins::Each(&case.origins) } else { Origins::Common(case.origins[0]) };
+    let (mut data, mut stack) = (RayData::default(), PacketStack::default());
+    let nearest = NearestHits::new(f64::INFINITY);
+    let limits = (0.0, f64::INFINITY);
+    let packet =
+        RayPacket::<MULTI_ORIGIN>::new::<S>(&bvh, 0, origins, &case.directions, limits, &nearest, &mut data);
+    let Some(packet) = packet else { return errors };
+    packet.push_root::<S>(&mut stack);
+    while let Some(leaf) = packet.next_leaf::<S>(&mut stack) {
+        let block = LeafBlock::at(&bvh.blocks, leaf.number);
+        let prepared =
+            PreparedTriangles::<S, MULTI_ORIGIN>::new(&packet, &block, leaf.bounds.largest_coordinate());
+        for ray in 0..case.directions.len() {
+            errors = errors.or(errors_of_ray(&packet, &block, &prepared, ray));
+        }
+    }
+    errors
+}
+
+/// The errors of one ray against all triangles of a leaf.
+#[inline(always)]
+fn errors_of_ray<S: F32x8, const MULTI_ORIGIN: bool>(
+    packet: &RayPacket<MULTI_ORIGIN>,
+    block: &LeafBlock,
+    prepared: &PreparedTriangles<S, MULTI_ORIGIN>,
+    ray: usize,
+) -> Errors {
+    let mut errors = Errors::default();
+    // In f32, as a leaf is tested.
+    let pair = ray & !1;
+    let [gu, gv] = [&packet.rays.g[0], &packet.rays.g[1]].map(|g| S::load(chunk(g, 0)));
+    let [mu, mv, mw] = [0, 1, 2].map(|k| S::load(chunk(&packet.rays.moment[k], 0)));
+    let moments = if MULTI_ORIGIN { Vec3x8(mu, mv, mw) } else { Vec3x8::splat([0.0; 3]) };
+    let edges = prepared.edges_of(
+        S::F32x16::broadcast_two(gu, pair),
+        S::F32x16::broadcast_two(gv, pair),
+        moments,
+        pair,
+    );
+    let half = |edge: S::F32x16| if ray == pair { edge.halves().0 } else { edge.halves().1 };
+    let edges = edges.map(|edge| stored(half(edge)));
+    let of_ray = |values: &[f32]| S::splat(values[ray]);
+    let slope = prepared.normal.dot_ray(of_ray(&packet.rays.g[0]), of_ray(&packet.rays.g[1]));
+    let mut volume = prepared.volume;
+    if MULTI_ORIGIN {
+        let [u, v, w] = [0, 1, 2].map(|k| of_ray(&packet.rays.moment[k]));
+        volume = prepared.normal.less_offset(Vec3x8(u, v, w), volume);
+    }
+    let (z_low, z_high) = prepared.depths(slope, volume);
+    let (slopes, volumes, z_low, z_high) = (stored(slope), stored(volume), stored(z_low), stored(z_high));
+
+    // Exactly. With the ray's direction d in place of g, everything is d_w times as large.
+    let d = in_axes(packet, packet.directions[ray]);
+    let o = in_axes(packet, packet.origin(ray));
+    let start = if MULTI_ORIGIN {
+        let mut common = packet.origin(ray);
+        common[packet.axes[2]] = packet.start;
+        difference(&o, &in_axes(packet, common))[2].clone()
+    } else {
+        Dyadic::of(0.0)
+    };
+    let per = |error: Dyadic, bound: f32, constant: f32| {
+        // error / d_w in units of which the bound has `constant`.
+        error.abs().to_f64() / d[2].to_f64() / f64::from(bound) * f64::from(constant)
+    };
+    for lane in (0..block.triangles).filter(|lane| prepared.oriented >> lane & 1 != 0) {
+        errors.tests += 1;
+        let corners = block.positions(lane).map(|p| in_axes(packet, DVec3::from(p.map(f64::from))));
+        let [a, b, c] = [0, 1, 2].map(|k| difference(&corners[k], &o));
+        let normal = cross(&difference(&b, &a), &difference(&c, &a));
+        let side = |x: Dyadic, is_front: bool| if is_front { x } else { -x };
+        let slope = dot(&d, &normal);
+        let volume = dot(&a, &normal) * d[2].clone() + start.clone() * slope.clone();
+        let is_front = volume.sign() > 0;
+        let determinants = [determinant(&d, &b, &c), determinant(&d, &c, &a), determinant(&d, &a, &b)];
+        for (found, exact) in edges.iter().zip(determinants) {
+            let exact = side(exact * Dyadic::of(2.0), is_front);
+            let error = Dyadic::of(found[lane].into()) * d[2].clone() - exact;
+            let constant = if MULTI_ORIGIN { EDGE_MULTI_ORIGIN } else { EDGE };
+            errors.edge = errors.edge.max(per(error, prepared.edge_error, constant));
+        }
+        let (volume, slope) = (side(volume, is_front), side(slope, is_front));
+        let error = Dyadic::of(volumes[lane].into()) * d[2].clone() - volume.clone();
+        errors.volume = errors.volume.max(per(error, prepared.volume_error, VOLUME));
+        let error = Dyadic::of(slopes[lane].into()) * d[2].clone() - slope.clone();
+        errors.slope = errors.slope.max(per(error, prepared.slope_error, SLOPE));
+        if slopes[lane] >= 4.0 * prepared.slope_error {
+            let low = Dyadic::of(z_low[lane].into()) * slope.clone() - volume.clone();
+            let high = Dyadic::of(z_high[lane].into()) * slope - volume;
+            assert!(low.sign() <= 0 && high.sign() >= 0, "the bounds of z must hold it");
+        }
+    }
+    errors
+}
+
+#[inline(always)]
+fn stored<S: F32x8>(x: S) -> [f32; 8] {
+    let mut to = [0.0; 8];
+    x.store(&mut to);
+    to
+}
+
+fn measured<const MULTI_ORIGIN: bool>() -> Errors {
+    let mut errors = Measure::<MULTI_ORIGIN>.run::<PortableF32x8>();
+    #[cfg(target_arch = "x86_64")]
+    {
+        if simd::has_avx2() {
+            errors = errors.or(simd::run_with_avx2(Measure::<MULTI_ORIGIN>));
+        }
+        if simd::has_avx512() {
+            errors = errors.or(simd::run_with_avx512(Measure::<MULTI_ORIGIN>));
+        }
+    }
+    errors
+}
+
+#[test]
+fn the_bounds_of_packets_from_one_point_hold() {
+    let Errors { edge, volume, slope, tests } = measured::<false>();
+    println!("{edge} of {EDGE}, {volume} of {VOLUME}, {slope} of {SLOPE} in {tests} tests");
+    assert!(tests > 10_000, "{tests}");
+    assert!(edge <= f64::from(EDGE), "{edge}");
+    assert!(volume <= f64::from(VOLUME), "{volume}");
+    assert!(slope <= f64::from(SLOPE), "{slope}");
+}
+
+#[test]
+fn the_bounds_of_packets_from_many_points_hold() {
+    let Errors { edge, volume, slope, tests } = measured::<true>();
+    println!("{edge} of {EDGE_MULTI_ORIGIN}, {volume} of {VOLUME}, {slope} of {SLOPE} in {tests} tests");
+    assert!(tests > 10_000, "{tests}");
+    assert!(edge <= f64::from(EDGE_MULTI_ORIGIN), "{edge}");
+    assert!(volume <= f64::from(VOLUME), "{volume}");
+    assert!(slope <= f64::from(SLOPE), "{slope}");
+}
