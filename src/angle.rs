@@ -1,8 +1,8 @@
-//! Angles: the unit is in the constructor, radians are inside.
+//! Plane angles. A constructor names the unit, and the value is kept in radians.
 
 use std::ops::{Add, Neg, Sub};
 
-/// A plane angle. Made from degrees or radians, kept in radians.
+/// A plane angle, made from degrees or radians and kept in radians.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 pub struct Angle(f64);
 
@@ -27,7 +27,7 @@ impl Angle {
         self.0 * (180.0 / std::f64::consts::PI)
     }
 
-    /// Sine and cosine, the same bits on every platform (libm).
+    /// The sine and the cosine of the angle. They come from libm, so that every platform gives the same bits.
     pub fn sin_cos(self) -> (f64, f64) {
         libm::sincos(self.0)
     }

@@ -1,48 +1,48 @@
-//! What can go wrong, sorted by whose it is to mend; each kind has its exit code.
+//! The errors of beamcast, sorted by who can mend them. Each kind has its own exit code.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use crate::source::Diagnostic;
 
-/// The error that an [`Error`] passes on: an `io::Error`, what a format has no room for, or words alone.
+/// The cause that an [`Error`] carries: an `io::Error`, an error of encoding or reading a format, or a plain text.
 pub type Problem = Box<dyn std::error::Error + Send + Sync>;
 
-/// Everything that stops beamcast.
+/// Every error that stops beamcast.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A job or sensor file is wrong: every problem found, not only the first. At least one.
+    /// A job or a sensor file is wrong. The list holds every problem that was found, at least one.
     #[error("{}", .0.iter().map(Diagnostic::to_string).collect::<Vec<_>>().join("\n"))]
     Config(Vec<Diagnostic>),
-    /// The command line asks for something that can't be.
+    /// The command line asks for something that is impossible.
     #[error("{0}")]
     Usage(String),
-    /// A scene can't be read.
+    /// A scene cannot be read.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// A file that was given to be looked at can't be read.
+    /// A file that the user asked to read, compare or show cannot be read.
     #[error("{}: {problem}", path.display())]
     Input {
         /// The file or folder.
         path: PathBuf,
-        /// What is wrong with it, and what would be right. The message includes it.
+        /// The problem with the file, and what would be right. The message includes it.
         #[source]
         problem: Problem,
     },
-    /// An output can't be written.
+    /// An output cannot be written.
     #[error("{}: {problem}", path.display())]
     Output {
         /// The file or folder.
         path: PathBuf,
-        /// What is wrong with it, and what would be right. The message includes it.
+        /// The problem with the file, and what would be right. The message includes it.
         #[source]
         problem: Problem,
     },
-    /// Everything ran, and what was found is not as it should be. What it is has been told.
+    /// The run succeeded but found a difference or a failed expectation. The details were printed before.
     #[error("{0}")]
     Difference(String),
-    /// A signal asked to stop. Nothing is half-written.
+    /// A signal asked the program to stop. No file is half-written.
     #[error("stopped by signal {signal}")]
     Interrupted {
         /// The signal's number: 2 for SIGINT, 15 for SIGTERM.
@@ -61,7 +61,8 @@ impl Error {
         Self::Output { path: path.as_ref().to_path_buf(), problem: problem.into() }
     }
 
-    /// The process's exit code: 1 a difference, 2 usage or configuration, 3 scene or input, 4 output, 128 + the signal's number.
+    /// The exit code of the process: 1 for a difference, 2 for usage or configuration, 3 for a scene or an input, 4 for an
+    /// output, 128 + the signal's number for an interrupt.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Difference(_) => 1,
@@ -73,18 +74,19 @@ impl Error {
     }
 }
 
-/// A scene that can't be used: the file, the element in it, what is wrong and what would be right.
+/// A scene that cannot be used: the file, the element in it, the problem, and what would be right.
 #[derive(Debug, thiserror::Error)]
 pub struct SceneError {
-    /// The scene's file as the user named it.
+    /// The path of the scene's file as the user wrote it.
     pub path: PathBuf,
-    /// The element, such as `mesh 3 "wall", primitive 0, accessor 7`. Empty for the file as a whole.
+    /// The element, such as `mesh 3 "wall", primitive 0, accessor 7`. It is empty if the problem concerns the file as a
+    /// whole.
     pub element: String,
-    /// What is wrong with it.
+    /// The problem with the element.
     pub problem: String,
-    /// What would be right.
+    /// A hint that says what would be right.
     pub help: Option<String>,
-    /// The error of the operating system that is behind it, if there is one.
+    /// The error of the operating system that caused the problem, if there is one.
     pub source: Option<std::io::Error>,
 }
 

@@ -3,7 +3,7 @@
 //! - **World**: right-handed, z up, metres.
 //! - **Body** and **sensor**: x forward, y left, z up (ROS REP-103). Azimuth is counted from +x toward +y, elevation from
 //!   the xy plane toward +z.
-//! - **Optical** (a camera's): x right, y down, z forward.
+//! - **Optical** (of a camera): x right, y down, z forward.
 //!
 //! A pose is named `target_from_source`, so that adjacent names match in a product:
 //! `world_from_sensor = world_from_body * body_from_sensor`.
@@ -27,7 +27,8 @@ impl Pose {
     /// The frame itself.
     pub const IDENTITY: Self = Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
 
-    /// A pose from roll, pitch and yaw: intrinsic z-y-x, R = Rz(yaw)·Ry(pitch)·Rx(roll).
+    /// A pose from roll, pitch and yaw: intrinsic rotations about z, then y, then x, so that R =
+    /// Rz(yaw)·Ry(pitch)·Rx(roll).
     ///
     /// A positive pitch points the nose (+x) down, as in REP-103.
     pub fn from_rpy(translation: DVec3, roll: Angle, pitch: Angle, yaw: Angle) -> Self {
@@ -42,7 +43,7 @@ impl Pose {
         Self { rotation, translation }
     }
 
-    /// A pose from a quaternion (x, y, z, w), normalised here. `None` if its length is zero or not finite.
+    /// A pose from a quaternion (x, y, z, w), which is normalised here. `None` if its length is zero or not finite.
     pub fn from_quaternion(translation: DVec3, xyzw: [f64; 4]) -> Option<Self> {
         let q = glam::DQuat::from_array(xyzw);
         let length = q.length();
@@ -52,17 +53,17 @@ impl Pose {
         Some(Self { rotation: DMat3::from_quat(q / length), translation })
     }
 
-    /// Takes a point from the source frame to the target frame.
+    /// Transforms a point from the source frame to the target frame.
     pub fn point(&self, p: DVec3) -> DVec3 {
         self.rotation * p + self.translation
     }
 
-    /// Takes a direction from the source frame to the target frame: rotation only.
+    /// Transforms a direction from the source frame to the target frame. Only the rotation applies.
     pub fn direction(&self, d: DVec3) -> DVec3 {
         self.rotation * d
     }
 
-    /// `source_from_target`.
+    /// The inverse motion, `source_from_target`.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
         Self { rotation, translation: -(rotation * self.translation) }
@@ -71,17 +72,17 @@ impl Pose {
 
 impl Mul for Pose {
     type Output = Self;
-    /// `a_from_b * b_from_c` is `a_from_c`.
+    /// The product `a_from_b * b_from_c` is `a_from_c`.
     fn mul(self, other: Self) -> Self {
         Self { rotation: self.rotation * other.rotation, translation: self.point(other.translation) }
     }
 }
 
-/// From a camera's optical frame (x right, y down, z forward) to its body frame (x forward, y left, z up).
+/// The pose of a camera's optical frame (x right, y down, z forward) in its body frame (x forward, y left, z up).
 pub const BODY_FROM_OPTICAL: Pose =
     Pose { rotation: DMat3::from_cols(DVec3::NEG_Y, DVec3::NEG_Z, DVec3::X), translation: DVec3::ZERO };
 
-/// Which axis of a glTF file is up in the world that beams are cast in.
+/// The axis of a glTF file that points up in the world in which beams are cast.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum UpAxis {
     /// glTF's y becomes the world's z: (x, y, z)_world = (x, −z, y)_glTF, as Blender and Cesium do.
@@ -92,7 +93,7 @@ pub enum UpAxis {
 }
 
 impl UpAxis {
-    /// `world_from_gltf`. Exact: it only swaps and negates coordinates.
+    /// The rotation `world_from_gltf`. It is exact, because it only swaps and negates coordinates.
     pub fn world_from_gltf(self) -> DMat3 {
         match self {
             UpAxis::Z => DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y),
@@ -131,7 +132,7 @@ mod tests {
     fn quaternion_and_rpy_agree() {
         let yaw = Angle::deg(30.0);
         let (s, c) = Angle::deg(15.0).sin_cos();
-        // Three times too long: it is normalised.
+        // The quaternion is three times too long, so it has to be normalised.
         let q = Pose::from_quaternion(DVec3::ONE, [0.0, 0.0, 3.0 * s, 3.0 * c]).unwrap();
         let e = Pose::from_rpy(DVec3::ONE, Angle::default(), Angle::default(), yaw);
         assert!((q.rotation - e.rotation).to_cols_array().iter().all(|x| x.abs() < 1e-15));

@@ -1,4 +1,5 @@
-//! Random numbers by counter: a number depends on what it is for, and not on how many were drawn before it.
+//! Random numbers by counter: a number depends on the purpose that it is drawn for, and not on how many were drawn before
+//! it.
 //!
 //! The generator is Philox4x32-10 (J. K. Salmon, M. A. Moraes, R. O. Dror and D. E. Shaw, "Parallel random numbers: as easy
 //! as 1, 2, 3", SC 2011): a bijection of 128-bit counters for each 64-bit key. Any number of any stream is computed on its
@@ -66,20 +67,20 @@ impl FrameStreams {
 #[derive(Clone, Debug)]
 pub struct Rng {
     key: [u32; 2],
-    /// The next block's. Its first word numbers the blocks of the stream, the others name the stream.
+    /// The counter of the next block. Its first word numbers the blocks of the stream, and the other words name the stream.
     counter: [u32; 4],
     block: [u32; 4],
-    /// How many words of the block are used up.
+    /// The number of words of the block that were drawn.
     used: usize,
 }
 
 impl Rng {
-    /// A stream by its seed alone, for what belongs to no frame.
+    /// A stream that depends on its seed alone, for draws that belong to no frame.
     pub fn new(seed: u64) -> Self {
         FrameStreams { key: words(seed) }.stream(0, 0, 0)
     }
 
-    /// Uniform over all 32-bit numbers.
+    /// A number that is uniform over all 32-bit numbers.
     pub fn u32(&mut self) -> u32 {
         if self.used == self.block.len() {
             self.block = philox(self.counter, self.key);
@@ -90,41 +91,41 @@ impl Rng {
         self.block[self.used - 1]
     }
 
-    /// Uniform over all 64-bit numbers: two words, the lower one first.
+    /// A number that is uniform over all 64-bit numbers. It takes two words, the lower one first.
     pub fn u64(&mut self) -> u64 {
         u64::from(self.u32()) | u64::from(self.u32()) << 32
     }
 
-    /// Uniform in [0, 1): a multiple of 2⁻⁵³.
+    /// A number that is uniform in [0, 1), a multiple of 2⁻⁵³.
     pub fn unit(&mut self) -> f64 {
         (self.u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Uniform in [−1, 1).
+    /// A number that is uniform in [−1, 1).
     pub fn signed(&mut self) -> f64 {
         2.0 * self.unit() - 1.0
     }
 
-    /// Uniform among 0 .. `count`, which is not 0. The bias is less than `count`/2⁶⁴.
+    /// A number that is uniform among 0 .. `count`, where `count` is not 0. The bias is less than `count`/2⁶⁴.
     pub fn below(&mut self, count: usize) -> usize {
         ((u128::from(self.u64()) * count as u128) >> 64) as usize
     }
 
-    /// Normally distributed with mean 0 and standard deviation 1, by the cosine of G. E. P. Box and M. E. Muller, "A note on
-    /// the generation of random normal deviates" (1958): √(−2 ln u)·cos 2πv with u in (0, 1] and v in [0, 1). No value is
-    /// farther from 0 than √(2 ln 2⁵³) = 8.57.
+    /// A number that is normally distributed with mean 0 and standard deviation 1. It is the cosine one of the two deviates
+    /// of G. E. P. Box and M. E. Muller, "A note on the generation of random normal deviates" (1958): √(−2 ln u)·cos 2πv
+    /// with u in (0, 1] and v in [0, 1). No value is farther from 0 than √(2 ln 2⁵³) = 8.57.
     pub fn normal(&mut self) -> f64 {
         let (u, v) = (1.0 - self.unit(), self.unit());
         (-2.0 * libm::log(u)).sqrt() * libm::cos(TAU * v)
     }
 
-    /// Uniform in the cube from −1 to 1.
+    /// A point that is uniform in the cube from −1 to 1.
     pub fn point(&mut self) -> DVec3 {
         DVec3::new(self.signed(), self.signed(), self.signed())
     }
 
-    /// A unit vector, uniform over the sphere: points of the cube are drawn until one is in the unit ball and not so close to
-    /// its centre that normalising it would lose digits.
+    /// A unit vector that is uniform over the sphere. Points of the cube are drawn until one lies in the unit ball and not
+    /// so close to its centre that normalising it would lose digits.
     pub fn direction(&mut self) -> DVec3 {
         loop {
             let p = self.point();
@@ -135,7 +136,7 @@ impl Rng {
     }
 }
 
-/// The lower and the upper half.
+/// The lower and the upper 32 bits of a 64-bit number.
 fn words(bits: u64) -> [u32; 2] {
     [bits as u32, (bits >> 32) as u32]
 }
@@ -152,7 +153,7 @@ mod tests {
             philox([u32::MAX; 4], [u32::MAX; 2]),
             [0x408f_276d, 0x41c8_3b0e, 0xa20b_c7c6, 0x6d54_51fd]
         );
-        // The digits of π.
+        // The counter and the key are digits of π.
         let counter = [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344];
         let answer = [0xd16c_fe09, 0x94fd_cceb, 0x5001_e420, 0x2412_6ea1];
         assert_eq!(philox(counter, [0xa409_3822, 0x299f_31d0]), answer);
@@ -194,7 +195,7 @@ mod tests {
         assert_eq!(seen.len(), count);
     }
 
-    /// Moments of a million draws, each within six standard errors of the distribution's own.
+    /// Checks the moments of a million draws. Each lies within six standard errors of the moment of the distribution.
     #[test]
     fn distributions_have_their_moments() {
         const COUNT: usize = 1_000_000;

@@ -1,4 +1,4 @@
-//! Depth cameras: pixels and their directions.
+//! Depth cameras: the directions of their pixels.
 
 use std::sync::{Arc, OnceLock};
 
@@ -9,7 +9,7 @@ use super::Lens;
 use crate::angle::Angle;
 use crate::frame::BODY_FROM_OPTICAL;
 
-/// A camera with an ideal lens or another. Pixel (0, 0) is top left and its centre lies at (0.5, 0.5).
+/// A camera with an ideal or a distorting lens. Pixel (0, 0) is at the top left, and its centre lies at (0.5, 0.5).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     width: usize,
@@ -23,8 +23,8 @@ pub struct Camera {
     inverse: InverseLens,
 }
 
-/// The optical direction of each pixel, row by row, once it was worked out; a pixel without a ray has NaN. Clones share it:
-/// it follows from the camera's other fields, and so plays no part in comparisons.
+/// The optical direction of each pixel, row by row, once it was computed. A pixel without a ray has NaN. Clones of a camera
+/// share the directions. They follow from the camera's other fields, so comparisons ignore them.
 #[derive(Clone, Debug, Default)]
 struct InverseLens(Arc<OnceLock<Box<[DVec3]>>>);
 
@@ -34,20 +34,20 @@ impl PartialEq for InverseLens {
     }
 }
 
-/// Why a camera can't be.
+/// The reason why a camera is impossible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CameraError {
-    /// No pixels.
+    /// The image has no pixels.
     #[error("a camera needs at least one pixel each way")]
     NoPixels,
-    /// A focal length that is not a positive number.
+    /// A focal length is not a positive number.
     #[error("focal lengths must be positive")]
     FocalLength,
-    /// A principal point that is not finite.
+    /// The principal point is not finite.
     #[error("the principal point must be finite")]
     PrincipalPoint,
-    /// A field of view of nothing, or of half a turn and more.
+    /// The field of view is not between 0 and 180 degrees.
     #[error("a pinhole's field of view lies between 0 and 180 degrees")]
     FieldOfView,
     /// The rate is not a positive number.
@@ -56,7 +56,11 @@ pub enum CameraError {
 }
 
 impl Camera {
-    /// A camera from its intrinsics, in pixels: focal lengths (`fx`, `fy`) and principal point (`cx`, `cy`).
+    /// A camera from its intrinsics, all in pixels: size (columns, rows), focal lengths (`fx`, `fy`) and principal point
+    /// (`cx`, `cy`).
+    ///
+    /// # Errors
+    /// A [`CameraError`] that names the first wrong argument.
     pub fn new(
         (width, height): (usize, usize),
         (fx, fy): (f64, f64),
@@ -88,14 +92,17 @@ impl Camera {
         })
     }
 
-    /// The same camera behind another lens.
+    /// The same camera with another lens.
     #[must_use]
     pub fn with_lens(self, lens: Lens) -> Self {
         Self { lens, inverse: InverseLens::default(), ..self }
     }
 
-    /// A camera with square pixels, its principal point in the middle, and a horizontal field of view from the left edge
-    /// of the image to the right: fx = width / (2 tan(hfov / 2)).
+    /// A camera with square pixels, its principal point in the middle, and a horizontal field of view from the left edge of
+    /// the image to the right edge: fx = width / (2 tan(hfov / 2)).
+    ///
+    /// # Errors
+    /// A [`CameraError`] that names the first wrong argument.
     pub fn from_hfov(size: (usize, usize), hfov: Angle, rate_hz: Option<f64>) -> Result<Self, CameraError> {
         if !(hfov.radians() > 0.0 && hfov.radians() < std::f64::consts::PI) {
             return Err(CameraError::FieldOfView);
@@ -105,12 +112,12 @@ impl Camera {
         Self::new(size, (f, f), (width / 2.0, height / 2.0), rate_hz)
     }
 
-    /// Columns of the image.
+    /// The number of columns of the image.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows of the image.
+    /// The number of rows of the image.
     pub fn height(&self) -> usize {
         self.height
     }
@@ -135,9 +142,9 @@ impl Camera {
         &self.lens
     }
 
-    /// The unit direction through a pixel's centre in the optical frame (x right, y down, z forward): what the lens draws at
-    /// ((u + ½ − cx)/fx, (v + ½ − cy)/fy). Its z turns a range along the ray into planar depth. `None` where the lens draws
-    /// nothing.
+    /// The unit direction through a pixel's centre in the optical frame (x right, y down, z forward). It is the direction
+    /// that the lens projects to ((u + ½ − cx)/fx, (v + ½ − cy)/fy). Its z is the factor from range along the ray to planar
+    /// depth. `None` if the lens has no ray for the pixel.
     pub(super) fn optical_direction(&self, row: usize, column: usize) -> Option<DVec3> {
         match self.inverse.0.get() {
             Some(directions) => Some(directions[row * self.width + column]).filter(|d| !d.is_nan()),
@@ -149,25 +156,25 @@ impl Camera {
         self.optical_direction_at(column as f64 + 0.5, row as f64 + 0.5)
     }
 
-    /// Whether the lens draws anything at a pixel.
+    /// Whether the lens has a ray for a pixel.
     pub(super) fn has_ray(&self, row: usize, column: usize) -> bool {
         matches!(self.lens, Lens::Ideal) || self.optical_direction(row, column).is_some()
     }
 
-    /// Inverts the lens for all pixels at once, on all threads, and keeps the directions for this camera and its clones. Of
-    /// an ideal lens the inverse costs less than looking it up.
+    /// Inverts the lens for all pixels at once, on all threads, and keeps the directions for this camera and its clones.
+    /// The directions of an ideal lens are not kept, because computing one costs less than a look-up.
     pub(super) fn invert_lens(&self) {
         if matches!(self.lens, Lens::Ideal) || self.inverse.0.get().is_some() {
             return;
         }
         let pixel = |i: usize| self.invert_pixel(i / self.width, i % self.width).unwrap_or(DVec3::NAN);
         let directions = (0..self.width * self.height).into_par_iter().map(pixel).collect();
-        // Two threads may have worked out the same: waiting for one another inside the thread pool could be waiting for
-        // oneself.
+        // Two threads may have computed the same directions. Neither waits for the other, because inside the thread pool a
+        // thread could then wait for itself.
         let _ = self.inverse.0.set(directions);
     }
 
-    /// Bytes that the directions of all pixels take once a frame was cast; 0 for an ideal lens.
+    /// Bytes that the directions of all pixels take once a frame was cast. It is 0 for an ideal lens.
     pub fn table_bytes(&self) -> u64 {
         match self.lens {
             Lens::Ideal => 0,
@@ -177,13 +184,13 @@ impl Camera {
         }
     }
 
-    /// The same for any place (u, v) of the image, in pixels from its top left corner.
+    /// The unit direction in the optical frame through any point (u, v) of the image, in pixels from its top left corner.
     pub fn optical_direction_at(&self, u: f64, v: f64) -> Option<DVec3> {
         self.lens.unproject(DVec2::new((u - self.cx) / self.fx, (v - self.cy) / self.fy))
     }
 
-    /// Where a direction in the optical frame is drawn, in pixels from the image's top left corner, be it in the image or
-    /// not. `None` where the lens doesn't reach.
+    /// The image point of a direction in the optical frame, in pixels from the image's top left corner. It may lie outside
+    /// of the image. `None` if the direction is outside of the lens model's domain.
     pub fn project(&self, optical: DVec3) -> Option<(f64, f64)> {
         let drawn = self.lens.project(optical)?;
         Some((drawn.x * self.fx + self.cx, drawn.y * self.fy + self.cy))
@@ -210,7 +217,7 @@ mod tests {
 
     #[test]
     fn an_inverted_lens_gives_what_each_pixel_gives() {
-        // Barrel distortion so strong that the corners have no ray.
+        // The barrel distortion is so strong that the corners have no ray.
         let lens = super::super::BrownConrady::new([-0.4, 0.0, 1e-3, -2e-3, 0.0, 0.0, 0.0, 0.0]).unwrap();
         let camera = Camera::from_hfov((64, 48), Angle::deg(90.0), None).unwrap();
         let camera = camera.with_lens(Lens::BrownConrady(lens));
@@ -235,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn impossible_parameters_are_refused() {
         let centre = (1.0, 1.0);
         assert_eq!(Camera::new((0, 2), (1.0, 1.0), centre, None), Err(CameraError::NoPixels));
         assert_eq!(Camera::new((2, 2), (0.0, 1.0), centre, None), Err(CameraError::FocalLength));

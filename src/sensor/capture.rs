@@ -1,10 +1,10 @@
-//! One frame of one sensor, before anything is cast: the only door to pulses and their times.
+//! The capture of one frame of one sensor, before any ray is cast. It is the only door to pulses and their times.
 
 use super::{Lens, Pattern, Pulse, Sensor};
 use crate::frame::Pose;
 use crate::motion::{AT_ORIGIN, Trajectory};
 
-/// One frame of a sensor that is mounted on a moving body: which pulses go out, when, and from where.
+/// One frame of a sensor that is mounted on a moving body. It says which pulses go out, at what time, and from which pose.
 ///
 /// Every writer, check and page that needs a pulse asks the capture of its frame. A pattern that does not repeat sends other
 /// pulses in each frame, so a pulse without a capture would belong to no frame at all.
@@ -12,22 +12,22 @@ use crate::motion::{AT_ORIGIN, Trajectory};
 pub struct Capture<'a> {
     /// The sensor.
     pub sensor: &'a Sensor,
-    /// Where the sensor sits on the body.
+    /// The pose of the sensor on the body.
     pub body_from_sensor: Pose,
-    /// Where the body is over time.
+    /// The pose of the body over time.
     pub trajectory: &'a Trajectory,
     /// The frame's number, from 0.
     pub frame: u64,
-    /// When the frame starts, in seconds from the moment at which the sensor is switched on. The trajectory's time has the
-    /// same zero.
+    /// The time at which the frame starts, in seconds from the moment at which the sensor is switched on. The trajectory's
+    /// time has the same zero.
     pub start_s: f64,
-    /// The seed of everything random.
+    /// The seed of all random numbers.
     pub seed: u64,
 }
 
 impl<'a> Capture<'a> {
-    /// Frame number `frame` of a sensor, which starts at frame/rate seconds. Every frame of a sensor without a rate starts
-    /// at 0.
+    /// Frame number `frame` of a sensor. It starts at frame/rate seconds. Every frame of a sensor without a rate starts at
+    /// 0.
     pub fn new(
         sensor: &'a Sensor,
         body_from_sensor: Pose,
@@ -39,12 +39,12 @@ impl<'a> Capture<'a> {
         Self { sensor, body_from_sensor, trajectory, frame, start_s, seed }
     }
 
-    /// The first frame of a sensor that stands at the world's origin: for questions about the sensor alone.
+    /// The first frame of a sensor that stands at the world's origin, for questions about the sensor alone.
     pub fn at_origin(sensor: &'a Sensor) -> Self {
         Self::new(sensor, Pose::IDENTITY, &AT_ORIGIN, 0, 0)
     }
 
-    /// The same sensor, mount and motion in another frame.
+    /// The capture of another frame, with the same sensor, mount and motion.
     #[must_use]
     pub fn with_frame(self, frame: u64) -> Self {
         Self::new(self.sensor, self.body_from_sensor, self.trajectory, frame, self.seed)
@@ -60,25 +60,26 @@ impl<'a> Capture<'a> {
         self.sensor.pattern.columns()
     }
 
-    /// The pulse of a pixel of the range image, in the sensor's body frame at the pulse's own time. Row 0 is the top, column
-    /// 0 the first firing (or the left).
+    /// The pulse of a pixel of the range image, in the sensor's body frame at the pulse's own time. Row 0 is the top, and
+    /// column 0 is the first firing (or the left).
     ///
-    /// `None` where a pixel sees nothing at all: the lens's model has no ray for it, or a prism reflects the beam inward.
+    /// `None` if the pixel has no ray: the lens's model has none for it, or a prism reflects the beam inward.
     pub fn pulse(&self, row: usize, column: usize) -> Option<Pulse> {
         self.sensor.pattern.pulse(row, column, self.start_s)
     }
 
-    /// The time of a pixel's pulse, in seconds from the frame's start; `None` as for [`Self::pulse`].
+    /// The time of a pixel's pulse, in seconds from the frame's start. `None` as for [`Self::pulse`].
     pub fn time_s(&self, row: usize, column: usize) -> Option<f64> {
         match &self.sensor.pattern {
-            // All of a camera's pixels see at once, and most lenses have a ray for each: there is no lens to ask.
+            // All pixels of a camera are exposed at once, and most lenses have a ray for each pixel, so the lens is not
+            // inverted.
             Pattern::Camera(camera) => camera.has_ray(row, column).then_some(0.0),
             pattern => pattern.pulse(row, column, self.start_s).map(|pulse| pulse.time_s),
         }
     }
 
-    /// What turns a range along a pixel's ray into depth along a camera's optical axis. `None` if the sensor is no camera, or
-    /// has no ray there.
+    /// The factor that turns a range along a pixel's ray into depth along the camera's optical axis. `None` if the sensor
+    /// is no camera, or if the pixel has no ray.
     pub fn depth_over_range(&self, row: usize, column: usize) -> Option<f64> {
         match &self.sensor.pattern {
             Pattern::Camera(camera) => camera.optical_direction(row, column).map(|direction| direction.z),
@@ -86,17 +87,18 @@ impl<'a> Capture<'a> {
         }
     }
 
-    /// The sensor's pose at `time_s` from the frame's start.
+    /// The sensor's pose at `time_s` seconds from the frame's start.
     pub fn world_from_sensor(&self, time_s: f64) -> Pose {
         self.trajectory.pose_at(self.start_s + time_s) * self.body_from_sensor
     }
 
-    /// The sensor's one pose, if the body stands still.
+    /// The pose of the sensor for the whole frame, if the body stands still.
     pub fn fixed_world_from_sensor(&self) -> Option<Pose> {
         self.trajectory.fixed_pose().map(|world_from_body| world_from_body * self.body_from_sensor)
     }
 
-    /// How many pixels of the frame have no pulse. It asks each pixel of a pattern that can have such.
+    /// The number of pixels of the frame that have no pulse. It asks each pixel, if the pattern can have pixels without a
+    /// pulse.
     pub fn blind_pixels(&self) -> usize {
         let can_be_blind = match &self.sensor.pattern {
             Pattern::Camera(camera) => !matches!(camera.lens(), Lens::Ideal),
@@ -108,8 +110,8 @@ impl<'a> Capture<'a> {
         if can_be_blind { (0..self.rows() * columns).filter(is_blind).count() } else { 0 }
     }
 
-    /// Works out in parallel what is the same in every frame and takes long: the inverse of a lens for each pixel. A scan
-    /// calls it before it casts; asking for a pulse without it gives the same answer, only later.
+    /// Computes in parallel the inverse of a lens for each pixel, which takes long and is the same in every frame. A scan
+    /// calls it before it casts. Without it, [`Self::pulse`] gives the same answer, but later.
     pub fn prepare(&self) {
         if let Pattern::Camera(camera) = &self.sensor.pattern {
             camera.invert_lens();

@@ -1,4 +1,4 @@
-//! Facts that follow from a sensor's pattern: field of view, angular steps, points a second.
+//! Facts that follow from a sensor's pattern: the field of view, the angular steps, and the points a second.
 
 use serde::Serialize;
 
@@ -13,17 +13,17 @@ pub struct SensorFacts {
     pub rows: usize,
     /// Columns of the image.
     pub columns: usize,
-    /// Pixels of a frame, with the pixels that have no ray.
+    /// Pixels of a frame, including the pixels without a ray.
     pub rays_per_frame: usize,
     /// The width of the field of view.
     pub horizontal_fov_deg: f64,
-    /// The lowest and the highest elevation. A camera's are those of the image's column through its principal point.
-    pub elevation_deg: [f64; 2],
-    /// The step from one column to the next, of patterns that have one. A camera's is that of the pixel at its principal
+    /// The lowest and the highest elevation. For a camera they are taken along the image's column through the principal
     /// point.
+    pub elevation_deg: [f64; 2],
+    /// The step from one column to the next, in patterns that have one. For a camera it is the step at the principal point.
     pub azimuth_step_deg: Option<f64>,
-    /// The smallest and the largest step from one row to the next, of patterns that have them. A camera's are both that of
-    /// the pixel at its principal point.
+    /// The smallest and the largest step from one row to the next, in patterns that have them. For a camera both are the
+    /// step at the principal point.
     pub elevation_step_deg: Option<[f64; 2]>,
     /// Frames a second, if the sensor has a rate.
     pub rate_hz: Option<f64>,
@@ -33,18 +33,18 @@ pub struct SensorFacts {
     pub min_range_m: f64,
     /// The largest range that is measured, in metres; `None` if there is no limit.
     pub max_range_m: Option<f64>,
-    /// The time from the first pulse of a frame to the last.
+    /// The time from the first pulse of a frame to the last, in seconds.
     pub frame_s: f64,
-    /// Pixels that the model of the lens or of the prisms has no ray for. Not counted, and 0, in frames of more than
-    /// [`MOST_RAYS_TO_ASK`] rays.
+    /// The number of pixels for which the model of the lens or of the prisms has no ray. In frames of more than
+    /// [`MOST_RAYS_TO_ASK`] rays it is 0, because they are not counted.
     pub blind_pixels: usize,
 }
 
-/// The number of rays up to which every pixel of a frame is asked for its ray. Asking more would take too long.
+/// The number of rays up to which every pixel of a frame is asked for its ray. More would take too long.
 pub const MOST_RAYS_TO_ASK: usize = 1 << 24;
 
 impl SensorFacts {
-    /// Works the facts out.
+    /// Derives the facts from a sensor.
     pub fn of(sensor: &Sensor) -> Self {
         let pattern = &sensor.pattern;
         let (rows, columns, rays) = (pattern.rows(), pattern.columns(), pattern.rays());
@@ -100,12 +100,12 @@ impl Angles {
         }
     }
 
-    /// The angles from edge to edge of the image through the principal point, or as far as the lens sees. A pinhole's
-    /// horizontal angle is atan((width − cx)/fx) + atan(cx/fx), and the vertical one likewise. The steps are those of the
-    /// pixel at the principal point.
+    /// The angles of the image from edge to edge through the principal point, or as far as the lens sees. The horizontal
+    /// angle of a pinhole is atan((width − cx)/fx) + atan(cx/fx), and the vertical one follows in the same way. The steps
+    /// are those of the pixel at the principal point.
     fn of_camera(p: &Camera) -> Self {
         let ((cx, cy), (width, height)) = (p.principal_px(), (p.width() as f64, p.height() as f64));
-        // Degrees to the right of the optical axis, and below it.
+        // Both angles are in degrees: `right` to the right of the optical axis, `down` below it.
         let right = |u: f64| p.optical_direction_at(u, cy).map(|d| libm::atan2(d.x, d.z).to_degrees());
         let down = |v: f64| p.optical_direction_at(cx, v).map(|d| libm::atan2(d.y, d.z).to_degrees());
         let seen = |along: &dyn Fn(f64) -> Option<f64>, edge: f64, inward: f64| {
@@ -122,7 +122,8 @@ impl Angles {
         }
     }
 
-    /// The angles that the pulses of the first frame reach. Of very many pulses, evenly spaced ones are asked.
+    /// The angles that the pulses of the first frame reach. If there are very many pulses, an evenly spaced subset is
+    /// asked.
     fn of_pulses(capture: &Capture) -> Self {
         let (rays, columns) = (capture.rows() * capture.columns(), capture.columns());
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -149,7 +150,7 @@ mod tests {
     use crate::angle::Angle;
     use crate::sensor::{Beam, RangeLimits, RingOrder};
 
-    /// Rounds to the precision that people are shown.
+    /// Rounds to the precision that is shown to people.
     fn rounded(x: f64) -> f64 {
         (x * 1e4).round() / 1e4
     }
@@ -179,7 +180,7 @@ mod tests {
         assert_eq!(facts.elevation_step_deg.map(|s| s.map(rounded)), Some([2.0, 28.0]));
         assert_eq!(facts.points_per_second, Some(10_800.0));
         assert_eq!(facts.max_range_m, Some(50.0));
-        // The last column fires after 359/360 of a tenth of a second, the last beam 2 µs later.
+        // The last column fires after 359/360 of a tenth of a second, and the last beam fires 2 µs later.
         assert!((facts.frame_s - (0.1 * 359.0 / 360.0 + 2e-6)).abs() < 1e-12);
     }
 

@@ -1,8 +1,9 @@
-//! Lenses: from directions to the image plane and back.
+//! Lenses: the projection of directions to the image plane, and its inverse.
 //!
-//! A model of distortion maps the undistorted to the distorted; a ray needs the inverse. Every such model folds somewhere:
-//! beyond, it puts two directions on one point, and Newton's method would find either. The inverse here is the one that
-//! hangs together with the image's centre, or none.
+//! A distortion model maps undistorted points to distorted ones, and a ray needs the inverse. Every such model folds
+//! somewhere: beyond the fold it maps a second direction to the same point, and Newton's method would find either of them.
+//! The inverse here is the direction that is connected to the image's centre without crossing the fold. If there is none,
+//! the pixel has no ray.
 
 use std::f64::consts::PI;
 
@@ -10,10 +11,11 @@ use glam::{DMat2, DVec2, DVec3};
 
 use super::polynomial::{bisect, derivative, product, sign_changes, value};
 
-/// How a lens draws. Image coordinates are those of a focal length of 1: (0, 0) is the optical axis, x right, y down.
+/// The projection of a lens. Image coordinates are those of a focal length of 1: (0, 0) is the optical axis, x points
+/// right, y points down.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Lens {
-    /// A pinhole: straight lines stay straight.
+    /// A pinhole, which keeps straight lines straight.
     #[default]
     Ideal,
     /// A pinhole with radial and tangential distortion.
@@ -23,8 +25,8 @@ pub enum Lens {
 }
 
 impl Lens {
-    /// The unit direction in the optical frame (x right, y down, z forward) that is drawn at `image`. `None` where the model
-    /// has none.
+    /// The unit direction in the optical frame (x right, y down, z forward) that is projected to `image`. `None` if the
+    /// model has none.
     pub fn unproject(&self, image: DVec2) -> Option<DVec3> {
         match self {
             Self::Ideal => Some(image.extend(1.0).normalize()),
@@ -33,7 +35,8 @@ impl Lens {
         }
     }
 
-    /// Where a direction in the optical frame, of any length, is drawn. `None` where the model doesn't reach.
+    /// The image point of a direction in the optical frame, of any length. `None` if the direction is outside of the
+    /// model's domain.
     pub fn project(&self, direction: DVec3) -> Option<DVec2> {
         let plane = || (direction.z > 0.0).then(|| direction.truncate() / direction.z);
         match self {
@@ -45,7 +48,7 @@ impl Lens {
 }
 
 impl Lens {
-    /// The coefficients of its distortion, in OpenCV's order.
+    /// The distortion coefficients of the lens, in OpenCV's order.
     pub fn coefficients(&self) -> Vec<f64> {
         match self {
             Self::Ideal => Vec::new(),
@@ -67,19 +70,19 @@ impl Lens {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct BrownConrady {
-    /// Of R in powers of r².
+    /// The numerator of R, in powers of r².
     numerator: [f64; 4],
     denominator: [f64; 4],
     p: [f64; 2],
-    /// The radius at which r·R no longer grows, or has its pole; infinite if it always grows.
+    /// The radius at which r·R stops growing or has its pole. It is infinite if r·R always grows.
     fold: f64,
 }
 
-/// Beyond this undistorted radius, 89.99994 degrees off the axis, no lens is taken to see.
+/// No lens is assumed to see beyond this undistorted radius, which is 89.99994 degrees off the axis.
 const FARTHEST: f64 = 1e6;
 
 impl BrownConrady {
-    /// A lens with the coefficients k1, k2, p1, p2, k3, k4, k5, k6 in OpenCV's order. `None` if one is not finite.
+    /// A lens with the coefficients k1, k2, p1, p2, k3, k4, k5, k6 in OpenCV's order. `None` if one of them is not finite.
     pub fn new([k1, k2, p1, p2, k3, k4, k5, k6]: [f64; 8]) -> Option<Self> {
         let (numerator, denominator) = ([1.0, k1, k2, k3], [1.0, k4, k5, k6]);
         if ![numerator, denominator].concat().iter().chain(&[p1, p2]).all(|c| c.is_finite()) {
@@ -97,7 +100,7 @@ impl BrownConrady {
         Some(Self { numerator, denominator, p: [p1, p2], fold: ends[0].min(ends[1]).sqrt() })
     }
 
-    /// Where a point of the undistorted image plane is drawn.
+    /// The distorted image of a point of the undistorted image plane.
     pub fn distort(&self, q: DVec2) -> DVec2 {
         let (r2, [p1, p2]) = (q.length_squared(), self.p);
         let tangential = DVec2::new(
@@ -111,7 +114,7 @@ impl BrownConrady {
         value(&self.numerator, r2) / value(&self.denominator, r2)
     }
 
-    /// The derivative of [`Self::distort`].
+    /// The Jacobian of [`Self::distort`].
     fn jacobian(&self, q: DVec2) -> DMat2 {
         let (r2, [p1, p2]) = (q.length_squared(), self.p);
         let (n, d) = (value(&self.numerator, r2), value(&self.denominator, r2));
@@ -124,8 +127,8 @@ impl BrownConrady {
         DMat2::from_cols(DVec2::new(xx, across), DVec2::new(across, yy))
     }
 
-    /// Whether a point lies on this side of the fold all the way from the centre. With tangential parts the fold is no
-    /// circle: the way is looked at in steps, far finer than it bends.
+    /// Whether the straight line from the centre to a point stays inside the fold. With tangential distortion the fold is
+    /// no circle, so the line is sampled at steps that are much finer than the bends of the fold.
     fn is_valid(&self, q: DVec2) -> bool {
         const STEPS: u32 = 16;
         let tangential = || {
@@ -136,14 +139,14 @@ impl BrownConrady {
         q.length() < self.fold.min(FARTHEST) && tangential()
     }
 
-    /// The undistorted point that is drawn at `image`: the one on the centre's side of the fold.
+    /// The undistorted point that is drawn at `image` and lies on the centre's side of the fold.
     fn undistort(&self, image: DVec2) -> Option<DVec2> {
         let target = image.length();
         if target == 0.0 && self.p == [0.0; 2] {
             return Some(DVec2::ZERO);
         }
-        // The radial part alone is monotonic up to the fold, so bisection is certain of its inverse; where that ends, the
-        // tangential part may still reach a little farther.
+        // The radial part alone is monotonic up to the fold, so bisection always finds its inverse. Beyond its end the
+        // tangential part may reach a little farther.
         let reach = |r: f64| r * self.radial(r * r);
         let mut high = self.fold.min(1.0);
         while high < self.fold.min(FARTHEST) && reach(high) < target {
@@ -152,8 +155,8 @@ impl BrownConrady {
         let radius = bisect(0.0, high, |r| reach(r) <= target);
         if self.p == [0.0; 2] {
             let found = image * (radius / target);
-            // Close to a pole the radius grows by more than this from one float to the next: the target then lies between
-            // the two.
+            // Close to a pole the image radius grows by more than this tolerance from one float to the next. The target
+            // then lies between the images of two neighbouring floats.
             let reached =
                 (reach(radius) - target).abs() <= 1e-12 * target.max(1.0) || reach(radius.next_up()) > target;
             return Some(found).filter(|&q| reached && self.is_valid(q));
@@ -165,7 +168,7 @@ impl BrownConrady {
                 break;
             }
             let step = self.jacobian(q).inverse() * miss;
-            // A step longer than this leaves the neighbourhood in which the lens is as good as linear.
+            // A longer step would leave the neighbourhood in which the lens is nearly linear.
             let longest = 0.2 * (1.0 + q.length());
             q -= if step.length() > longest { step * (longest / step.length()) } else { step };
         }
@@ -174,19 +177,19 @@ impl BrownConrady {
     }
 }
 
-/// The fisheye of J. Kannala and S. S. Brandt ("A generic camera model and calibration method", 2006) with the odd powers
-/// that OpenCV's `fisheye` has: a direction at angle θ from the axis is drawn at the radius
-/// θ·(1 + k1·θ² + k2·θ⁴ + k3·θ⁶ + k4·θ⁸).
+/// The fisheye model of J. Kannala and S. S. Brandt ("A generic camera model and calibration method", 2006) with the odd
+/// powers of OpenCV's `fisheye`: a direction at angle θ from the axis is projected to the radius θ·(1 + k1·θ² + k2·θ⁴ +
+/// k3·θ⁶ + k4·θ⁸).
 #[derive(Clone, Debug, PartialEq)]
 pub struct KannalaBrandt {
-    /// Of the radius over θ, in powers of θ².
+    /// The coefficients of the radius over θ, in powers of θ².
     coefficients: [f64; 5],
-    /// The angle at which the radius no longer grows, at most half a turn.
+    /// The angle in radians at which the radius stops growing, at most half a turn.
     fold: f64,
 }
 
 impl KannalaBrandt {
-    /// A lens with k1, k2, k3, k4. `None` if one is not finite.
+    /// A lens with the coefficients k1, k2, k3, k4. `None` if one of them is not finite.
     pub fn new([k1, k2, k3, k4]: [f64; 4]) -> Option<Self> {
         let coefficients = [1.0, k1, k2, k3, k4];
         if !coefficients.iter().all(|c| c.is_finite()) {
@@ -234,7 +237,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// OpenCV's documentation, written out again.
+    /// The distortion formula of OpenCV's documentation, written out independently.
     fn opencv([k1, k2, p1, p2, k3, k4, k5, k6]: [f64; 8], (x, y): (f64, f64)) -> DVec2 {
         let r2 = x * x + y * y;
         let radial = (1.0 + k1 * r2 + k2 * r2 * r2 + k3 * r2 * r2 * r2)
@@ -245,8 +248,8 @@ mod tests {
         )
     }
 
-    /// Just before a pole of the rational radial part, where one float's step of the radius moves the image by 1e-9: a pixel
-    /// there was taken for one that no ray reaches.
+    /// The pixel lies just before a pole of the rational radial part, where one float's step of the radius moves the image
+    /// by 1e-9. The pixel has a ray although no float maps to it exactly.
     #[test]
     fn a_pixel_close_to_a_pole_has_a_ray() {
         let k = [
@@ -293,8 +296,8 @@ mod tests {
         }
     }
 
-    /// k1 = −0.3 alone: r − 0.3·r³ is largest at r = 1/√0.9, 0.7027. What is drawn farther out has no ray, and Newton's
-    /// method from the pixel itself would have run to the root on the other side.
+    /// With k1 = −0.3 alone, r − 0.3·r³ is largest at r = 1/√0.9, where it is 0.7027. Pixels farther out have no ray, and
+    /// Newton's method from the pixel itself would run to the root on the other side of the fold.
     #[test]
     fn past_the_fold_there_is_no_ray() {
         let lens = BrownConrady::new([-0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
@@ -323,14 +326,15 @@ mod tests {
             y in -1.5..1.5_f64,
         ) {
             let [k1, k2, p1, p2, k3, k4, k5, k6] = k;
-            // Real lenses' tangential parts are small.
+            // The tangential parts of real lenses are small.
             let (p1, p2) = (p1 * 0.05, p2 * 0.05);
             for k in [[k1, k2, p1, p2, k3, k4, k5, k6], [k1, k2, 0.0, 0.0, k3, k4, k5, k6]] {
                 let lens = Lens::BrownConrady(BrownConrady::new(k).unwrap());
                 let ray = DVec3::new(x, y, 1.0).normalize();
                 if let Some(image) = lens.project(ray) {
                     let back = lens.unproject(image);
-                    // Near the fold a pixel hardly moves while the ray does; the model cannot know it better.
+                    // Near the fold the pixel hardly moves while the ray does, so the model cannot determine the ray any
+                    // better.
                     let Lens::BrownConrady(model) = &lens else { unreachable!() };
                     let flat = model.jacobian(DVec2::new(x, y)).determinant();
                     if flat > 1e-2 {
@@ -338,7 +342,7 @@ mod tests {
                         prop_assert!((back - ray).length() < 1e-9, "{back} {ray} {flat}");
                     }
                 }
-                // And any pixel that has a ray is that ray's.
+                // Any pixel that has a ray is also the projection of that ray.
                 if let Some(ray) = lens.unproject(DVec2::new(x, y)) {
                     let image = lens.project(ray).ok_or_else(|| TestCaseError::fail("a ray past the fold"))?;
                     prop_assert!((image - DVec2::new(x, y)).length() < 1e-10, "{image}");

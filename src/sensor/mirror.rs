@@ -1,4 +1,4 @@
-//! Beams on mirrors that move about two axes: Lissajous figures, and other motions of one rate each.
+//! Beams on mirrors that move about two axes: Lissajous figures, and other motions with one rate for each axis.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -7,7 +7,8 @@ use glam::DVec3;
 use super::{Pulse, direction};
 use crate::angle::Angle;
 
-/// Beams whose azimuth and elevation each move with a period of their own. Angles are the beam's, twice the mirror's.
+/// Beams whose azimuth and elevation each move with their own period. Angles are those of the beam, twice those of the
+/// mirror.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mirror {
     azimuth: Axis,
@@ -18,52 +19,53 @@ pub struct Mirror {
     rate_hz: f64,
 }
 
-/// How one angle moves.
+/// The motion of one angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
     /// The shape of a period.
     pub motion: Motion,
-    /// Periods a second; 0 or more.
+    /// Periods a second, 0 or more.
     pub rate_hz: f64,
-    /// One end.
+    /// The angle at one end of the motion.
     pub from: Angle,
-    /// The other end.
+    /// The angle at the other end.
     pub to: Angle,
-    /// How far into its period it is at time 0; 360° are a period.
+    /// The part of its period that the motion has gone at time 0. 360° are a whole period.
     pub phase: Angle,
 }
 
 /// The shape of a period, which begins at `from`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
-    /// There and back as a cosine, as a resonant mirror.
+    /// There and back as a cosine, like a resonant mirror.
     Sine,
     /// There and back at a constant speed.
     Triangle,
-    /// There at a constant speed, and back in no time: from 180° to −180° it is a turning head.
+    /// There at a constant speed, and back in no time. From 180° to −180° this is a rotating head.
     Sawtooth,
 }
 
-/// Why a moving mirror can't be.
+/// The reason why a moving mirror is impossible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MirrorError {
     /// An axis has a number that is not finite, or a negative rate.
     #[error("angles and rates of an axis are finite, and its rate is 0 or more")]
     Axis,
-    /// A beam is not finite, or looks past straight up or down at an end of the motion.
+    /// An angle of a beam is not finite, or its elevation is beyond straight up or down at an end of the motion. Beams
+    /// count from 0.
     #[error("beam {0}: elevations stay within ±90 degrees, and angles are finite")]
     Beam(usize),
-    /// No beams.
+    /// There are no beams.
     #[error("a mirror needs at least one beam")]
     NoBeams,
-    /// A rate that is not a positive number, or less than one pulse a frame.
+    /// A rate is not a positive number, or a frame has less than one pulse.
     #[error("rates must be positive, with at least one pulse a frame")]
     Rate,
 }
 
 impl Axis {
-    /// The angle at a time.
+    /// The angle at a time in seconds.
     fn at(&self, time_s: f64) -> Angle {
         let periods = self.rate_hz * time_s + self.phase.radians() / TAU;
         let part = periods - periods.floor();
@@ -82,8 +84,11 @@ impl Axis {
 }
 
 impl Mirror {
-    /// A mirror whose `beams` (azimuths and elevations added to the mirror's) fire together, `pulse_rate_hz` times a second,
-    /// in frames of 1/`rate_hz`.
+    /// A mirror whose `beams` (azimuths and elevations that are added to those of the mirror) fire together,
+    /// `pulse_rate_hz` times a second, in frames of 1/`rate_hz` seconds.
+    ///
+    /// # Errors
+    /// A [`MirrorError`] that names the first wrong argument.
     pub fn new(
         (azimuth, elevation): (Axis, Axis),
         beams: Vec<(Angle, Angle)>,
@@ -107,12 +112,12 @@ impl Mirror {
         Ok(Self { azimuth, elevation, beams, columns, pulse_rate_hz, rate_hz })
     }
 
-    /// Azimuths and elevations that the beams add to the mirror's: one a row.
+    /// The azimuths and elevations that the beams add to those of the mirror. Each is a row.
     pub fn beams(&self) -> &[(Angle, Angle)] {
         &self.beams
     }
 
-    /// Pulses of a beam in a frame.
+    /// The number of pulses of a beam in a frame.
     pub fn columns(&self) -> usize {
         self.columns
     }
@@ -122,12 +127,12 @@ impl Mirror {
         self.rate_hz
     }
 
-    /// The time of the last pulse, in seconds from the first.
+    /// The time of the last pulse, in seconds from the first pulse.
     pub fn last_pulse_s(&self) -> f64 {
         (self.columns - 1) as f64 / self.pulse_rate_hz
     }
 
-    /// Pulse number `column` of beam `row` in the frame that starts at `start_s`.
+    /// Pulse number `column` of beam `row` in the frame that starts at `start_s` seconds.
     pub(super) fn pulse(&self, row: usize, column: usize, start_s: f64) -> Pulse {
         let time_s = column as f64 / self.pulse_rate_hz;
         let (azimuth, elevation) = self.beams[row];
@@ -162,7 +167,7 @@ mod tests {
         near(late.at(0.5).degrees(), 270.0);
     }
 
-    /// Two sines a quarter of a period apart at one rate: a circle.
+    /// Two sines of one rate, a quarter of a period apart, draw an ellipse.
     #[test]
     fn a_lissajous_figure_of_equal_rates_is_an_ellipse() {
         let mut azimuth = axis(Motion::Sine, 50.0, 20.0, -20.0);
@@ -187,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn impossible_parameters_are_refused() {
         let good = axis(Motion::Sine, 1.0, 20.0, -20.0);
         let new = |elevation, beams: &[f64], rate| {
             let beams = beams.iter().map(|&e| (Angle::default(), Angle::deg(e))).collect();

@@ -1,4 +1,4 @@
-//! Sensors as pure geometry: a pattern yields pulses. No files, no scene.
+//! Sensors as pure geometry: the pattern of a sensor yields pulses. This room reads no files and knows no scene.
 
 mod camera;
 mod capture;
@@ -27,23 +27,23 @@ pub use rotating::{Beam, Rotating, RotatingError};
 /// A LiDAR or a depth camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensor {
-    /// Where its beams go, and when.
+    /// The layout of the beams in space and time.
     pub pattern: Pattern,
-    /// The ranges at which it sees something.
+    /// The ranges at which the sensor detects a surface.
     pub range: RangeLimits,
-    /// What a cloud's `ring` counts.
+    /// The meaning of `ring` in a point cloud.
     pub ring: RingOrder,
 }
 
 impl Sensor {
-    /// A sensor with a pattern, without limits of range, whose rings are the rows of its image.
+    /// A sensor with a pattern and no limits of range. Its rings are the rows of its image.
     pub fn new(pattern: Pattern) -> Self {
         Self { pattern, range: RangeLimits::default(), ring: RingOrder::default() }
     }
 }
 
-/// The limits of a sensor's range, along the ray from the pulse's origin, inclusive. What is nearer than the least is not
-/// seen, and hides nothing.
+/// The limits of a sensor's range, measured along the ray from the pulse's origin. Both limits are included. A surface
+/// nearer than the least range is not detected, and it hides nothing behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeLimits {
     /// The least range in metres, 0 or more.
@@ -58,30 +58,30 @@ impl Default for RangeLimits {
     }
 }
 
-/// What the field `ring` of a point cloud counts.
+/// The meaning of the field `ring` of a point cloud.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RingOrder {
-    /// The image's row: 0 is the highest beam.
+    /// The row of the image: 0 is the highest beam.
     #[default]
     Row,
-    /// 0 is the lowest beam, as Velodyne's drivers count.
+    /// The count from below: 0 is the lowest beam, as in Velodyne's drivers.
     BottomUp,
-    /// The order of the sensor file's beam table.
+    /// The index in the beam table of the sensor file.
     File,
 }
 
-/// How a sensor's beams are laid out in space and time.
+/// The layout of a sensor's beams in space and time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pattern {
     /// Beams on a turning head.
     Rotating(Rotating),
-    /// A grid of azimuths and elevations: line scans, flashes, spherical images.
+    /// A grid of azimuths and elevations, for line scanners, flash LiDARs and spherical images.
     Raster(Raster),
     /// A beam on a mirror that moves about two axes.
     Mirror(Mirror),
     /// A beam through turning prisms.
     Risley(Risley),
-    /// Rays from a table.
+    /// Rays that are listed in a table.
     Rays(RayTable),
     /// A camera with a lens.
     Camera(Camera),
@@ -90,38 +90,40 @@ pub enum Pattern {
 /// One beam of one firing, or one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulse {
-    /// Where range is measured from, in the sensor's body frame, metres: a point at range r lies at origin + r·direction.
+    /// The point from which range is measured, in the sensor's body frame, in metres: the point at range r is origin +
+    /// r·direction.
     pub origin: DVec3,
     /// Unit direction in the sensor's body frame (x forward, y left, z up).
     pub direction: DVec3,
-    /// Seconds from the frame's start.
+    /// The time in seconds from the frame's start.
     pub time_s: f64,
 }
 
 impl Pulse {
-    /// The point at a range, in the sensor's body frame.
+    /// The point at a range in metres, in the sensor's body frame.
     pub fn point(&self, range: f64) -> DVec3 {
         self.origin + self.direction * range
     }
 }
 
-/// The unit direction of an azimuth and an elevation: (cos ε · cos α, cos ε · sin α, sin ε).
+/// The unit direction of an azimuth α and an elevation ε: (cos ε · cos α, cos ε · sin α, sin ε), in the sensor's body
+/// frame.
 pub fn direction(azimuth: Angle, elevation: Angle) -> DVec3 {
     let (sin_az, cos_az) = azimuth.sin_cos();
     let (sin_el, cos_el) = elevation.sin_cos();
     DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el)
 }
 
-/// Azimuth and elevation of a direction of any length; of straight up, the azimuth is 0.
+/// The azimuth and the elevation of a direction of any length. The azimuth of a vertical direction is 0.
 pub fn azimuth_elevation(d: DVec3) -> (Angle, Angle) {
     (Angle::rad(libm::atan2(d.y, d.x)), Angle::rad(libm::atan2(d.z, libm::hypot(d.x, d.y))))
 }
 
-/// The most pulses that a beam has in a frame.
+/// The largest number of pulses that a beam may send in a frame.
 const MAX_PULSES: f64 = 1e8;
 
-/// Whole pulses of a beam in a frame, the rate of pulses over that of frames. `None` if that is not a number from 1 to
-/// [`MAX_PULSES`].
+/// The number of whole pulses that a beam sends in a frame: the pulse rate over the frame rate, rounded. `None` if that is
+/// not a number from 1 to [`MAX_PULSES`].
 fn pulses_a_frame(pulse_rate_hz: f64, rate_hz: f64) -> Option<usize> {
     let pulses = (pulse_rate_hz / rate_hz).round();
     let are_rates = pulse_rate_hz.is_finite() && rate_hz.is_finite() && rate_hz > 0.0;
@@ -129,7 +131,7 @@ fn pulses_a_frame(pulse_rate_hz: f64, rate_hz: f64) -> Option<usize> {
 }
 
 impl Pattern {
-    /// Rows of the range image: beams, or the camera's height.
+    /// Rows of the range image: the number of beams, or the height of a camera's image.
     pub fn rows(&self) -> usize {
         match self {
             Self::Rotating(p) => p.beams().len(),
@@ -141,7 +143,7 @@ impl Pattern {
         }
     }
 
-    /// Columns of the range image: firings, or the camera's width.
+    /// Columns of the range image: the number of firings, or the width of a camera's image.
     pub fn columns(&self) -> usize {
         match self {
             Self::Rotating(p) => p.columns(),
@@ -153,13 +155,13 @@ impl Pattern {
         }
     }
 
-    /// Rays in a frame, with the pixels that have none.
+    /// Pixels of a frame, including the pixels without a ray.
     pub fn rays(&self) -> usize {
         self.rows() * self.columns()
     }
 
-    /// The pulse of a pixel in the frame that starts `start_s` seconds after the sensor was switched on. Its time counts from
-    /// the frame's start. [`Capture::pulse`] is the door to it.
+    /// The pulse of a pixel in the frame that starts `start_s` seconds after the sensor was switched on. The time of the
+    /// pulse counts from the frame's start. Other rooms ask [`Capture::pulse`].
     fn pulse(&self, row: usize, column: usize, start_s: f64) -> Option<Pulse> {
         match self {
             Self::Rotating(p) => Some(p.pulse(row, column)),
@@ -174,18 +176,18 @@ impl Pattern {
         }
     }
 
-    /// Whether the sensor is a camera: its image has planar depth, and its points live in the optical frame.
+    /// Whether the sensor is a camera. A camera's image has planar depth, and its points are given in the optical frame.
     pub fn is_camera(&self) -> bool {
         matches!(self, Self::Camera(_))
     }
 
-    /// Whether rows and columns are neighbours in space, so that the frame is a picture. Otherwise a row is a beam's pulses
-    /// in their order, wherever they went.
+    /// Whether rows and columns are neighbours in space, so that the frame is a picture. In other patterns a row lists the
+    /// pulses of a beam in the order of firing, whatever their directions are.
     pub fn is_image(&self) -> bool {
         matches!(self, Self::Rotating(_) | Self::Raster(_) | Self::Camera(_))
     }
 
-    /// What a sensor file calls the pattern.
+    /// The name of the pattern in a sensor file.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Rotating(_) => "rotating",
@@ -200,7 +202,7 @@ impl Pattern {
         }
     }
 
-    /// Frames a second, if the sensor file says so.
+    /// Frames a second, if the sensor file gives a rate.
     pub fn rate_hz(&self) -> Option<f64> {
         match self {
             Self::Rotating(p) => Some(p.rate_hz()),
@@ -226,7 +228,7 @@ impl Pattern {
 }
 
 impl Sensor {
-    /// The `ring` of the points of an image row.
+    /// The value of `ring` for the points of an image row.
     pub fn ring(&self, row: usize) -> usize {
         match (self.ring, &self.pattern) {
             (RingOrder::BottomUp, pattern) => pattern.rows() - 1 - row,

@@ -1,11 +1,11 @@
-//! Grids of azimuths and elevations: mirrors that scan line by line, flashes, spherical images.
+//! Grids of azimuths and elevations: mirrors that scan line by line, flash LiDARs, and spherical images.
 
 use glam::DVec3;
 
 use super::Pulse;
 use crate::angle::Angle;
 
-/// A grid: a row an elevation, a column an azimuth.
+/// A grid with an elevation for each row and an azimuth for each column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Raster {
     /// Sine and cosine of each column's azimuth.
@@ -17,25 +17,25 @@ pub struct Raster {
     rate_hz: Option<f64>,
 }
 
-/// In which order the pulses of a grid go out.
+/// The order in which the pulses of a grid go out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// All at once, as a flash's.
+    /// All pulses go out at once, as in a flash LiDAR.
     Flash,
-    /// Row by row, each from the first column.
+    /// The rows follow each other, and each begins at the first column.
     Lines,
-    /// Row by row, the second from the last column, and so on in turns.
+    /// The rows follow each other. Every second row begins at the last column.
     BackAndForth,
 }
 
-/// Why a grid can't be.
+/// The reason why a grid is impossible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RasterError {
-    /// No rows or no columns.
+    /// There are no rows or no columns.
     #[error("a grid needs at least one azimuth and one elevation")]
     Empty,
-    /// An angle that is not finite, or an elevation past straight up or down.
+    /// An angle is not finite, or an elevation is beyond straight up or down.
     #[error("azimuths are finite, and elevations lie within ±90 degrees")]
     Angle,
     /// A rate is not a positive number.
@@ -44,8 +44,11 @@ pub enum RasterError {
 }
 
 impl Raster {
-    /// A grid of `azimuths` (columns, left first) and `elevations` (rows, top first). `pulse_rate_hz` says how fast pulses
-    /// follow each other; a flash has no use for it.
+    /// A grid of `azimuths` (columns, left first) and `elevations` (rows, top first). Pulses follow each other at
+    /// `pulse_rate_hz`, which a flash does not use.
+    ///
+    /// # Errors
+    /// A [`RasterError`] that names the first wrong argument.
     pub fn new(
         azimuths: &[Angle],
         elevations: &[Angle],
@@ -75,8 +78,11 @@ impl Raster {
         })
     }
 
-    /// An equirectangular image of (columns, rows) pixels that spans `hfov` by `vfov` about straight ahead: pixels have the
-    /// same angle each way, and the centre of the one in column u has the azimuth hfov/2 − (u + ½)·hfov/columns.
+    /// An equirectangular image of (columns, rows) pixels that spans `hfov` by `vfov` about straight ahead. All pixels span
+    /// the same angles, and the centre of the pixel in column u has the azimuth hfov/2 − (u + ½)·hfov/columns.
+    ///
+    /// # Errors
+    /// A [`RasterError`] that names the first wrong argument.
     pub fn equirectangular(
         (columns, rows): (usize, usize),
         (hfov, vfov): (Angle, Angle),
@@ -89,12 +95,12 @@ impl Raster {
         Self::new(&centres(columns, hfov), &centres(rows, vfov), Order::Flash, f64::INFINITY, rate_hz)
     }
 
-    /// Rows: elevations.
+    /// The number of rows, which is that of the elevations.
     pub fn rows(&self) -> usize {
         self.elevations.len()
     }
 
-    /// Columns: azimuths.
+    /// The number of columns, which is that of the azimuths.
     pub fn columns(&self) -> usize {
         self.azimuths.len()
     }
@@ -104,7 +110,7 @@ impl Raster {
         self.rate_hz
     }
 
-    /// The time of the last pulse, in seconds from the first.
+    /// The time of the last pulse, in seconds from the first pulse.
     pub fn last_pulse_s(&self) -> f64 {
         self.time_s(self.rows() * self.columns() - 1)
     }
@@ -167,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn impossible_parameters_are_refused() {
         let zero = [Angle::default()];
         let new = |a: &[Angle], e: &[Angle], rate| Raster::new(a, e, Order::Lines, rate, None).unwrap_err();
         assert_eq!(new(&[], &zero, 1.0), RasterError::Empty);

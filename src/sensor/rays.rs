@@ -1,10 +1,10 @@
-//! Rays from a table: any pattern that someone measured.
+//! Rays from a table, for any pattern that was measured.
 
 use std::sync::Arc;
 
 use super::Pulse;
 
-/// Rays in their order, each frame the same.
+/// Rays in the order of the table. Every frame has the same rays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RayTable {
     pulses: Arc<[Pulse]>,
@@ -12,14 +12,15 @@ pub struct RayTable {
     last_pulse_s: f64,
 }
 
-/// Why a table of rays can't be.
+/// The reason why a table of rays is impossible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RayTableError {
-    /// No rays.
+    /// There are no rays.
     #[error("a table needs at least one ray")]
     Empty,
-    /// A ray has a number that is not finite, a direction of no length or a time before the frame's start.
+    /// A ray has a number that is not finite, a direction of length zero, or a time before the frame's start. Rays count
+    /// from 0.
     #[error("ray {0}: numbers are finite, a direction has a length, and times are 0 or more")]
     Ray(usize),
     /// The rate is not a positive number.
@@ -28,7 +29,10 @@ pub enum RayTableError {
 }
 
 impl RayTable {
-    /// A table of pulses, whose directions are made unit length here.
+    /// A table of pulses. Their directions are normalised here.
+    ///
+    /// # Errors
+    /// A [`RayTableError`] that names the first wrong ray, or the rate.
     pub fn new(mut pulses: Vec<Pulse>, rate_hz: Option<f64>) -> Result<Self, RayTableError> {
         if pulses.is_empty() {
             return Err(RayTableError::Empty);
@@ -43,7 +47,10 @@ impl RayTable {
         Self { pulses: pulses.into(), rate_hz: None, last_pulse_s }.with_rate(rate_hz)
     }
 
-    /// The same rays at another rate; they are shared, not copied.
+    /// The same rays at another rate. The rays are shared, not copied.
+    ///
+    /// # Errors
+    /// [`RayTableError::Rate`] if the rate is not a positive number.
     pub fn with_rate(self, rate_hz: Option<f64>) -> Result<Self, RayTableError> {
         match rate_hz {
             Some(rate) if !(rate > 0.0 && rate.is_finite()) => Err(RayTableError::Rate),
@@ -51,13 +58,13 @@ impl RayTable {
         }
     }
 
-    /// Number of rays.
+    /// The number of rays.
     #[expect(clippy::len_without_is_empty, reason = "there is at least one")]
     pub fn len(&self) -> usize {
         self.pulses.len()
     }
 
-    /// Whether the rays of two tables are the same in memory, not only equal.
+    /// Whether two tables share their rays in memory. Equal rays are not enough.
     pub fn shares_rays_with(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.pulses, &other.pulses)
     }
@@ -72,7 +79,7 @@ impl RayTable {
         self.last_pulse_s
     }
 
-    /// The pulse number `index`.
+    /// The pulse with this index.
     pub(super) fn pulse(&self, index: usize) -> Pulse {
         self.pulses[index]
     }
@@ -85,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn directions_are_made_unit_length_and_what_has_none_is_refused() {
+    fn directions_are_normalised_and_bad_rays_are_refused() {
         let pulse = |direction, time_s| Pulse { origin: DVec3::X, direction, time_s };
         let table =
             RayTable::new(vec![pulse(DVec3::Y * 3.0, 0.5), pulse(DVec3::X, 0.25)], Some(2.0)).unwrap();

@@ -1,4 +1,4 @@
-//! Beams through turning wedge prisms: LiDARs whose pattern does not repeat.
+//! Beams through rotating wedge prisms (Risley prisms), for LiDARs whose pattern does not repeat.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -7,11 +7,11 @@ use glam::DVec3;
 use super::Pulse;
 use crate::angle::Angle;
 
-/// Beams that go along +x through a row of wedge prisms, each of which turns about x.
+/// Beams that go along +x through a row of wedge prisms. Each prism rotates about x.
 ///
-/// Refraction is exact: Snell's law in three dimensions at both faces of each prism, as A. Li, X. Liu and W. Sun have it
-/// ("Forward and inverse solutions for three-element Risley prism beam scanners", Opt. Express 25, 7677, 2017). Prisms only
-/// turn a beam's direction here: that it leaves a few millimetres off the axis is left out.
+/// Refraction is exact: Snell's law in three dimensions at both faces of each prism, as in A. Li, X. Liu and W. Sun,
+/// "Forward and inverse solutions for three-element Risley prism beam scanners", Opt. Express 25, 7677, 2017. The prisms
+/// only change the direction of a beam. The model neglects that the beam leaves a few millimetres off the axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Risley {
     prisms: Vec<Prism>,
@@ -24,52 +24,55 @@ pub struct Risley {
 /// A wedge prism.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prism {
-    /// Turns a second about +x, positive from +y toward +z.
+    /// The rotation rate in turns a second about +x. It is positive from +y toward +z.
     pub rate_hz: f64,
-    /// The angle between its faces, within ±90°.
+    /// The angle between the faces of the prism, within ±90°.
     pub wedge: Angle,
-    /// Refractive index against air's, 1 or more.
+    /// The refractive index relative to air, 1 or more.
     pub index: f64,
-    /// How far it is turned at time 0. At 0 the tilted face's normal leans toward +y.
+    /// The rotation at time 0. At phase 0 the normal of the tilted face leans toward +y.
     pub phase: Angle,
-    /// Which face is tilted; the other is square to x.
+    /// The face that is tilted. The other face is perpendicular to x.
     pub tilted: Tilted,
 }
 
-/// The face of a wedge prism that is not square to the axis.
+/// The face of a wedge prism that is not perpendicular to the axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tilted {
-    /// Where the beam enters.
+    /// The face through which the beam enters.
     #[default]
     Entry,
-    /// Where it leaves.
+    /// The face through which the beam leaves.
     Exit,
 }
 
-/// Why a prism scanner can't be.
+/// The reason why a prism scanner is impossible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RisleyError {
-    /// No prisms.
+    /// There are no prisms.
     #[error("a prism scanner needs at least one prism")]
     NoPrisms,
-    /// A prism has a number that is not finite, a wedge of a right angle or more, or an index below 1.
+    /// A prism has a number that is not finite, a wedge of a right angle or more, or an index below 1. Prisms count from 0.
     #[error("prism {0}: wedges lie within ±90 degrees, indices are 1 or more, and all is finite")]
     Prism(usize),
-    /// No beams.
+    /// There are no beams.
     #[error("a prism scanner needs at least one beam")]
     NoBeams,
-    /// A beam that does not go forward.
+    /// A beam does not go forward. Beams count from 0.
     #[error("beam {0} does not go into the prisms, forward")]
     Beam(usize),
-    /// A rate that is not a positive number, or less than one pulse a frame.
+    /// A rate is not a positive number, or a frame has less than one pulse.
     #[error("rates must be positive, with at least one pulse a frame")]
     Rate,
 }
 
 impl Risley {
     /// A scanner whose `beams` (directions of any length before the first prism) fire together, `pulse_rate_hz` times a
-    /// second, in frames of 1/`rate_hz`.
+    /// second, in frames of 1/`rate_hz` seconds.
+    ///
+    /// # Errors
+    /// A [`RisleyError`] that names the first wrong argument.
     pub fn new(
         prisms: Vec<Prism>,
         beams: &[DVec3],
@@ -99,12 +102,12 @@ impl Risley {
         Ok(Self { prisms, beams, columns, pulse_rate_hz, rate_hz })
     }
 
-    /// Unit directions of the beams before the first prism: one a row.
+    /// The unit directions of the beams before the first prism. Each is a row.
     pub fn beams(&self) -> &[DVec3] {
         &self.beams
     }
 
-    /// Pulses of a beam in a frame.
+    /// The number of pulses of a beam in a frame.
     pub fn columns(&self) -> usize {
         self.columns
     }
@@ -114,13 +117,13 @@ impl Risley {
         self.rate_hz
     }
 
-    /// The time of the last pulse, in seconds from the first.
+    /// The time of the last pulse, in seconds from the first pulse.
     pub fn last_pulse_s(&self) -> f64 {
         (self.columns - 1) as f64 / self.pulse_rate_hz
     }
 
-    /// Pulse number `column` of beam `row` in the frame that starts at `start_s`. `None` if a prism reflects all of the
-    /// beam inward.
+    /// Pulse number `column` of beam `row` in the frame that starts at `start_s` seconds. `None` if a prism reflects the
+    /// beam inward completely.
     pub(super) fn pulse(&self, row: usize, column: usize, start_s: f64) -> Option<Pulse> {
         let time_s = column as f64 / self.pulse_rate_hz;
         let direction = self
@@ -134,7 +137,7 @@ impl Risley {
 impl Prism {
     /// The direction of a beam behind the prism.
     fn refract(&self, beam: DVec3, time_s: f64) -> Option<DVec3> {
-        // Whole turns are taken off first: the sine of a large angle would lose digits.
+        // Whole turns are removed first, because the sine of a large angle would lose digits.
         let turns = self.rate_hz * time_s;
         let turned = Angle::rad((turns - turns.floor()) * TAU) + self.phase;
         let ((sin_wedge, cos_wedge), (sin, cos)) = (self.wedge.sin_cos(), turned.sin_cos());
@@ -147,8 +150,9 @@ impl Prism {
     }
 }
 
-/// Snell's law: `ratio` is the refractive index before the face over that behind it, `normal` the face's unit normal along
-/// the beam's way. `None` for total reflection, or a beam that runs along the face or comes from behind it.
+/// Snell's law. `ratio` is the refractive index before the face over the index behind it, and `normal` is the face's unit
+/// normal along the direction of travel. `None` for total reflection, or for a beam that runs along the face or comes from
+/// behind it.
 fn refract(beam: DVec3, normal: DVec3, ratio: f64) -> Option<DVec3> {
     let cos_in = beam.dot(normal);
     let cos_out_squared = 1.0 - ratio * ratio * (1.0 - cos_in * cos_in);
@@ -169,8 +173,9 @@ mod tests {
         prisms.iter().fold(DVec3::X, |beam, prism| prism.refract(beam, time_s).unwrap())
     }
 
-    /// One prism, by hand: in the plane of the wedge, angles from the axis. A tilted exit deviates by asin(n·sin α) − α; a
-    /// tilted entry turns the beam by α − asin(sin α/n), which the flat exit magnifies by Snell's law.
+    /// Checks one prism against the closed form in the plane of the wedge, with angles from the axis. A tilted exit
+    /// deviates the beam by asin(n·sin α) − α. A tilted entry turns the beam by α − asin(sin α/n), which the flat exit
+    /// magnifies by Snell's law.
     #[test]
     fn one_prism_is_snells_law_in_a_plane() {
         for wedge in [1.0_f64, 10.0, 30.0] {
@@ -179,7 +184,8 @@ mod tests {
             let entry = libm::asin(1.5 * libm::sin(alpha - libm::asin(libm::sin(alpha) / 1.5)));
             for (tilted, expected, sign) in [(Tilted::Exit, exit, -1.0), (Tilted::Entry, entry, 1.0)] {
                 let d = off_axis(&[prism(0.0, wedge, tilted)], 0.0);
-                // Toward +y from an entry that leans there, which turns the beam to its normal; away from such an exit.
+                // An entry face that leans toward +y turns the beam toward its normal, which is toward +y. Such an exit
+                // turns it away.
                 let (azimuth, elevation) = azimuth_elevation(d);
                 assert!(
                     (azimuth.radians() - sign * expected).abs() < 1e-14,
@@ -211,7 +217,7 @@ mod tests {
 
     #[test]
     fn opposed_equal_prisms_undo_each_other() {
-        // Their tilted faces are parallel: with air between them they are two halves of a plane plate.
+        // The tilted faces are parallel. With air between them the prisms are the two halves of a plane-parallel plate.
         let (first, second) = (prism(7.0, 20.0, Tilted::Exit), prism(7.0, 20.0, Tilted::Entry));
         for step in 0..20 {
             let d = off_axis(&[first, second], f64::from(step) * 0.01);
@@ -237,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn impossible_parameters_are_refused() {
         let good = prism(1.0, 10.0, Tilted::Entry);
         let new = |prisms: &[Prism], beams: &[DVec3], rate| {
             Risley::new(prisms.to_vec(), beams, rate, 10.0).unwrap_err()

@@ -1,69 +1,71 @@
-//! Multi-beam LiDARs with a turning head.
+//! Multi-beam LiDARs with a rotating head.
 
 use glam::DVec3;
 
 use super::Pulse;
 use crate::angle::Angle;
 
-/// A head with beams at fixed elevations that fires once a column while it turns.
+/// A rotating head with beams at fixed elevations. All beams fire once in each column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rotating {
-    /// Highest first.
+    /// The beams, highest first.
     beams: Vec<Beam>,
     columns: usize,
     from: Angle,
     to: Angle,
     rate_hz: f64,
-    /// Sine and cosine of each column's azimuth, without a beam's own offset: a pulse then costs no sine.
-    turns: Vec<(f64, f64)>,
-    /// Sine and cosine of each beam's elevation and azimuth offset.
-    aims: Vec<[(f64, f64); 2]>,
-    /// Where each beam leaves the head, by row, in the head's frame as it is at the column's own time. Empty: all in the
-    /// sensor's origin.
+    /// Sine and cosine of each column's azimuth, without the azimuth offset of a beam. They save a sine for each pulse.
+    column_sin_cos: Vec<(f64, f64)>,
+    /// Sine and cosine of each beam's elevation and of its azimuth offset.
+    beam_sin_cos: Vec<[(f64, f64); 2]>,
+    /// The origin of each beam, by row, in the frame of the head at the column's own time. If the list is empty, all beams
+    /// leave from the sensor's origin.
     origins: Vec<DVec3>,
     range_offset_m: f64,
-    /// How far the head has turned when each beam fires, by row. Empty: not at all.
+    /// The angle by which the head has turned when each beam fires, by row. If the list is empty, the head does not turn
+    /// meanwhile.
     turns_before: Vec<Angle>,
-    /// How far each row of the image is moved to the right. Empty: none.
+    /// The number of columns by which each row of the image is moved to the right. If the list is empty, no row is moved.
     shifts: Vec<usize>,
 }
 
 /// One laser of a rotating LiDAR.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beam {
-    /// From the sensor's xy plane, up positive.
+    /// The elevation above the sensor's xy plane.
     pub elevation: Angle,
-    /// Added to the column's azimuth.
+    /// The angle that is added to the column's azimuth.
     pub azimuth_offset: Angle,
-    /// Seconds after the column's own time.
+    /// The time of the beam's pulse, in seconds after the column's own time.
     pub time_s: f64,
-    /// Its place in the sensor file's beam table, from 0.
+    /// The beam's index in the beam table of the sensor file, from 0.
     pub file_index: usize,
 }
 
-/// Why a rotating pattern can't be.
+/// The reason why a rotating pattern is impossible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RotatingError {
-    /// No beams.
+    /// There are no beams.
     #[error("a rotating sensor needs at least one beam")]
     NoBeams,
-    /// No columns.
+    /// There are no columns.
     #[error("a rotating sensor needs at least one column")]
     NoColumns,
-    /// The sector turns by nothing, or by more than once round.
+    /// The sector is empty, or larger than a full turn.
     #[error("a sector must turn by more than 0 and at most 360 degrees")]
     Sector,
     /// The rate is not a positive number.
     #[error("the rate must be positive")]
     Rate,
-    /// A beam's angle or time is not finite, or its elevation is past straight up or down.
+    /// An angle, a time or an origin of a beam is not finite, or its elevation is beyond straight up or down. Beams count
+    /// from 0.
     #[error("beam {0}: elevations lie within ±90 degrees, angles, times and origins are finite")]
     Beam(usize),
-    /// There is not one of something for each beam.
+    /// A list has another length than the list of beams.
     #[error("there must be one for each beam")]
     Count,
-    /// Only the image of a full turn can be moved round.
+    /// The sector is no full turn. Only the columns of a full turn wrap around, so only its rows can be moved.
     #[error("only a full turn can be destaggered: its columns go round")]
     NotFullTurn,
     /// The range offset is negative or not finite.
@@ -72,10 +74,14 @@ pub enum RotatingError {
 }
 
 impl Rotating {
-    /// A pattern of `beams` (in the sensor file's order; rows are sorted here, highest first, ties in file order) and
-    /// `columns` firings from azimuth `from` to azimuth `to`, `rate_hz` turns a second.
+    /// A pattern of `beams` that fire in `columns` columns from azimuth `from` to azimuth `to`, with a head that turns
+    /// `rate_hz` times a second. The beams are in the order of the sensor file. The rows are the beams sorted by elevation,
+    /// highest first; beams of equal elevation keep their order.
     ///
-    /// A full turn has no repeated last column; the last column of a smaller sector is at `to`.
+    /// A full turn has no repeated last column. The last column of a smaller sector is at `to`.
+    ///
+    /// # Errors
+    /// A [`RotatingError`] that names the first wrong argument.
     pub fn new(
         mut beams: Vec<Beam>,
         columns: usize,
@@ -89,7 +95,7 @@ impl Rotating {
             return Err(RotatingError::NoColumns);
         }
         let turn = (to - from).radians().abs();
-        // A few ulps of room: 180 − (−180) degrees is 2π only up to rounding.
+        // The tolerance covers a few ulps, because 180 − (−180) degrees is 2π only up to rounding.
         if !(from.radians().is_finite() && turn > 0.0 && turn <= std::f64::consts::TAU * (1.0 + 1e-12)) {
             return Err(RotatingError::Sector);
         }
@@ -106,30 +112,35 @@ impl Rotating {
             beam.file_index = index;
         }
         beams.sort_by(|a, b| b.elevation.radians().total_cmp(&a.elevation.radians()));
-        let aims = beams.iter().map(|b| [b.elevation.sin_cos(), b.azimuth_offset.sin_cos()]).collect();
+        let beam_sin_cos =
+            beams.iter().map(|b| [b.elevation.sin_cos(), b.azimuth_offset.sin_cos()]).collect();
         let mut pattern = Self {
             beams,
             columns,
             from,
             to,
             rate_hz,
-            turns: Vec::new(),
-            aims,
+            column_sin_cos: Vec::new(),
+            beam_sin_cos,
             origins: Vec::new(),
             range_offset_m: 0.0,
             turns_before: Vec::new(),
             shifts: Vec::new(),
         };
-        pattern.turns = (0..columns).map(|column| pattern.azimuth(column).sin_cos()).collect();
+        pattern.column_sin_cos = (0..columns).map(|column| pattern.azimuth(column).sin_cos()).collect();
         Ok(pattern)
     }
 
-    /// The same with beams that do not leave from the sensor's origin. `origins_m` has one a beam, in the sensor file's
-    /// order, in the head's frame: x forward at the head's azimuth (without a beam's own offset), y left, z up from the
-    /// sensor's origin.
+    /// The same pattern with beams that leave from other points than the sensor's origin. `origins_m` has one origin in
+    /// metres for each beam, in the order of the sensor file and in the frame of the head: x forward at the azimuth of the
+    /// head (without the azimuth offset of the beam), y left, z up from the sensor's origin.
     ///
-    /// Ouster's beams start on a circle of radius n at the encoder's angle, (n, 0, z) here; RoboSense's lens centre and the
-    /// vertical offsets of Velodyne's lasers are such points too.
+    /// Ouster's beams start on a circle of radius n at the encoder's angle, which is (n, 0, z) here (the lookup table of
+    /// ouster-sdk). The centre of RoboSense's lens and the vertical offsets of Velodyne's lasers are such points too.
+    ///
+    /// # Errors
+    /// [`RotatingError::Count`] if there is not one origin for each beam, [`RotatingError::Beam`] if an origin is not
+    /// finite.
     pub fn with_origins(mut self, origins_m: &[DVec3]) -> Result<Self, RotatingError> {
         if origins_m.len() != self.beams.len() {
             return Err(RotatingError::Count);
@@ -141,11 +152,15 @@ impl Rotating {
         Ok(self)
     }
 
-    /// The same with ranges that begin `metres` before the beam's origin, as the unit reports them.
+    /// The same pattern with ranges that begin `metres` before the beam's origin, as the unit reports them.
     ///
-    /// Ouster's range r counts from the turning axis to the beam's origin and on along the beam: r = n + the beam's length
-    /// (the lookup table of ouster-sdk goes r − n along it). A pulse's origin then lies n behind the beam's own, so that
-    /// origin + r·direction is the point that was hit, and range images compare with the unit's.
+    /// Ouster's range r counts from the axis of rotation to the beam's origin and on along the beam: r = n + the length of
+    /// the beam (the lookup table of ouster-sdk goes r − n along the beam). The origin of a pulse then lies n behind the
+    /// origin of the beam, so that origin + r·direction is the point that was hit, and range images are comparable with
+    /// those of the unit.
+    ///
+    /// # Errors
+    /// [`RotatingError::RangeOffset`] if the offset is negative or not finite.
     pub fn with_range_offset(mut self, metres: f64) -> Result<Self, RotatingError> {
         if !(metres >= 0.0 && metres.is_finite()) {
             return Err(RotatingError::RangeOffset);
@@ -154,26 +169,30 @@ impl Rotating {
         Ok(self)
     }
 
-    /// The same with a head that turns on while the beams of a column fire one after the other: a beam that fires t later
-    /// looks, and has its origin, 2π·rate·t further round. Without this all beams of a column fire at the column's azimuth,
-    /// whatever their times. To be called once.
+    /// The same pattern with a head that keeps turning while the beams of a column fire one after the other. A beam that
+    /// fires t seconds later has its direction and its origin rotated further by 2π·rate·t. Without this, all beams of a
+    /// column fire at the column's azimuth, whatever their times. Call it once only, and after [`Self::with_origins`].
     #[must_use]
     pub fn turning_while_firing(mut self) -> Self {
         let turn = std::f64::consts::TAU * self.rate_hz * (self.to - self.from).radians().signum();
         for (row, beam) in self.beams.iter().enumerate() {
             let further = Angle::rad(turn * beam.time_s);
             self.turns_before.push(further);
-            self.aims[row][1] = (beam.azimuth_offset + further).sin_cos();
+            self.beam_sin_cos[row][1] = (beam.azimuth_offset + further).sin_cos();
             if let Some(origin) = self.origins.get_mut(row) {
-                *origin = turned(*origin, further.sin_cos());
+                *origin = rotated_about_z(*origin, further.sin_cos());
             }
         }
         self
     }
 
-    /// The same with an image whose columns are azimuths: each row is moved by its beam's azimuth offset, to the nearest
-    /// column, so that neighbours in the image are neighbours in space. `column` then counts the image's, and a column's
-    /// pulses are not of one time. As measured, without this, a column is a firing.
+    /// The same pattern with an image whose columns are azimuths (a destaggered image). Each row is moved by its beam's
+    /// azimuth offset, rounded to whole columns, so that neighbours in the image are neighbours in space. `column` then
+    /// means a column of the image, and the pulses of a column have different times. Without this, the image is as
+    /// measured, and a column is a firing.
+    ///
+    /// # Errors
+    /// [`RotatingError::NotFullTurn`] if the sector is no full turn.
     pub fn destaggered(self) -> Result<Self, RotatingError> {
         let step = self.azimuth_step().radians();
         let shift = |beam: &Beam| (beam.azimuth_offset.radians() / step).round();
@@ -185,8 +204,13 @@ impl Rotating {
         self.with_shifts(&by_file)
     }
 
-    /// The same with each row of the image moved to the right by as many columns as `shifts` says, one a beam in the sensor
-    /// file's order: Ouster's `pixel_shift_by_row`. Beyond the right edge it goes on at the left.
+    /// The same pattern with each row of the image moved to the right by as many columns as `shifts` says for its beam, in
+    /// the order of the sensor file. This is Ouster's `pixel_shift_by_row`. Pixels beyond the right edge come in again at
+    /// the left.
+    ///
+    /// # Errors
+    /// [`RotatingError::Count`] if there is not one shift for each beam, [`RotatingError::NotFullTurn`] if the sector is no
+    /// full turn.
     pub fn with_shifts(mut self, shifts: &[usize]) -> Result<Self, RotatingError> {
         if shifts.len() != self.beams.len() {
             return Err(RotatingError::Count);
@@ -198,22 +222,22 @@ impl Rotating {
         Ok(self)
     }
 
-    /// Whether rows of the image are moved against the order of firing.
+    /// Whether the rows of the image are moved against the order of firing.
     pub fn is_destaggered(&self) -> bool {
         !self.shifts.is_empty()
     }
 
-    /// What a range counts before the beam's origin, in metres.
+    /// The part of a range that lies before the beam's origin, in metres.
     pub fn range_offset_m(&self) -> f64 {
         self.range_offset_m
     }
 
-    /// The beams, highest first: one a row of the image.
+    /// The beams, highest first. Each is a row of the image.
     pub fn beams(&self) -> &[Beam] {
         &self.beams
     }
 
-    /// Firings in the sector.
+    /// The number of firings in the sector.
     pub fn columns(&self) -> usize {
         self.columns
     }
@@ -223,7 +247,7 @@ impl Rotating {
         self.rate_hz
     }
 
-    /// Azimuths of the sector's start and end.
+    /// The azimuths of the sector's start and end.
     pub fn sector(&self) -> (Angle, Angle) {
         (self.from, self.to)
     }
@@ -233,23 +257,24 @@ impl Rotating {
         (self.to - self.from).radians().abs() > std::f64::consts::TAU * (1.0 - 1e-12)
     }
 
-    /// The angle from one column to the next, negative when the head turns clockwise seen from above. 0 for one column.
+    /// The angle from one column to the next. It is negative when the head turns clockwise seen from above, and 0 for a
+    /// single column.
     pub fn azimuth_step(&self) -> Angle {
         let steps = if self.is_full_turn() { self.columns } else { self.columns - 1 };
         Angle::rad(if steps == 0 { 0.0 } else { (self.to - self.from).radians() / steps as f64 })
     }
 
-    /// The azimuth of a column, before a beam's own offset.
+    /// The azimuth of a column, without the azimuth offset of a beam.
     pub fn azimuth(&self, column: usize) -> Angle {
         self.from + Angle::rad(self.azimuth_step().radians() * column as f64)
     }
 
-    /// The time from one column to the next, in seconds. 0 for one column.
+    /// The time from one column to the next, in seconds. It is 0 for a single column.
     pub fn column_s(&self) -> f64 {
         self.azimuth_step().radians().abs() / std::f64::consts::TAU / self.rate_hz
     }
 
-    /// The time of the last pulse, in seconds from the first column's own.
+    /// The time of the last pulse, in seconds from the first column's own time.
     pub fn last_pulse_s(&self) -> f64 {
         let last_beam = self.beams.iter().map(|beam| beam.time_s).fold(0.0, f64::max);
         self.column_time_s(self.columns - 1) + last_beam
@@ -259,12 +284,12 @@ impl Rotating {
         (self.azimuth_step().radians() * firing as f64).abs() / std::f64::consts::TAU / self.rate_hz
     }
 
-    /// How far the head turns between a column's own time and the firing of a row's beam.
+    /// The angle by which the head turns between a column's own time and the firing of a row's beam.
     pub fn turn_before(&self, row: usize) -> Angle {
         self.turns_before.get(row).copied().unwrap_or_default()
     }
 
-    /// The firing that a pixel of the image is of.
+    /// The firing that fills a pixel of the image.
     pub fn firing(&self, row: usize, column: usize) -> usize {
         match self.shifts.get(row) {
             Some(shift) => (column + self.columns - shift) % self.columns,
@@ -272,28 +297,28 @@ impl Rotating {
         }
     }
 
-    /// The pulse of beam `row` (highest first) in column `column` of the image, which is the firing unless the image is
-    /// destaggered.
+    /// The pulse of beam `row` (highest first) in column `column` of the image. The column is the firing unless the image
+    /// is destaggered.
     ///
-    /// d = (cos ε · cos α, cos ε · sin α, sin ε) with elevation ε and azimuth α; its time is the part of the turn since
-    /// the sector's start, over the rate, and the beam's own. The sine and cosine of α, column and offset together, are those
-    /// of a sum of angles; all of it is good to a few 10⁻¹⁶.
+    /// The direction is (cos ε · cos α, cos ε · sin α, sin ε) with elevation ε and azimuth α. The time is the part of the
+    /// turn since the sector's start, over the rate, plus the beam's own time. The sine and the cosine of α come from those
+    /// of the column's azimuth and of the beam's offset by the angle sum identities. The result is accurate to a few 10⁻¹⁶.
     pub(super) fn pulse(&self, row: usize, column: usize) -> Pulse {
         let firing = self.firing(row, column);
-        let [(sin_el, cos_el), (sin_offset, cos_offset)] = self.aims[row];
-        let (sin_turn, cos_turn) = self.turns[firing];
+        let [(sin_el, cos_el), (sin_offset, cos_offset)] = self.beam_sin_cos[row];
+        let (sin_turn, cos_turn) = self.column_sin_cos[firing];
         let sin_az = sin_turn * cos_offset + cos_turn * sin_offset;
         let cos_az = cos_turn * cos_offset - sin_turn * sin_offset;
         let direction = DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el);
-        let leaves = self.origins.get(row).map_or(DVec3::ZERO, |&o| turned(o, (sin_turn, cos_turn)));
+        let leaves = self.origins.get(row).map_or(DVec3::ZERO, |&o| rotated_about_z(o, (sin_turn, cos_turn)));
         let origin =
             if self.range_offset_m == 0.0 { leaves } else { leaves - direction * self.range_offset_m };
         Pulse { origin, direction, time_s: self.column_time_s(firing) + self.beams[row].time_s }
     }
 }
 
-/// A point turned about z by the angle of a sine and a cosine.
-fn turned(p: DVec3, (sin, cos): (f64, f64)) -> DVec3 {
+/// Rotates a point about z by the angle with this sine and cosine.
+fn rotated_about_z(p: DVec3, (sin, cos): (f64, f64)) -> DVec3 {
     DVec3::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos, p.z)
 }
 
@@ -327,7 +352,7 @@ mod tests {
         let p = Rotating::new(vec![beam(0.0)], 4, full_turn(), 10.0).unwrap();
         let near = |c: usize, d: DVec3| assert!(p.pulse(0, c).direction.abs_diff_eq(d, 1e-15), "column {c}");
         near(0, DVec3::NEG_X);
-        near(1, DVec3::Y); // 90°: to the left, as the head comes clockwise from behind
+        near(1, DVec3::Y); // 90° is to the left, because the head comes clockwise from behind
         near(2, DVec3::X);
         near(3, DVec3::NEG_Y);
         assert!((p.pulse(0, 3).time_s - 0.075).abs() < 1e-15);
@@ -339,7 +364,7 @@ mod tests {
         let p = Rotating::new(vec![beam(0.0)], 7, sector, 5.0).unwrap();
         assert!((p.azimuth(6).degrees() - 30.0).abs() < 1e-12);
         assert!((p.azimuth_step().degrees() - 10.0).abs() < 1e-12);
-        // A sixth of a turn at 5 Hz.
+        // The column lies a sixth of a turn after the start, at 5 Hz.
         assert!((p.pulse(0, 6).time_s - 1.0 / 30.0).abs() < 1e-15);
         assert_eq!(Rotating::new(vec![beam(0.0)], 1, sector, 5.0).unwrap().azimuth(0), sector.0);
     }
@@ -363,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn impossible_parameters_are_refused() {
         let new = |b, c, s, r| Rotating::new(b, c, s, r).unwrap_err();
         assert_eq!(new(vec![], 1, full_turn(), 1.0), RotatingError::NoBeams);
         assert_eq!(new(vec![beam(0.0)], 0, full_turn(), 1.0), RotatingError::NoColumns);
