@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 
-use super::arrangement::Scene;
-use super::arrangement::{Arrangement, Placement, crushes_to_a_line, is_invertible};
+use super::arrangement::{Arrangement, Placement, Scene, crushes_to_a_line, is_invertible};
 use super::geometry::{Geometry, Mesh, Object, Part, SourceFile};
 use super::material::Material;
 
