@@ -446,7 +446,7 @@ impl LeftOut {
         let warnings = [
             (self.points_and_lines, "beams do not hit points and lines, which are left out"),
             (self.without_positions, "a primitive without POSITION is left out"),
-            (self.incomplete, "one or two indices after the last whole triangle are left out"),
+            (self.incomplete, "one or two indices after the last triangle are left out"),
         ];
         let warnings = warnings.into_iter().filter(|(count, _)| *count > 0);
         warnings.map(|(count, what)| format!("{what} ({})", counted(count, "primitive"))).collect()
