@@ -1,9 +1,10 @@
-//! Baselines: what a job gave when it was accepted, small enough for version control.
+//! Baselines: the result of a job when it was accepted, small enough for version control.
 //!
-//! A baseline is a folder with `baseline.json`, which people can read and compare, and a file of pixels a sensor. The JSON
-//! has the job as resolved, the beams, the hashes of the scene's files and a hash a channel: equal hashes are all that an
-//! unchanged job needs. The pixels are for telling what differs, and for tolerances: a hash a row of every channel and a
-//! column of the range, and the pixels of some channels: ids as they are, the range and what has a tolerance rounded.
+//! A baseline is a folder with `baseline.json`, which people can read and compare, and a file of pixels for each sensor.
+//! The JSON holds the resolved job, the beams, the hashes of the scene's files and a hash for each channel. Equal hashes
+//! are all that an unchanged job needs. The pixel files serve to describe differences and to apply tolerances. They hold a
+//! hash for each row of every channel and for each column of the range, and the pixels of some channels: ids exactly, the
+//! range and the channels with a tolerance rounded.
 
 use std::collections::BTreeMap;
 
@@ -16,86 +17,88 @@ use crate::output::{Channel, Image, Samples, SensorFrame, no_return};
 use crate::scene::Scene;
 use crate::sensor::Pattern;
 
-/// The version of the format. A baseline of another one is to be accepted again.
+/// The version of the format. A baseline of another version has to be accepted again.
 const FORMAT: u32 = 1;
 
-/// What a job gave: all but the pixels.
+/// The record of an accepted job, without the pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Baseline {
     format: u32,
     /// The version of the tool.
     pub tool: String,
-    /// The job as resolved, without what the frames do not depend on.
+    /// The resolved job, without the keys that do not affect the frames.
     pub job: Value,
-    /// What was scanned.
+    /// The scene that was scanned.
     pub scene: SceneRecord,
-    /// One a sensor, in the job's order.
+    /// One record for each sensor, in the job's order.
     pub sensors: Vec<SensorRecord>,
 }
 
-/// What was scanned.
+/// The identity of the scene that was scanned.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneRecord {
-    /// The BLAKE3 of each of its files, by name.
+    /// The BLAKE3 hash of each of the scene's files, by file name.
     pub files: BTreeMap<String, String>,
-    /// How many triangles it has.
+    /// The number of triangles in the scene.
     pub triangles: u64,
 }
 
-/// What a sensor saw, in hashes.
+/// A sensor's frame as hashes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SensorRecord {
-    /// Its name.
+    /// The sensor's name.
     pub name: String,
-    /// Rows of its image.
+    /// Rows of the image.
     pub rows: usize,
-    /// Columns of its image.
+    /// Columns of the image.
     pub columns: usize,
-    /// Pixels with a return.
+    /// The number of pixels with a return.
     pub returns: usize,
-    /// The BLAKE3 of each channel: of its rows' BLAKE3.
+    /// The BLAKE3 hash of each channel, computed over the BLAKE3 hashes of its rows.
     pub channels: BTreeMap<String, String>,
-    /// How finely the pixels of a channel are kept, in its unit; 0: exactly. Channels that are not here are kept as hashes.
+    /// The step to which the pixels of a channel are rounded, in its unit; 0 means exact. Channels without an entry are
+    /// kept as hashes only.
     pub kept: BTreeMap<String, f64>,
-    /// The names of the instances that are seen, by their ids.
+    /// The names of the instances that are visible in the frame, by id.
     pub instances: BTreeMap<u32, String>,
-    /// Elevation and azimuth offset in degrees and time in microseconds of each beam, row by row. Empty for a camera.
+    /// The elevation and the azimuth offset in degrees and the time in microseconds of each beam, row by row. It is empty
+    /// for a camera.
     pub beams: Vec<[f64; 3]>,
 }
 
-/// A sensor's frame, ready to be compared or recorded.
+/// A sensor's frame in the form in which it is compared or recorded.
 #[derive(Clone, Debug)]
 pub struct Snapshot {
-    /// In hashes.
+    /// The hashes of the frame.
     pub record: SensorRecord,
-    /// The channels.
+    /// The channels of the frame.
     pub image: Image,
     hashes: Hashes,
 }
 
-/// Where images differ, without their pixels.
+/// Hashes that locate the differences between images without their pixels.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Hashes {
     /// The first 32 bits of the BLAKE3 of each row, by channel.
     pub rows: BTreeMap<String, Vec<u32>>,
-    /// The same of each column of the main depth channel.
+    /// The first 32 bits of the BLAKE3 of each column of the main depth channel.
     pub columns: Vec<u32>,
 }
 
-/// What a baseline keeps of a sensor's pixels.
+/// The pixels of a sensor that a baseline keeps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredPixels {
-    /// Where images differ.
+    /// The hashes that locate differences.
     pub hashes: Hashes,
-    /// The channels that are kept.
+    /// The channels whose pixels are kept.
     pub image: Image,
 }
 
-/// The reason why a file is no baseline. The messages follow the file's name.
+/// The reason why a file is no baseline. The messages continue a sentence that begins with the file's name.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BaselineError {
-    /// The file is no JSON.
+    /// The file is not valid JSON.
     #[error("is not valid JSON: {0}")]
     Json(#[source] serde_json::Error),
     /// The file has the format of another version.
@@ -104,7 +107,7 @@ pub enum BaselineError {
     /// The file does not say which format it has.
     #[error("is no baseline: it has no `format`")]
     NoFormat,
-    /// The file has the right format, and lacks something that belongs to it.
+    /// The file has the right format but lacks a part of its content.
     #[error("is no baseline: {0}")]
     Content(#[source] serde_json::Error),
 }
@@ -113,11 +116,11 @@ impl Baseline {
     /// The name of the JSON in a baseline's folder.
     pub const NAME: &'static str = "baseline.json";
 
-    /// Records what a job gave. `job` is the job as resolved.
+    /// Makes a baseline of a finished job. `job` is the resolved job.
     pub fn of(job: &Value, scene: &Scene, sensors: Vec<SensorRecord>) -> Self {
         let mut job = job.clone();
         if let Some(keys) = job.as_object_mut() {
-            // Neither what is expected nor what is written changes a frame.
+            // The expectations and the output settings do not change a frame.
             keys.retain(|key, _| !matches!(key.as_str(), "check" | "expect" | "output"));
         }
         let files = scene.geometry.files.iter().map(|f| (f.name.clone(), f.blake3.clone())).collect();
@@ -133,7 +136,7 @@ impl Baseline {
     /// The content of [`Baseline::NAME`].
     pub fn encode(&self) -> Vec<u8> {
         let mut text = String::new();
-        // Numbers and texts only: it has no way to fail.
+        // The value has only numbers and texts, so serialisation cannot fail.
         write_json(&serde_json::to_value(self).unwrap_or_default(), 0, &mut text);
         text.push('\n');
         text.into_bytes()
@@ -142,7 +145,7 @@ impl Baseline {
     /// Reads the content of [`Baseline::NAME`].
     ///
     /// # Errors
-    /// A [`BaselineError`], whose message follows the file's name.
+    /// A [`BaselineError`], whose message continues a sentence that begins with the file's name.
     pub fn decode(bytes: &[u8]) -> Result<Self, BaselineError> {
         let value: Value = serde_json::from_slice(bytes).map_err(BaselineError::Json)?;
         match value.get("format").and_then(Value::as_u64) {
@@ -155,14 +158,14 @@ impl Baseline {
 }
 
 impl SensorRecord {
-    /// How many pixels the image has.
+    /// The number of pixels of the image.
     pub fn pixels(&self) -> usize {
         self.rows * self.columns
     }
 }
 
 impl Snapshot {
-    /// Takes down a frame of `scene`.
+    /// Records a frame of `scene`.
     pub fn of(frame: &SensorFrame, scene: &Scene) -> Self {
         let image = Image::of(frame).without_repeats();
         let mut hashes = Hashes::default();
@@ -211,8 +214,8 @@ impl Snapshot {
         &self.hashes
     }
 
-    /// Packs what a baseline keeps of the pixels, and notes in the record what that is. What has no tolerance of its own is
-    /// kept as finely as [`MAX_PIXEL_BYTES`] allow.
+    /// Packs the pixels that a baseline keeps, and notes in the record which channels these are. Channels without a
+    /// tolerance are kept as finely as [`MAX_PIXEL_BYTES`] allow.
     pub fn pack(&mut self, tolerances: &BTreeMap<String, Tolerance>) -> Vec<u8> {
         let mask = self.image.mask();
         let main = self.image.main_depth().map(|(name, _)| name);
@@ -235,7 +238,7 @@ impl Snapshot {
         };
         let kept: Vec<(&Channel, f64)> =
             self.image.channels.iter().filter(is_kept).map(|c| (c, step_of(c))).collect();
-        // What has no step yet is given the finest that there is room for.
+        // Channels without a step get the finest one that fits into the limit.
         let mut coarsest = FINEST_STEP;
         loop {
             let mut file = head.clone();
@@ -257,16 +260,16 @@ impl Snapshot {
     }
 }
 
-/// A sensor's pixels take no more than this, if they may be coarser.
+/// The most bytes that a sensor's pixels take, if their step may be made coarser.
 pub const MAX_PIXEL_BYTES: usize = 175_000;
 
-/// The finest step that a range without a tolerance is kept in, in metres.
+/// The finest step in which a range without a tolerance is kept, in metres.
 const FINEST_STEP: f64 = 1e-3;
 
-/// A step from which on coarser ones save nothing more.
+/// The step from which on coarser steps save nothing more, in metres.
 const COARSEST_STEP: f64 = 100.0;
 
-/// The step that resolves a tolerance well; 0 if it has none but in pixels.
+/// The step that resolves a tolerance well. It is 0 if only the number of pixels is tolerated.
 fn step(tolerance: &Tolerance, values: &[f32], mask: &[bool]) -> f64 {
     let seen = values.iter().zip(mask).filter(|(_, seen)| **seen).map(|(v, _)| f64::from(v.abs()));
     let least = seen.filter(|v| *v > 0.0).fold(f64::INFINITY, f64::min);
@@ -275,7 +278,7 @@ fn step(tolerance: &Tolerance, values: &[f32], mask: &[bool]) -> f64 {
 }
 
 impl StoredPixels {
-    /// Reads what [`Snapshot::pack`] packed for `record`. `None` if it is something else.
+    /// Reads the bytes that [`Snapshot::pack`] wrote for `record`. `None` if the bytes are something else.
     pub fn unpack(file: &[u8], record: &SensorRecord) -> Option<Self> {
         let SensorRecord { rows, columns, .. } = *record;
         let pixels = rows.checked_mul(columns)?;
@@ -337,7 +340,7 @@ fn short(hash: &blake3::Hash) -> u32 {
 
 fn beams(pattern: &Pattern) -> Vec<[f64; 3]> {
     let Pattern::Rotating(rotating) = pattern else { return Vec::new() };
-    // Through radians and back, a degree is no longer the number that was written; a billionth of one is.
+    // The conversion to radians and back changes a degree in its last digits, so values are rounded to a billionth.
     let rounded = |value: f64| (value * 1e9).round() / 1e9;
     let beam = |b: &crate::sensor::Beam| {
         [b.elevation.degrees(), b.azimuth_offset.degrees(), b.time_s * 1e6].map(rounded)
@@ -345,7 +348,7 @@ fn beams(pattern: &Pattern) -> Vec<[f64; 3]> {
     rotating.beams().iter().map(beam).collect()
 }
 
-/// JSON for people and version control: a line a key, and short arrays on one line.
+/// Writes JSON for people and version control, with a line for each key and short arrays on one line.
 fn write_json(value: &Value, indent: usize, text: &mut String) {
     let is_leaf = |value: &Value| !value.is_object() && !value.is_array();
     let new_line = |text: &mut String, indent: usize| {

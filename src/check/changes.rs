@@ -1,4 +1,4 @@
-//! The changes between two runs of a job: of its keys, its beams, its scene and the tool.
+//! The changes between two runs of a job: of its keys, its beams, its scene and the version of the tool.
 
 use std::collections::BTreeMap;
 
@@ -7,15 +7,15 @@ use serde_json::{Map, Value};
 use super::baseline::{Baseline, SensorRecord};
 use super::outcome::Change;
 
-/// How many changed elements of a list are told one by one.
+/// The largest number of changed elements of a list that are reported one by one.
 const MOST_ELEMENTS: usize = 4;
 
-/// Changes, sorted by the sensors that they are about.
+/// Changes, sorted by the sensors that they concern.
 #[derive(Clone, Debug, Default)]
 pub struct Changes {
-    /// Changes that are about one sensor, by its name.
+    /// The changes that concern one sensor, by its name.
     pub of_sensor: BTreeMap<String, Vec<Change>>,
-    /// Changes of the scene, the labels, the trajectory: of everything that every sensor depends on.
+    /// The changes that concern every sensor, such as those of the scene, the labels and the trajectory.
     pub of_job: Vec<Change>,
 }
 
@@ -29,7 +29,7 @@ impl Changes {
             let mut found = beam_changes(record(old, name), record(new, name));
             let mut keys = Vec::new();
             keys_of("", before, sensor, &mut keys);
-            // A beam says more than a place in the list that it is from.
+            // The change of a beam says more than the change of an element in the list from which the beam is read.
             let is_of_beams = |change: &Change| BEAM_KEYS.iter().any(|key| change.what.starts_with(key));
             if !found.is_empty() {
                 keys.retain(|change| !is_of_beams(change));
@@ -59,7 +59,7 @@ impl Changes {
         changes
     }
 
-    /// All changes, those of sensors first.
+    /// All changes. Those of single sensors come first.
     pub fn all(&self) -> Vec<Change> {
         self.of_sensor.values().flatten().chain(&self.of_job).cloned().collect()
     }
@@ -69,7 +69,7 @@ impl Changes {
 const BEAM_KEYS: [&str; 3] =
     ["rotating.elevations_deg", "rotating.azimuth_offsets_deg", "rotating.beam_times_us"];
 
-/// A job's sensors by name. A lone one may have none, and is called `sensor`.
+/// A job's sensors by name. A single sensor without a name is called `sensor`.
 fn sensors(job: &Value) -> BTreeMap<String, Value> {
     let list = job.get("sensor").and_then(Value::as_array);
     let named = list.into_iter().flatten().map(|sensor| {
@@ -83,7 +83,7 @@ fn record<'a>(baseline: &'a Baseline, sensor: &str) -> Option<&'a SensorRecord> 
     baseline.sensors.iter().find(|record| record.name == sensor)
 }
 
-/// The changes of single beams, if there are as many as before.
+/// The changes of single beams, if the number of beams is unchanged.
 fn beam_changes(old: Option<&SensorRecord>, new: Option<&SensorRecord>) -> Vec<Change> {
     let (Some(old), Some(new)) = (old, new) else { return Vec::new() };
     if old.beams.len() != new.beams.len() {
@@ -121,14 +121,14 @@ fn beam_changes(old: Option<&SensorRecord>, new: Option<&SensorRecord>) -> Vec<C
     changes
 }
 
-/// A number with a true minus and no noise at its end.
+/// A number with a real minus sign and without rounding noise in its last digits.
 fn number(value: f64) -> String {
     let rounded = (value * 1e9).round() / 1e9;
     // Adding 0 makes a negative zero positive.
     (rounded + 0.0).to_string().replace('-', "−")
 }
 
-/// The keys that differ between two values, each at its place.
+/// Finds the keys that differ between two values, and reports each with its path.
 fn keys_of(path: &str, old: &Value, new: &Value, found: &mut Vec<Change>) {
     if same(old, new) {
         return;
@@ -159,7 +159,8 @@ fn keys_of(path: &str, old: &Value, new: &Value, found: &mut Vec<Change>) {
     }
 }
 
-/// A value that came, went or became another kind of value. Of a table that came or went, its keys are told.
+/// Reports a value that was added, removed or became another kind of value. For a table that was added or removed, it
+/// reports each key.
 fn only_one(path: &str, old: Option<&Value>, new: Option<&Value>, found: &mut Vec<Change>) {
     let empty = Value::Object(Map::new());
     match (old, new) {
@@ -176,7 +177,7 @@ fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }
 
-/// A whole number is the same as the float.
+/// Whether two values are equal. An integer equals the float of the same value.
 fn same(a: &Value, b: &Value) -> bool {
     match (a.as_f64(), b.as_f64()) {
         (Some(a), Some(b)) => a == b,

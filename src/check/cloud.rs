@@ -1,25 +1,25 @@
-//! Clouds against clouds: point by point if they have the same layout, else by distance.
+//! Comparison of point clouds: point by point if they have the same layout, otherwise by distance.
 
 use crate::output::recorded::Cloud;
 
-/// What differs between two clouds.
+/// The difference between two clouds.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CloudDifference {
-    /// They have the same points in the same order, field by field.
+    /// The clouds have the same number of points and the same fields, and are compared field by field.
     SameLayout {
-        /// The fields of both.
+        /// The differences of the fields that both clouds have.
         fields: Vec<FieldDifference>,
     },
-    /// They have other points.
+    /// The clouds have different layouts, and are compared by distance.
     Distances(CloudDistances),
 }
 
-/// What differs in a field.
+/// The difference in one field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldDifference {
-    /// Its name.
+    /// The field's name.
     pub field: String,
-    /// Points that differ by more than the tolerance.
+    /// The number of points that differ by more than the tolerance.
     pub differing: usize,
     /// The greatest absolute difference.
     pub max: f64,
@@ -27,44 +27,45 @@ pub struct FieldDifference {
     pub mean: f64,
 }
 
-/// How far clouds are from each other, in metres.
+/// The distances between two clouds, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CloudDistances {
-    /// Mean distance of the first cloud's points to their nearest in the second.
+    /// The mean distance of the first cloud's points to their nearest neighbours in the second cloud.
     pub there_mean_m: f64,
-    /// The greatest such distance.
+    /// The greatest of these distances.
     pub there_max_m: f64,
-    /// Mean distance of the second cloud's points to their nearest in the first.
+    /// The mean distance of the second cloud's points to their nearest neighbours in the first cloud.
     pub back_mean_m: f64,
-    /// The greatest such distance.
+    /// The greatest of these distances.
     pub back_max_m: f64,
-    /// Chamfer distance: the mean of the two means.
+    /// The Chamfer distance, taken as the mean of the two mean distances.
     pub chamfer_m: f64,
-    /// Density-aware Chamfer distance, 0 (the same) to 1 (Wu et al., "Density-aware Chamfer Distance as a Comprehensive
-    /// Metric for Point Cloud Completion", NeurIPS 2021, eq. 7): ½ Σ over both directions of the mean of
-    /// 1 − exp(−α d²)/n, n being how many points share the nearest; here α = [`DENSITY_ALPHA`].
+    /// The density-aware Chamfer distance, from 0 (the clouds are the same) to 1 (Wu et al., "Density-aware Chamfer
+    /// Distance as a Comprehensive Metric for Point Cloud Completion", NeurIPS 2021, eq. 7): ½ Σ over both directions of
+    /// the mean of 1 − exp(−α d²)/n, where n is the number of points that share the nearest neighbour and α =
+    /// [`DENSITY_ALPHA`].
     pub density_aware: f64,
 }
 
-/// α of the density-aware Chamfer distance in m⁻²: points 10 cm apart count as two thirds of a miss.
+/// α of the density-aware Chamfer distance, in m⁻²: points 10 cm apart count as two thirds of a miss.
 pub const DENSITY_ALPHA: f64 = 100.0;
 
-/// The reason why clouds have no distance.
+/// The reason why two clouds have no distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CloudError {
-    /// One of them has no points; how many each has.
+    /// One of the clouds has no points. The numbers are those of both clouds.
     #[error("the clouds have {0} and {1} points: there is no distance")]
     NoPoints(usize, usize),
-    /// One of them has no fields x, y and z.
+    /// One of the clouds has no fields x, y and z.
     #[error("a cloud without x, y and z has no distance to another")]
     NoCoordinates,
 }
 
-/// Compares clouds; `tolerance` is asked by field.
+/// Compares two clouds. `tolerance` returns the tolerance of a field by its name.
 ///
 /// # Errors
-/// If one of them has no points in x, y and z.
+/// A [`CloudError`] if one of the clouds has no points or no coordinates.
 pub fn compare_clouds(
     first: &Cloud,
     second: &Cloud,
@@ -149,8 +150,9 @@ fn one_way(from: &[[f64; 3]], to: &Tree) -> OneWay {
     }
 }
 
-/// A k-d tree: the middle of each range is its root, smaller coordinates before it and greater after it (Bentley 1975).
-/// Fifty lines, where a crate would bring a dozen others.
+/// A k-d tree (J. L. Bentley, "Multidimensional binary search trees used for associative searching", 1975). The middle
+/// element of each range is its root; points with smaller coordinates come before it and points with greater ones after it.
+/// It takes fifty lines here, where a crate would bring a dozen dependencies.
 struct Tree<'a> {
     points: &'a [[f64; 3]],
     order: Vec<u32>,
@@ -173,10 +175,11 @@ impl<'a> Tree<'a> {
         Self { points, order }
     }
 
-    /// The nearest point, the first of equals, and the square of its distance. There must be one.
+    /// The index of the nearest point (the first one of equal distances), and the square of its distance. The tree must not
+    /// be empty.
     fn nearest(&self, p: &[f64; 3]) -> (u32, f64) {
         let mut best = (u32::MAX, f64::INFINITY);
-        // With the least square of the distance to anything in the range.
+        // The last number is the least squared distance to any point of the range.
         let mut pending = vec![(0, self.order.len(), 0, 0.0)];
         while let Some((start, end, axis, least)) = pending.pop() {
             if start == end || least > best.1 {
@@ -229,12 +232,12 @@ mod tests {
 
     #[test]
     fn distances_are_those_of_the_definition() {
-        // Two of the first share the nearest of the second, 1 m and 0 m away.
+        // Two points of the first cloud share the nearest point of the second cloud, which is 1 m and 0 m away.
         let a = cloud(&[[0.0; 3], [1.0, 0.0, 0.0]]);
         let b = cloud(&[[0.0; 3]]);
         let Ok(CloudDifference::Distances(d)) = compare_clouds(&a, &b, &|_| 0.0) else { panic!() };
         assert_eq!((d.there_mean_m, d.there_max_m, d.back_mean_m, d.chamfer_m), (0.5, 1.0, 0.0, 0.25));
-        // There: (1 − 1/2 + 1 − e^−100/2)/2 = 3/4; back: 0.
+        // The first direction gives (1 − 1/2 + 1 − e^−100/2)/2 = 3/4, and the second gives 0.
         assert!((d.density_aware - 0.375).abs() < 1e-12, "{d:?}");
         assert_eq!(compare_clouds(&a, &cloud(&[]), &|_| 0.0).err(), Some(CloudError::NoPoints(a.points, 0)));
     }
@@ -245,7 +248,7 @@ mod tests {
             points in prop::collection::vec(prop::array::uniform3(-3..3_i32), 1..80),
             p in prop::array::uniform3(-4.0..4.0),
         ) {
-            // Whole numbers, so that many are the same and many are as near.
+            // Integer coordinates make many points coincide and many distances equal.
             let points: Vec<[f64; 3]> = points.iter().map(|p| p.map(f64::from)).collect();
             let square = |q: &[f64; 3]| (0..3).map(|i| (p[i] - q[i]) * (p[i] - q[i])).sum::<f64>();
             let all = (0..points.len()).map(|i| (square(&points[i]), i as u32));

@@ -1,90 +1,91 @@
-//! Two images of the same size, channel by channel: how many pixels differ, by how much, and where.
+//! Comparison of two images of the same size, channel by channel: how many pixels differ, by how much, and where.
 
 use std::collections::BTreeMap;
 
 use crate::output::{Image, Samples};
 
-/// How much a channel may differ. The default is: not at all.
+/// The tolerance of a channel. The default tolerates no difference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tolerance {
-    /// In the channel's unit: metres for ranges and depths, seconds for times.
+    /// The absolute part in the channel's unit: metres for ranges and depths, seconds for times.
     pub absolute: f64,
-    /// As a part of the first image's value; added to `absolute`.
+    /// The relative part, as a fraction of the first image's value. It is added to `absolute`.
     pub relative: f64,
-    /// The part of all pixels that may differ by more than that, 0 to 1.
+    /// The fraction of all pixels that may differ by more than the tolerance, 0 to 1.
     pub pixels: f64,
 }
 
 impl Tolerance {
-    /// The greatest difference from `value` that is not one.
+    /// The greatest difference from `value` that is tolerated.
     fn at(&self, value: f64) -> f64 {
         self.absolute + self.relative * value.abs()
     }
 }
 
-/// Which pixels have a return, in two images. The second is the newer.
+/// The agreement of two images on the pixels that have a return. The second image is the newer one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MaskAgreement {
-    /// In both.
+    /// The number of pixels with a return in both images.
     pub both: usize,
-    /// In the second only.
+    /// The number of pixels with a return in the second image only.
     pub appeared: usize,
-    /// In the first only.
+    /// The number of pixels with a return in the first image only.
     pub vanished: usize,
 }
 
 impl MaskAgreement {
-    /// Intersection over union, 1 if they agree.
+    /// The intersection over union of the pixels with a return. It is 1 if the images agree.
     pub fn iou(&self) -> f64 {
         let union = self.both + self.appeared + self.vanished;
         if union == 0 { 1.0 } else { self.both as f64 / union as f64 }
     }
 }
 
-/// What differs between two images of the same size.
+/// The difference between two images of the same size.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImageDifference {
-    /// Which pixels have a return.
+    /// The agreement on the pixels that have a return.
     pub mask: MaskAgreement,
-    /// The channels that both have, sorted by name.
+    /// The differences of the channels that both images have, sorted by name.
     pub channels: Vec<ChannelDifference>,
-    /// Channels that only the first has.
+    /// The channels that only the first image has.
     pub missing: Vec<String>,
-    /// Channels that only the second has.
+    /// The channels that only the second image has.
     pub added: Vec<String>,
-    /// Pixels by label in the first image and in the second, where both have a return; only pairs that are not the same.
+    /// The label pairs of pixels with a return in both images, where the labels differ.
     pub label_confusion: Vec<Confusion>,
-    /// Returns by label, in the first image and in the second.
+    /// The number of returns by label, in the first image and in the second.
     pub points_per_label: BTreeMap<u32, [usize; 2]>,
 }
 
-/// How many pixels of one label have another.
+/// The number of pixels that changed from one label to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Confusion {
     /// The label in the first image.
     pub was: u32,
     /// The label in the second.
     pub is: u32,
-    /// How many pixels.
+    /// The number of pixels.
     pub pixels: usize,
 }
 
-/// What differs in a channel.
+/// The difference in one channel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChannelDifference {
     /// The channel's name.
     pub channel: String,
-    /// Whether what differs is within the tolerance.
+    /// Whether the difference is within the tolerance.
     pub within_tolerance: bool,
-    /// The pixels that differ by more than the tolerance, by number, in order. In the main depth channel, pixels with a
-    /// return in one image only are among them; in other channels, only pixels with a return in both are looked at.
+    /// The pixel numbers that differ by more than the tolerance, in order. In the main depth channel they include the
+    /// pixels with a return in one image only. In other channels only pixels with a return in both images are compared.
     pub pixels: Vec<u32>,
-    /// All pixels that differ, where the first image is not known exactly: those of [`ChannelDifference::pixels`] at least.
+    /// The number of pixels that differ at all. Where the first image is not known exactly, it is at least the number of
+    /// [`ChannelDifference::pixels`].
     pub differing: AtLeast,
-    /// Statistics of the absolute difference over the pixels with a return in both images; `None` for ids, and if it is
-    /// not known.
+    /// Statistics of the absolute difference over the pixels with a return in both images. `None` for ids, and if the
+    /// differences are not known.
     pub statistics: Option<Statistics>,
-    /// How finely the first image is known, in the channel's unit; 0: exactly.
+    /// The resolution to which the first image is known, in the channel's unit. 0 means exactly.
     pub resolution: f64,
 }
 
@@ -97,23 +98,23 @@ pub struct AtLeast {
     pub exact: bool,
 }
 
-/// Of absolute differences, in the channel's unit.
+/// Statistics of absolute differences, in the channel's unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
-    /// The greatest.
+    /// The greatest difference.
     pub max: f64,
-    /// The pixel of the greatest; the first of equals.
+    /// The pixel with the greatest difference, the first one of equals.
     pub worst: u32,
     /// The mean.
     pub mean: f64,
     /// The root of the mean square.
     pub rms: f64,
-    /// 99 % are not greater.
+    /// The 99th percentile.
     pub p99: f64,
 }
 
-/// Compares images of the same size. `tolerance` and `resolution` are asked by channel; `resolution` is how finely the first
-/// image is known, and 0 if it is exact.
+/// Compares images of the same size. `tolerance` and `resolution` are functions of the channel's name. The resolution is
+/// the step to which the first image is known, and 0 if it is exact.
 ///
 /// # Panics
 /// If the sizes differ.
@@ -176,7 +177,7 @@ fn compare_channel(
         let differs = match seen {
             (true, true) => {
                 let (a, b) = (first.get(index), second.get(index));
-                // Not a number is the same as itself, and differs from all else.
+                // NaN equals NaN, and differs from every number.
                 let difference = if a.is_nan() && b.is_nan() { 0.0 } else { (a - b).abs() };
                 let difference = if difference.is_nan() { f64::INFINITY } else { difference };
                 if difference > worst.0 {
@@ -202,12 +203,12 @@ fn compare_channel(
     }
 }
 
-/// How far a value that was rounded to multiples of `resolution`, and then to 32 bits, may be from what it was.
+/// The largest distance between an original value and the value rounded to multiples of `resolution` and then to 32 bits.
 fn rounding(rounded: f64, resolution: f64) -> f64 {
     if resolution == 0.0 { 0.0 } else { resolution / 2.0 + rounded.abs() * f64::from(f32::EPSILON) }
 }
 
-/// Of the absolute differences, `worst` being the greatest and its pixel.
+/// Statistics of absolute differences. `worst` is the greatest difference and its pixel.
 fn statistics(mut differences: Vec<f64>, worst: (f64, u32)) -> Option<Statistics> {
     let count = differences.len();
     if count == 0 {
@@ -293,12 +294,12 @@ mod tests {
         assert_eq!(differing(tolerance(0.011, 0.0, 0.0)), (1, false));
         assert_eq!(differing(tolerance(0.0, 0.011, 0.0)), (0, true));
         assert_eq!(differing(tolerance(0.011, 0.0, 0.25)), (1, true));
-        // A first image that is known to 4 cm only can't tell that 1 cm differs.
+        // A first image that is known only to 4 cm cannot show that 1 cm differs.
         let d = compare(&a, &b, &at(0.0, 0.0), &|_| 0.04);
         assert_eq!(d.channels[1].differing, AtLeast { count: 1, exact: false });
     }
 
-    /// Values in the middle between two steps are half a step off, and a little more once rounded to 32 bits.
+    /// A value midway between two steps is half a step off, and a little more once it is rounded to 32 bits.
     #[test]
     fn rounding_alone_is_no_difference() {
         let step = 1e-3_f64;

@@ -1,4 +1,4 @@
-//! What a rig should see, and whether it does.
+//! Expectations: declarations of what a rig should see, and their evaluation.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -14,109 +14,110 @@ use crate::scene::Scene;
 use crate::sensor::{Pattern, Pulse};
 use crate::source::suggest::{self, nearest, quoted};
 
-/// An `[[expect]]`.
+/// One `[[expect]]` of a job.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expectation {
-    /// Its name, unique in the job.
+    /// The name, unique in the job.
     pub name: String,
-    /// The sensor that it is about; all of them together if absent.
+    /// The sensor that the expectation concerns. It concerns all sensors together if absent.
     pub sensor: Option<String>,
-    /// What should be.
+    /// The expected property.
     pub what: Expected,
 }
 
-/// What should be.
+/// An expected property of the frames.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Expected {
-    /// Points on a target.
+    /// A number of points on a target.
     Points {
-        /// What they should be on.
+        /// The target that the points should be on.
         target: Target,
-        /// How many.
+        /// The bounds of the number of points.
         count: Bounds,
-        /// Only those at these ranges count, in metres.
+        /// The bounds of the range in metres. Only points at these ranges count.
         range_m: Bounds,
     },
-    /// Ranges against a plane n·p = offset in the world: the error is the range less that of the plane along the ray.
+    /// The error of ranges against a plane n·p = offset in the world. The error is the range minus the range of the plane
+    /// along the ray.
     Plane {
         /// The points that should be on the plane.
         target: Target,
-        /// n, of length 1.
+        /// The normal n, of length 1.
         normal: DVec3,
-        /// In metres.
+        /// The offset in metres.
         offset_m: f64,
         /// The greatest error, in metres.
         max_error_m: f64,
     },
-    /// The angle between neighbouring beams that both hit a target, the greatest of all.
+    /// The greatest angle between neighbouring beams that both hit a target.
     Resolution {
-        /// What they should hit.
+        /// The target that the beams should hit.
         target: Target,
-        /// From column to column.
+        /// The greatest angle from column to column.
         horizontal: Option<Angle>,
-        /// From row to row.
+        /// The greatest angle from row to row.
         vertical: Option<Angle>,
     },
-    /// The part of a zone's cells in which the ground is hit.
+    /// The fraction of a zone's cells in which the ground is hit.
     Coverage {
-        /// Where.
+        /// The zone.
         zone: Zone,
-        /// The part, 0 to 1.
+        /// The least fraction, 0 to 1.
         at_least: f64,
     },
-    /// The distance from the body's origin, in the xy plane, within which some degree of azimuth sees no ground.
+    /// The distance from the body's origin, in the xy plane, within which at least one degree of azimuth sees no ground.
     BlindZone {
-        /// What counts as ground.
+        /// The surfaces that count as ground.
         ground: Ground,
-        /// In metres.
+        /// The greatest distance in metres.
         at_most_m: f64,
-        /// The azimuths that are looked at, from the first counter-clockwise to the second, in whole degrees.
+        /// The sector of azimuths that are examined, from the first counter-clockwise to the second, in whole degrees.
         sector_deg: (i32, i32),
     },
-    /// The part of the rays that come back, 0 to 1, of each sensor.
+    /// The fraction of each sensor's rays that return, 0 to 1.
     Returns(Bounds),
-    /// The part of the rays that hit the vehicle itself, 0 to 1, of each sensor.
+    /// The fraction of each sensor's rays that hit the vehicle itself, 0 to 1.
     Unobstructed {
         /// The vehicle.
         body: Target,
-        /// The part.
+        /// The greatest fraction.
         at_most: f64,
     },
-    /// Returns a second, of all sensors together.
+    /// The number of returns a second, of all sensors together.
     PointsPerSecond(Bounds),
-    /// Rays a second that beamcast casts: a budget of time.
+    /// The number of rays a second that beamcast casts, as a budget of computing time.
     Speed {
-        /// Rays a second.
+        /// The least number of rays a second.
         at_least: f64,
     },
 }
 
-/// What a beam should hit.
+/// A target that beams should hit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Target {
-    /// An instance of the scene by name; a `*` at the end stands for anything.
+    /// The name of an instance of the scene. A `*` at the end matches any continuation.
     pub object: Option<String>,
     /// A semantic label.
     pub label: Option<u32>,
 }
 
-/// From the least to the most, each included; no limit where absent.
+/// Bounds from the least to the greatest value, both included. An absent bound is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bounds {
-    /// The least.
+    /// The least value.
     pub at_least: Option<f64>,
-    /// The most.
+    /// The greatest value.
     pub at_most: Option<f64>,
 }
 
-/// What counts as ground: near a height of the body's frame and, if the target says so, on something.
+/// The surfaces that count as ground: those near a height of the body's frame and, if a target is given, on that target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ground {
-    /// Its height in metres.
+    /// The height in metres.
     pub z_m: f64,
-    /// How far from it a point may be, in metres.
+    /// The greatest distance of a point from that height, in metres.
     pub tolerance_m: f64,
-    /// What it is; anything by default.
+    /// The target that is ground. By default it is any surface.
     pub target: Target,
 }
 
@@ -129,28 +130,28 @@ impl Default for Ground {
 /// A rectangle on the ground, in the body's frame, cut into square cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Zone {
-    /// What counts as ground.
+    /// The surfaces that count as ground.
     pub ground: Ground,
-    /// From and to, metres.
+    /// The interval along x, in metres.
     pub x_m: [f64; 2],
-    /// From and to, metres.
+    /// The interval along y, in metres.
     pub y_m: [f64; 2],
-    /// The side of a cell, metres.
+    /// The side of a cell, in metres.
     pub cell_m: f64,
 }
 
-/// What there is to hold expectations against.
+/// The results of a run, against which expectations are evaluated.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
-    /// What was scanned.
+    /// The scene that was scanned.
     pub scene: &'a Scene,
-    /// What each sensor saw.
+    /// The frame of each sensor.
     pub frames: &'a [SensorFrame<'a>],
-    /// Rays that were cast a second, if that was measured.
+    /// The number of rays that were cast a second, if it was measured.
     pub rays_per_s: Option<f64>,
 }
 
-/// Most names of objects that a message lists.
+/// The most names of objects that a message lists.
 const MAX_LISTED: usize = 12;
 
 impl Target {
@@ -166,7 +167,7 @@ impl Target {
             && (self.object.is_none() || self.names(&scene.geometry.objects[hit.instance as usize].name))
     }
 
-    /// The problem that the scene has nothing of the target's name, if so.
+    /// The problem that the scene has nothing of the target's name, if that is so.
     fn missing(&self, scene: &Scene) -> Option<String> {
         let object = self.object.as_ref()?;
         if scene.geometry.objects.iter().any(|instance| self.names(&instance.name)) {
@@ -201,7 +202,7 @@ impl fmt::Display for Target {
 }
 
 impl Bounds {
-    /// Whether a value lies between them.
+    /// Whether a value lies within the bounds.
     pub fn hold(&self, value: f64) -> bool {
         self.at_least.is_none_or(|least| value >= least) && self.at_most.is_none_or(|most| value <= most)
     }
@@ -216,7 +217,7 @@ impl Bounds {
     }
 }
 
-/// A return and where it came from.
+/// A return with its frame and its pixel.
 struct Point<'a> {
     seen: &'a SensorFrame<'a>,
     row: usize,
@@ -240,7 +241,7 @@ impl Point<'_> {
 }
 
 impl Expectation {
-    /// Holds it against what was seen.
+    /// Evaluates the expectation against the results of a run.
     pub fn examine(&self, seen: &Seen) -> ExpectationOutcome {
         let mut frames: Vec<SensorFrame> = seen.frames.to_vec();
         if let Some(sensor) = &self.sensor {
@@ -249,24 +250,25 @@ impl Expectation {
         let seen = Seen { frames: &frames, ..*seen };
         let (expected, verdict) = self.what.examine(&seen);
         let (met, found, place) = match verdict {
-            Verdict::Measured { met, found, place } => (met, found, place),
-            Verdict::Nothing(problem) => (false, problem, String::new()),
+            Finding::Measured { met, found, place } => (met, found, place),
+            Finding::Nothing(problem) => (false, problem, String::new()),
         };
         ExpectationOutcome { name: self.name.clone(), met, expected, found, place }
     }
 }
 
-enum Verdict {
+/// The result of measuring an expected property.
+enum Finding {
     Measured {
         met: bool,
         found: String,
         place: String,
     },
-    /// There is nothing to measure.
+    /// There is nothing to measure. The text says why.
     Nothing(String),
 }
 
-impl Verdict {
+impl Finding {
     fn new(met: bool, found: impl Into<String>, place: impl Into<String>) -> Self {
         Self::Measured { met, found: found.into(), place: place.into() }
     }
@@ -277,8 +279,8 @@ fn percent(share: f64) -> String {
 }
 
 impl Expected {
-    /// What is expected in words, and what was found.
-    fn examine(&self, seen: &Seen) -> (String, Verdict) {
+    /// The expectation in words, and the finding.
+    fn examine(&self, seen: &Seen) -> (String, Finding) {
         match self {
             Self::Points { target, count, range_m } => {
                 let at = if *range_m == Bounds::default() {
@@ -333,8 +335,8 @@ impl Expected {
             Self::Speed { at_least } => {
                 let words = format!("at least {at_least} rays cast a second");
                 let verdict = match seen.rays_per_s {
-                    Some(speed) => Verdict::new(speed >= *at_least, format!("{speed:.0} rays a second"), ""),
-                    None => Verdict::Nothing("no speed was measured".to_owned()),
+                    Some(speed) => Finding::new(speed >= *at_least, format!("{speed:.0} rays a second"), ""),
+                    None => Finding::Nothing("no speed was measured".to_owned()),
                 };
                 (words, verdict)
             }
@@ -342,7 +344,7 @@ impl Expected {
     }
 }
 
-/// The returns of all frames that are on a target.
+/// The returns of all frames that lie on a target.
 fn on<'a>(seen: &'a Seen<'a>, target: &'a Target) -> impl Iterator<Item = Point<'a>> {
     seen.frames.iter().flat_map(move |frame| {
         let columns = frame.frame.columns();
@@ -356,9 +358,9 @@ fn on<'a>(seen: &'a Seen<'a>, target: &'a Target) -> impl Iterator<Item = Point<
     })
 }
 
-fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bounds) -> Verdict {
+fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bounds) -> Finding {
     if let Some(problem) = target.missing(seen.scene) {
-        return Verdict::Nothing(problem);
+        return Finding::Nothing(problem);
     }
     let mut by_sensor: BTreeMap<&str, (usize, f64, f64)> = BTreeMap::new();
     let (mut inside, mut outside) = (0, 0);
@@ -377,12 +379,12 @@ fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bounds) -> Ver
         .iter()
         .map(|(name, (n, near, far))| format!("sensor {name}: {n} at {} to {}", metres(*near), metres(*far)));
     let place = list(&place.collect::<Vec<_>>());
-    Verdict::new(count.hold(inside as f64), format!("{}{elsewhere}", counted(inside, "point")), place)
+    Finding::new(count.hold(inside as f64), format!("{}{elsewhere}", counted(inside, "point")), place)
 }
 
-fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m: f64) -> Verdict {
+fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m: f64) -> Finding {
     if let Some(problem) = target.missing(seen.scene) {
-        return Verdict::Nothing(problem);
+        return Finding::Nothing(problem);
     }
     let mut worst: Option<(f64, String)> = None;
     let (mut count, mut wrong) = (0, 0);
@@ -392,7 +394,7 @@ fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m
         let origin = world_from_sensor.point(pulse.origin);
         let direction = world_from_sensor.direction(pulse.direction);
         let ideal = (offset_m - normal.dot(origin)) / normal.dot(direction);
-        // A ray along the plane never meets it.
+        // A ray parallel to the plane never meets it.
         let error = if ideal.is_finite() { point.hit.range_m - ideal } else { f64::INFINITY };
         count += 1;
         wrong += usize::from(error.abs() > max_error_m);
@@ -401,26 +403,26 @@ fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m
         }
     }
     match worst {
-        None => Verdict::Nothing(format!("no points on {target}")),
+        None => Finding::Nothing(format!("no points on {target}")),
         Some((error, place)) => {
             let found = format!(
                 "{wrong} of {} are further off, the worst by {}",
                 counted(count, "point"),
                 metres(error)
             );
-            Verdict::new(wrong == 0, found, place)
+            Finding::new(wrong == 0, found, place)
         }
     }
 }
 
-/// Angle between unit vectors, good for small ones too.
+/// The angle between unit vectors. It is accurate for small angles too.
 fn angle_between(a: DVec3, b: DVec3) -> f64 {
     libm::atan2(a.cross(b).length(), a.dot(b))
 }
 
-fn resolution(seen: &Seen, target: &Target, horizontal: Option<Angle>, vertical: Option<Angle>) -> Verdict {
+fn resolution(seen: &Seen, target: &Target, horizontal: Option<Angle>, vertical: Option<Angle>) -> Finding {
     if let Some(problem) = target.missing(seen.scene) {
-        return Verdict::Nothing(problem);
+        return Finding::Nothing(problem);
     }
     let mut worst: [Option<(f64, String)>; 2] = [None, None];
     for point in on(seen, target) {
@@ -464,30 +466,30 @@ fn resolution(seen: &Seen, target: &Target, horizontal: Option<Angle>, vertical:
             }
         }
     }
-    Verdict::new(met, list(&found), list(&places))
+    Finding::new(met, list(&found), list(&places))
 }
 
 impl Ground {
-    /// Whether a point, in the body's frame, is on it.
+    /// Whether a point in the body's frame lies on the ground.
     fn has(&self, point: DVec3, hit: &Return, scene: &Scene) -> bool {
         (point.z - self.z_m).abs() <= self.tolerance_m && self.target.is_hit(hit, scene)
     }
 }
 
 impl Zone {
-    /// Cells along x and along y.
+    /// The number of cells along x and along y.
     pub fn cells(&self) -> (usize, usize) {
         let along = |[from, to]: [f64; 2]| ((to - from) / self.cell_m - 1e-9).ceil().max(1.0) as usize;
         (along(self.x_m), along(self.y_m))
     }
 
-    /// The middle of a cell.
+    /// The centre of a cell.
     fn middle(&self, x: usize, y: usize) -> (f64, f64) {
         let at = |from: f64, i: usize| from + (i as f64 + 0.5) * self.cell_m;
         (at(self.x_m[0], x), at(self.y_m[0], y))
     }
 
-    /// Returns from the ground in each cell: x within y.
+    /// The number of returns from the ground in each cell. Cells are listed row by row: x varies fastest.
     pub fn count(&self, seen: &Seen) -> Vec<u32> {
         let (nx, ny) = self.cells();
         let mut counts = vec![0_u32; nx * ny];
@@ -508,9 +510,9 @@ impl Zone {
     }
 }
 
-fn coverage(seen: &Seen, zone: &Zone, at_least: f64) -> Verdict {
+fn coverage(seen: &Seen, zone: &Zone, at_least: f64) -> Finding {
     if let Some(problem) = zone.ground.target.missing(seen.scene) {
-        return Verdict::Nothing(problem);
+        return Finding::Nothing(problem);
     }
     let counts = zone.count(seen);
     let (nx, _) = zone.cells();
@@ -526,12 +528,12 @@ fn coverage(seen: &Seen, zone: &Zone, at_least: f64) -> Verdict {
         let (x, y) = zone.middle(index % nx, index / nx);
         format!("the nearest cell unseen is at ({x:.2}, {y:.2}) m")
     });
-    Verdict::new(share >= at_least, format!("{} of {} cells", percent(share), counts.len()), place)
+    Finding::new(share >= at_least, format!("{} of {} cells", percent(share), counts.len()), place)
 }
 
-fn blind_zone(seen: &Seen, ground: &Ground, at_most_m: f64, (from, to): (i32, i32)) -> Verdict {
+fn blind_zone(seen: &Seen, ground: &Ground, at_most_m: f64, (from, to): (i32, i32)) -> Finding {
     if let Some(problem) = ground.target.missing(seen.scene) {
-        return Verdict::Nothing(problem);
+        return Finding::Nothing(problem);
     }
     let mut nearest = [f64::INFINITY; 360];
     let anything = Target::default();
@@ -545,7 +547,7 @@ fn blind_zone(seen: &Seen, ground: &Ground, at_most_m: f64, (from, to): (i32, i3
     }
     let looked_at = (from..to).map(|degree| (degree, nearest[degree.rem_euclid(360) as usize]));
     let worst = looked_at.clone().max_by(|a, b| a.1.total_cmp(&b.1));
-    let Some((degree, distance)) = worst else { return Verdict::Nothing("no azimuth to look at".to_owned()) };
+    let Some((degree, distance)) = worst else { return Finding::Nothing("no azimuth to look at".to_owned()) };
     let blind = looked_at.filter(|(_, distance)| *distance > at_most_m).count();
     let found = if distance.is_finite() {
         format!("the ground begins at {}", metres(distance))
@@ -554,10 +556,10 @@ fn blind_zone(seen: &Seen, ground: &Ground, at_most_m: f64, (from, to): (i32, i3
     };
     let others =
         if blind > 1 { format!(", and {} further degrees that are blind", blind - 1) } else { String::new() };
-    Verdict::new(distance <= at_most_m, found, format!("azimuth {degree}° to {}°{others}", degree + 1))
+    Finding::new(distance <= at_most_m, found, format!("azimuth {degree}° to {}°{others}", degree + 1))
 }
 
-/// The share of a sensor's rays that counts for something, 0 to 1.
+/// The fraction of a sensor's rays that satisfies a condition, 0 to 1.
 struct Share<'a> {
     share: f64,
     of: &'a SensorFrame<'a>,
@@ -569,7 +571,8 @@ impl Share<'_> {
     }
 }
 
-/// The shares of each sensor's rays must all be within the bounds: the one that is furthest off. `None` without a sensor.
+/// The fraction that is furthest outside of the bounds, over all sensors, since each must lie within them. `None` without a
+/// sensor.
 fn furthest_off<'a>(seen: &'a Seen, bounds: &Bounds, counts: &dyn Fn(&Return) -> bool) -> Option<Share<'a>> {
     let off = |share: f64| {
         let under = bounds.at_least.map_or(f64::NEG_INFINITY, |least| least - share);
@@ -583,25 +586,25 @@ fn furthest_off<'a>(seen: &'a Seen, bounds: &Bounds, counts: &dyn Fn(&Return) ->
     shares.max_by(|a, b| off(a.share).total_cmp(&off(b.share)))
 }
 
-fn returns(seen: &Seen, bounds: &Bounds) -> Verdict {
+fn returns(seen: &Seen, bounds: &Bounds) -> Finding {
     match furthest_off(seen, bounds, &|_| true) {
-        None => Verdict::Nothing("no sensor".to_owned()),
+        None => Finding::Nothing("no sensor".to_owned()),
         Some(worst) => {
             let found = format!("{} return", percent(worst.share));
-            Verdict::new(bounds.hold(worst.share), found, worst.place())
+            Finding::new(bounds.hold(worst.share), found, worst.place())
         }
     }
 }
 
-fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Verdict {
+fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Finding {
     if let Some(problem) = body.missing(seen.scene) {
-        return Verdict::Nothing(problem);
+        return Finding::Nothing(problem);
     }
     let bounds = Bounds { at_least: None, at_most: Some(at_most) };
     let Some(worst) = furthest_off(seen, &bounds, &|hit| body.is_hit(hit, seen.scene)) else {
-        return Verdict::Nothing("no sensor".to_owned());
+        return Finding::Nothing("no sensor".to_owned());
     };
-    // The directions in which the sensor that sees most of the body is obstructed.
+    // The intervals of azimuth and elevation in which the sensor that sees most of the body is obstructed.
     let mut spans = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     let only = Seen { frames: std::slice::from_ref(worst.of), ..*seen };
     for point in on(&only, body) {
@@ -622,16 +625,16 @@ fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Verdict {
         )
     };
     let found = format!("{} hit it", percent(worst.share));
-    Verdict::new(bounds.hold(worst.share), found, format!("{}{directions}", worst.place()))
+    Finding::new(bounds.hold(worst.share), found, format!("{}{directions}", worst.place()))
 }
 
-fn points_per_second(seen: &Seen, bounds: &Bounds) -> Verdict {
+fn points_per_second(seen: &Seen, bounds: &Bounds) -> Finding {
     let mut sum = 0.0;
     for frame in seen.frames {
         let Some(rate) = frame.capture.sensor.pattern.rate_hz() else {
-            return Verdict::Nothing(format!("sensor {} has no rate_hz", frame.name));
+            return Finding::Nothing(format!("sensor {} has no rate_hz", frame.name));
         };
         sum += frame.frame.return_count() as f64 * rate;
     }
-    Verdict::new(bounds.hold(sum), format!("{sum:.0} points a second"), "")
+    Finding::new(bounds.hold(sum), format!("{sum:.0} points a second"), "")
 }

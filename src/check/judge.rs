@@ -1,4 +1,4 @@
-//! A sensor's frame against its baseline.
+//! Judgement of a sensor's frame against its baseline.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -9,12 +9,12 @@ use super::compare::{AtLeast, ChannelDifference, ImageDifference, Tolerance, com
 use super::outcome::{Change, SensorOutcome};
 use super::phrasing::{self, Region, counted, digits, list, metres};
 
-/// What a job's `[check]` says.
+/// The settings in a job's `[check]`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settings {
-    /// The channels that are held to the baseline; all of them if absent.
+    /// The channels that are compared with the baseline. All channels are compared if absent.
     pub channels: Option<Vec<String>>,
-    /// How much a channel may differ; not at all if it is not here.
+    /// The tolerances by channel. A channel without an entry tolerates no difference.
     pub tolerances: BTreeMap<String, Tolerance>,
 }
 
@@ -23,84 +23,88 @@ impl Settings {
         self.channels.as_ref().is_none_or(|channels| channels.iter().any(|c| c == channel))
     }
 
-    /// How much a channel may differ.
+    /// The tolerance of a channel.
     pub fn tolerance(&self, channel: &str) -> Tolerance {
         self.tolerances.get(channel).copied().unwrap_or_default()
     }
 }
 
-/// Judges what was `taken` by what was accepted. `kept` reads the baseline's pixels, and is asked only if there is a
-/// difference; `accept` is the command that accepts the job as it is.
+/// Judges a snapshot by the accepted record. `read_pixels` reads the baseline's pixels, and is called only if there is a
+/// difference. `accept` is the command that accepts the job as it is.
 pub fn judge(
-    taken: &Snapshot,
+    current: &Snapshot,
     accepted: &SensorRecord,
-    kept: impl FnOnce() -> Result<StoredPixels, Box<dyn Error + Send + Sync>>,
+    read_pixels: impl FnOnce() -> Result<StoredPixels, Box<dyn Error + Send + Sync>>,
     settings: &Settings,
     changes: &Changes,
     accept: &str,
 ) -> SensorOutcome {
-    let now = &taken.record;
+    let now = &current.record;
     let (rows, columns) = (now.rows, now.columns);
     let mut outcome = SensorOutcome { name: now.name.clone(), rows, columns, ..SensorOutcome::default() };
-    let why = why(&now.name, changes);
+    let reason = reason(&now.name, changes);
     if (now.rows, now.columns) != (accepted.rows, accepted.columns) {
         let size = |r: &SensorRecord| format!("{} × {}", r.rows, r.columns);
-        outcome.differences.push(format!("{why}the image is {}, the baseline {}", size(now), size(accepted)));
+        outcome.differences.push(format!(
+            "{reason}the image is {}, the baseline {}",
+            size(now),
+            size(accepted)
+        ));
         return outcome;
     }
-    let held: Vec<&String> = now.channels.keys().filter(|c| settings.holds(c)).collect();
+    let checked: Vec<&String> = now.channels.keys().filter(|c| settings.holds(c)).collect();
     let differing: Vec<&String> =
-        held.iter().copied().filter(|&c| now.channels.get(c) != accepted.channels.get(c)).collect();
-    let gone: Vec<String> = accepted
+        checked.iter().copied().filter(|&c| now.channels.get(c) != accepted.channels.get(c)).collect();
+    let missing: Vec<String> = accepted
         .channels
         .keys()
         .filter(|c| settings.holds(c) && !now.channels.contains_key(*c))
         .cloned()
         .collect();
-    if !gone.is_empty() {
-        outcome.differences.push(format!("{why}the run has no {}, the baseline does", list(&gone)));
+    if !missing.is_empty() {
+        outcome.differences.push(format!("{reason}the run has no {}, the baseline does", list(&missing)));
     }
     if differing.is_empty() {
         return outcome;
     }
-    let kept = match kept() {
-        Ok(kept) => kept,
+    let stored = match read_pixels() {
+        Ok(stored) => stored,
         Err(problem) => {
             outcome
                 .differences
-                .push(format!("{why}{} differ from the baseline, {problem}", names(&differing)));
+                .push(format!("{reason}{} differ from the baseline, {problem}", names(&differing)));
             return outcome;
         }
     };
     let resolution = |channel: &str| accepted.kept.get(channel).copied().unwrap_or(0.0);
-    let difference = compare(&kept.image, &taken.image, &|c| settings.tolerance(c), &resolution);
-    let judgement = Judgement { taken, accepted, kept: &kept, settings, difference: &difference };
+    let difference = compare(&stored.image, &current.image, &|c| settings.tolerance(c), &resolution);
+    let judgement = Judgement { current, accepted, stored: &stored, settings, difference: &difference };
     for name in differing {
         let mut found = judgement.channel(name, accept, &mut outcome.differences);
         found.channel = name.clone();
         outcome.channels.push(found);
     }
     let sentences = judgement.sentences(&outcome.channels);
-    // The reason is told once.
+    // Only the first sentence names the reason.
     let own = format!("sensor {}: ", now.name);
-    let prefixes = std::iter::once(why).chain(std::iter::repeat(own));
+    let prefixes = std::iter::once(reason).chain(std::iter::repeat(own));
     outcome
         .differences
         .extend(prefixes.zip(sentences).map(|(prefix, sentence)| format!("{prefix}{sentence}")));
-    outcome.baseline = Some(kept.image);
+    outcome.baseline = Some(stored.image);
     outcome
 }
 
 struct Judgement<'a> {
-    taken: &'a Snapshot,
+    current: &'a Snapshot,
     accepted: &'a SensorRecord,
-    kept: &'a StoredPixels,
+    stored: &'a StoredPixels,
     settings: &'a Settings,
     difference: &'a ImageDifference,
 }
 
 impl Judgement<'_> {
-    /// What is known of a channel whose hash is another.
+    /// The difference of a channel whose hash differs, as far as it is known.
     fn channel(&self, name: &str, accept: &str, problems: &mut Vec<String>) -> ChannelDifference {
         let known = self.difference.channels.iter().find(|c| c.channel == name);
         let has_tolerance = self.settings.tolerances.contains_key(name);
@@ -113,7 +117,7 @@ impl Judgement<'_> {
                 ChannelDifference::default()
             }
             known => {
-                // Its hash says that it differs, however little.
+                // The hash shows that the channel differs, however little.
                 let mut found = known.cloned().unwrap_or_default();
                 found.within_tolerance = false;
                 found.differing = self.count(name, found.pixels.len(), found.resolution);
@@ -122,29 +126,29 @@ impl Judgement<'_> {
         }
     }
 
-    /// How many pixels of a channel differ at all.
+    /// The number of pixels of a channel that differ at all.
     fn count(&self, name: &str, seen: usize, resolution: f64) -> AtLeast {
         let region = self.region(name);
         if self.accepted.kept.contains_key(name) && resolution == 0.0 {
             return AtLeast { count: seen, exact: true };
         }
-        // In a single row the columns count the pixels, and the other way round.
+        // In a single row the differing columns are the differing pixels, and in a single column the rows are.
         let count = seen.max(region.rows.len()).max(region.columns.len());
         let exact = !region.columns.is_empty() && (region.rows.len() == 1 || region.columns.len() == 1);
         AtLeast { count, exact }
     }
 
-    /// The rows, and of the main depth the columns, whose hashes differ.
+    /// The rows whose hashes differ, and for the main depth the columns too.
     fn region(&self, name: &str) -> Region {
         let differ = |old: &[u32], new: &[u32]| -> Vec<usize> {
             (0..old.len().min(new.len())).filter(|&i| old[i] != new[i]).collect()
         };
-        let (old, new) = (&self.kept.hashes, self.taken.hashes());
+        let (old, new) = (&self.stored.hashes, self.current.hashes());
         let rows = match (old.rows.get(name), new.rows.get(name)) {
             (Some(old), Some(new)) => differ(old, new),
             _ => Vec::new(),
         };
-        let is_main = self.taken.image.main_depth().is_some_and(|(main, _)| main == name);
+        let is_main = self.current.image.main_depth().is_some_and(|(main, _)| main == name);
         let columns = if is_main { differ(&old.columns, &new.columns) } else { Vec::new() };
         Region { rows, columns }
     }
@@ -153,8 +157,8 @@ impl Judgement<'_> {
         let wrong: Vec<&ChannelDifference> =
             channels.iter().filter(|c| !c.within_tolerance && !c.channel.is_empty()).collect();
         let mut sentences = Vec::new();
-        let main = self.taken.image.main_depth().map_or("", |(name, _)| name);
-        // The range first: the rest follows from it more often than not.
+        let main = self.current.image.main_depth().map_or("", |(name, _)| name);
+        // The range comes first, because the other channels usually differ as a consequence.
         let mut in_order = wrong.clone();
         in_order.sort_by_key(|c| c.channel != main);
         for found in in_order {
@@ -165,7 +169,7 @@ impl Judgement<'_> {
                 _ => {}
             }
         }
-        // What follows from the range is told in short, and what differs alone at length.
+        // Consequences of a differing range are reported in short. Channels that differ on their own are reported in full.
         let quiet: Vec<&ChannelDifference> = wrong
             .iter()
             .copied()
@@ -240,45 +244,45 @@ impl Judgement<'_> {
             (false, false) => "",
         };
         let verb = if count == 1 { "differs" } else { "differ" };
-        format!("{least}{count} of {} {noun} {verb}{by}", self.taken.record.pixels())
+        format!("{least}{count} of {} {noun} {verb}{by}", self.current.record.pixels())
     }
 
-    /// Where, and on what.
+    /// The location of the differing pixels in the image, and the objects that they show.
     fn places(&self, found: &ChannelDifference) -> Vec<String> {
         let region = match self.settings.tolerances.contains_key(&found.channel) {
-            true => Region::of(&found.pixels, self.taken.record.columns),
+            true => Region::of(&found.pixels, self.current.record.columns),
             false => self.region(&found.channel),
         };
         let region = if region.columns.is_empty() && !found.pixels.is_empty() && found.resolution == 0.0 {
-            Region::of(&found.pixels, self.taken.record.columns)
+            Region::of(&found.pixels, self.current.record.columns)
         } else {
             region
         };
         let objects = phrasing::objects(
             &found.pixels,
             [
-                (self.accepted, self.kept.image.u32("id.instance")),
-                (&self.taken.record, self.taken.image.u32("id.instance")),
+                (self.accepted, self.stored.image.u32("id.instance")),
+                (&self.current.record, self.current.image.u32("id.instance")),
             ],
         );
         [region.words(self.size()), objects].into_iter().filter(|w| !w.is_empty()).collect()
     }
 
     fn size(&self) -> (usize, usize) {
-        (self.taken.record.rows, self.taken.record.columns)
+        (self.current.record.rows, self.current.record.columns)
     }
 
     fn pixel(&self, pixel: u32) -> String {
-        let columns = self.taken.record.columns;
+        let columns = self.current.record.columns;
         format!("row {}, column {}", pixel as usize / columns, pixel as usize % columns)
     }
 }
 
-/// How many changes are told as the reason.
+/// The most changes that are named as the reason.
 pub const MOST_REASONS: usize = 3;
 
-/// What probably made the difference, as the beginning of the sentence that tells it.
-fn why(sensor: &str, changes: &Changes) -> String {
+/// The probable reason of the difference, as the beginning of the sentence that reports it.
+fn reason(sensor: &str, changes: &Changes) -> String {
     let own = changes.of_sensor.get(sensor).map_or(&[][..], Vec::as_slice);
     let all: Vec<&Change> = own.iter().chain(&changes.of_job).collect();
     let prefix = format!("sensor {sensor}: ");

@@ -1,4 +1,4 @@
-//! Outcomes as JUnit XML, which CI servers read.
+//! Outcomes as JUnit XML, for CI servers.
 
 use std::io;
 
@@ -7,11 +7,11 @@ use quick_xml::events::{BytesDecl, BytesText, Event};
 
 use super::outcome::{Outcome, SensorOutcome, Verdict};
 
-/// The elements that JUnit has for a case that did not pass.
+/// The elements of JUnit for a case that did not pass.
 const FAILURE: &str = "failure";
 const ERROR: &str = "error";
 
-/// A test case: its name, and the element and sentences that say why it did not pass. Without sentences it passed.
+/// A test case: its name, and the element and the sentences that say why it did not pass. A case without sentences passed.
 struct Case {
     name: String,
     element: &'static str,
@@ -95,13 +95,13 @@ fn write_case(writer: &mut Writer<Vec<u8>>, job: &str, case: &Case) -> io::Resul
     Ok(())
 }
 
-/// How many cases did not pass in the way that `element` names.
+/// The number of cases that did not pass in the way that `element` names.
 fn count(cases: &[&Case], element: &str) -> String {
     cases.iter().filter(|case| case.element == element && !case.reasons.is_empty()).count().to_string()
 }
 
-/// The text with U+FFFD in place of each character that XML 1.0 has no way to write (its section 2.2, `Char`):
-/// names come from files, and one such character would make the whole report unreadable.
+/// The text with U+FFFD in place of each character that XML 1.0 cannot represent (its section 2.2, `Char`). Names come from
+/// files, and one such character would make the whole report unreadable.
 fn readable(text: &str) -> String {
     let allowed = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='\u{FFFD}' | '\u{10000}'..);
     text.chars().map(|c| if allowed(c) { c } else { char::REPLACEMENT_CHARACTER }).collect()

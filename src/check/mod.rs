@@ -1,15 +1,15 @@
-//! Regression of sensor configurations: frames against what they were, and against what they should be.
+//! Regression tests of sensor configurations: frames are compared with accepted frames and with expectations.
 //!
 //! ```text
-//! compare      two images, channel by channel: how many pixels differ, by how much, where
-//! pixels       a channel in few bytes
-//! baseline     what a job gave when it was accepted: hashes, and some of the pixels
-//! changes      what changed since: keys of the job, beams, the scene, the tool
-//! judge        a frame against its baseline, in words (phrasing)
-//! expect       what a rig should see, and whether it does
-//! cloud        clouds of any layout, by Chamfer's distance
-//! pictures     pictures of ground that is covered and of differences
-//! outcome      what came of a check, as plain data; report and junit write it for people, CI servers and scripts
+//! compare      two images, channel by channel: how many pixels differ, by how much, and where
+//! pixels       compact storage of a channel's pixels
+//! baseline     the result of an accepted job: hashes, and some of the pixels
+//! changes      the changes since then: keys of the job, beams, the scene, the tool
+//! judge        judgement of a frame against its baseline; phrasing puts it into words
+//! expect       expectations of what a rig should see, and their evaluation
+//! cloud        comparison of clouds of any layout, by the Chamfer distance
+//! pictures     pictures of the ground that is covered, and of differences
+//! outcome      the outcome of a check as plain data; report and junit write it for people, CI servers and scripts
 //! ```
 
 mod baseline;

@@ -1,24 +1,26 @@
-//! What came of a check, as plain data: what reports are written from.
+//! The outcome of a check as plain data, from which reports are written.
 
 use std::fmt;
 
 use super::compare::ChannelDifference;
 use crate::output::Image;
 
-/// What came of checking one job.
+/// The outcome of checking one job.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
-    /// The job's file as the user named it.
+    /// The path of the job's file as the user wrote it.
     pub job: String,
-    /// All in all.
+    /// The overall result.
     pub verdict: Verdict,
-    /// Sentences about the job as a whole: why it could not be run or compared, and the command that mends it.
+    /// Sentences about the job as a whole: the reason why it could not be run or compared, and the command that corrects
+    /// it.
     pub problems: Vec<String>,
-    /// What changed since the baseline was accepted, whether or not a difference followed from it.
+    /// The changes since the baseline was accepted, whether or not they led to a difference.
     pub changes: Vec<Change>,
-    /// One a sensor, in the job's order. Empty if the job could not be run, or has nothing to be compared with.
+    /// One outcome for each sensor, in the job's order. It is empty if the job could not be run, or if there is no
+    /// baseline.
     pub sensors: Vec<SensorOutcome>,
-    /// One an `[[expect]]`, in the job's order.
+    /// One outcome for each `[[expect]]`, in the job's order.
     pub expectations: Vec<ExpectationOutcome>,
 }
 
@@ -28,48 +30,48 @@ pub enum Verdict {
     /// Nothing differs beyond its tolerance, and every expectation is met.
     #[default]
     Passed,
-    /// What was found is the baseline from now on; every expectation is met.
+    /// The run is the new baseline, and every expectation is met.
     Accepted,
-    /// Something differs, is missing, or is not as expected.
+    /// A frame differs, a baseline is missing, or an expectation is not met.
     Failed,
-    /// The job could not be run: its files are wrong.
+    /// The job could not be run, because its files are wrong.
     Broken,
 }
 
-/// A sensor's frame against its baseline.
+/// The result of comparing a sensor's frame with its baseline.
 #[derive(Clone, Debug, Default)]
 pub struct SensorOutcome {
     /// The sensor's name.
     pub name: String,
-    /// Sentences on what differs, where and why; empty if nothing does beyond its tolerance.
+    /// Sentences that say what differs, where and why. It is empty if no channel differs beyond its tolerance.
     pub differences: Vec<String>,
-    /// The channels that were compared. Those that a baseline keeps as hashes only have no statistics.
+    /// The channels that were compared. Channels that the baseline keeps only as hashes have no statistics.
     pub channels: Vec<ChannelDifference>,
     /// Rows of the run's image.
     pub rows: usize,
     /// Columns of the run's image.
     pub columns: usize,
-    /// What the baseline keeps of its pixels: a part of the channels, rounded to [`ChannelDifference::resolution`]. Present
-    /// if a channel differs from the baseline at all and the images have the same size.
+    /// The pixels that the baseline keeps: some of the channels, rounded to [`ChannelDifference::resolution`]. They are
+    /// present if a channel differs from the baseline at all and the images have the same size.
     pub baseline: Option<Image>,
 }
 
-/// Something that is not as it was when the baseline was accepted.
+/// A change since the baseline was accepted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// The sensor that it is about; `None` if every sensor depends on it.
+    /// The sensor that the change concerns. `None` if every sensor depends on it.
     pub sensor: Option<String>,
-    /// The key, beam or file that changed: `range.max_m`, `beam (row 17) elevation`, `../scenes/street.glb`. If it says all
-    /// by itself, there is neither an old nor a new value.
+    /// The key, beam or file that changed: `range.max_m`, `beam (row 17) elevation`, `../scenes/street.glb`. If the text
+    /// says all by itself, there is neither an old nor a new value.
     pub what: String,
-    /// The value before; `None` if there was none.
+    /// The value before the change. `None` if there was none.
     pub old: Option<String>,
-    /// The value now; `None` if there is none.
+    /// The value after the change. `None` if there is none.
     pub new: Option<String>,
 }
 
 impl Change {
-    /// The key, beam or file with the sensor that it is about: `sensor roof: range.max_m`.
+    /// The key, beam or file with the sensor that it concerns: `sensor roof: range.max_m`.
     pub fn subject(&self) -> String {
         match &self.sensor {
             Some(sensor) => format!("sensor {sensor}: {}", self.what),
@@ -77,7 +79,7 @@ impl Change {
         }
     }
 
-    /// The change without the sensor that it is about: `range.max_m 150.0 → 120.0`.
+    /// The change without its sensor: `range.max_m 150.0 → 120.0`.
     pub fn words(&self) -> String {
         let Self { what, old, new, .. } = self;
         if old.is_none() && new.is_none() {
@@ -89,7 +91,7 @@ impl Change {
 }
 
 impl fmt::Display for Change {
-    /// `sensor roof: range.max_m 150.0 → 120.0`
+    /// Writes the change with its sensor: `sensor roof: range.max_m 150.0 → 120.0`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.sensor {
             Some(sensor) => write!(f, "sensor {sensor}: {}", self.words()),
@@ -98,17 +100,17 @@ impl fmt::Display for Change {
     }
 }
 
-/// What came of an `[[expect]]`.
+/// The outcome of an `[[expect]]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExpectationOutcome {
-    /// Its name in the job.
+    /// The expectation's name in the job.
     pub name: String,
-    /// Whether it is met.
+    /// Whether the expectation is met.
     pub met: bool,
-    /// What should be, in words: `at least 50 points on "crate_3"`.
+    /// The expectation in words: `at least 50 points on "crate_3"`.
     pub expected: String,
-    /// What was found: `31 points`.
+    /// The finding: `31 points`.
     pub found: String,
-    /// Where: the sensor, pixel, place or direction that decides. Empty where there is none.
+    /// The sensor, pixel, place or direction that decides. It is empty if there is none.
     pub place: String,
 }

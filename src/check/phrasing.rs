@@ -1,18 +1,18 @@
-//! Differences in a sensor engineer's words: how many, how much, where, on what.
+//! The wording of differences for sensor engineers: how many, how much, where, and on which objects.
 
 use super::baseline::SensorRecord;
 
-/// Which pixels differ, as far as it is known.
+/// The rows and columns of the pixels that differ, as far as they are known.
 #[derive(Clone, Debug, Default)]
 pub struct Region {
-    /// Rows with a difference, in order.
+    /// The rows with a difference, in order.
     pub rows: Vec<usize>,
-    /// Columns with a difference, in order; empty if not known.
+    /// The columns with a difference, in order. It is empty if they are not known.
     pub columns: Vec<usize>,
 }
 
 impl Region {
-    /// Of pixels by number.
+    /// The region of pixels that are given by number.
     pub fn of(pixels: &[u32], columns: usize) -> Self {
         let sorted = |numbers: Vec<usize>| {
             let mut numbers = numbers;
@@ -26,8 +26,8 @@ impl Region {
         }
     }
 
-    /// `all in row 17`, `all in rows 3 to 9, columns 100 to 140`. Empty if it is everywhere.
-    /// The image has so many rows and columns.
+    /// The region in words, for an image of so many rows and columns: `all in row 17`, `all in rows 3 to 9, columns 100 to
+    /// 140`. It is empty if the region covers nearly all of the image.
     pub fn words(&self, (rows, columns): (usize, usize)) -> String {
         let rows = run("row", &self.rows, rows);
         let columns = run("column", &self.columns, columns);
@@ -39,21 +39,21 @@ impl Region {
     }
 }
 
-/// `row 17`, `rows 3 and 5`, `rows 3 to 9`; `None` if they reach over nearly all.
+/// A run of numbers in words: `row 17`, `rows 3 and 5`, `rows 3 to 9`. `None` if they cover nearly all.
 fn run(noun: &str, numbers: &[usize], all: usize) -> Option<String> {
     let (first, last) = (*numbers.first()?, *numbers.last()?);
     match numbers {
         _ if all == 1 => None,
         [only] => Some(format!("{noun} {only}")),
         [a, b] => Some(format!("{noun}s {a} and {b}")),
-        // The box of the pixels says something if it is not the image.
+        // The bounding interval of the pixels is informative only if it is clearly smaller than the image.
         _ if (last - first + 1) * 4 <= all * 3 => Some(format!("{noun}s {first} to {last}")),
         _ => None,
     }
 }
 
-/// What the pixels show, if it is few things: `all on "crate_3"`, `93 % on "crate_3"`. A pixel shows what it shows in either
-/// image.
+/// The objects that the pixels show, if they are few: `all on "crate_3"`, `93 % on "crate_3"`. A pixel counts for the
+/// object that it shows in either image.
 pub fn objects<'a>(pixels: &[u32], images: [(&'a SensorRecord, Option<&'a [u32]>); 2]) -> String {
     const ENOUGH: f64 = 0.8;
     let mut counts: std::collections::BTreeMap<&str, usize> = std::collections::BTreeMap::new();
@@ -79,7 +79,7 @@ pub fn objects<'a>(pixels: &[u32], images: [(&'a SensorRecord, Option<&'a [u32]>
     }
 }
 
-/// Metres to the digits that matter: `1.2 m`, `3.4 mm`.
+/// A length in metres with its significant digits: `1.2 m`, `3.4 mm`.
 pub fn metres(value: f64) -> String {
     match value.abs() {
         0.0 => "0 m".to_owned(),
@@ -89,7 +89,7 @@ pub fn metres(value: f64) -> String {
     }
 }
 
-/// A number to three digits.
+/// A number rounded to three digits.
 pub fn digits(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
@@ -105,12 +105,12 @@ pub fn digits(value: f64) -> String {
     }
 }
 
-/// `1 return`, `3 returns`.
+/// A count with its noun: `1 return`, `3 returns`.
 pub fn counted(n: usize, noun: &str) -> String {
     format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }
 
-/// `a`, `a and b`, `a, b and c`.
+/// A list in words: `a`, `a and b`, `a, b and c`.
 pub fn list(words: &[String]) -> String {
     match words.split_last() {
         None => String::new(),

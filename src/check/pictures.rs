@@ -1,29 +1,29 @@
-//! Pictures: the ground that a rig covers, and where images differ.
+//! Pictures of the ground that a rig covers, and of the differences between images.
 
 use super::compare::ChannelDifference;
 use super::expect::{Seen, Zone};
 use crate::output::Image;
 
-/// A picture of 8 bits a colour.
+/// A picture with 8 bits for each colour channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
-    /// Pixels across.
+    /// The width in pixels.
     pub width: usize,
-    /// Pixels down.
+    /// The height in pixels.
     pub height: usize,
-    /// Red, green, blue; row by row.
+    /// The pixels as red, green and blue, row by row.
     pub pixels: Vec<u8>,
 }
 
 const UNSEEN: [u8; 3] = [0x14, 0x14, 0x18];
 const SENSOR: [u8; 3] = [0xff, 0x30, 0x60];
 
-/// The ground that a rig sees, from above, forward (+x) up: a cell the brighter the more returns it has (Viridis,
-/// logarithmic), dark where it is unseen, red where a sensor stands.
+/// The ground that a rig sees, from above, with forward (+x) up. A cell is brighter the more returns it has (Viridis,
+/// logarithmic), dark if it is unseen, and red where a sensor stands.
 pub fn coverage_map(seen: &Seen, zone: &Zone) -> Picture {
     let counts = zone.count(seen);
     let (nx, ny) = zone.cells();
-    // At least 400 pixels, so that a person sees something.
+    // The picture has at least 400 pixels on its longer side, so that a person recognises the cells.
     let scale = (400 / nx.max(ny)).max(1);
     let most = counts.iter().copied().max().unwrap_or(0).max(1);
     let (width, height) = (ny * scale, nx * scale);
@@ -58,8 +58,9 @@ const SAME: [u8; 3] = [0x40, 0x40, 0x48];
 const APPEARED: [u8; 3] = [0x30, 0xd0, 0x50];
 const VANISHED: [u8; 3] = [0x30, 0x80, 0xff];
 
-/// Where a channel differs between images of the same size: from dark red to white with the difference (Inferno,
-/// logarithmic over three decades below the greatest), green what appeared, blue what vanished, grey what is the same.
+/// The differences of a channel between images of the same size. The colour goes from dark red to white with the difference
+/// (Inferno, logarithmic over three decades below the greatest). Green pixels appeared, blue ones vanished, and grey ones
+/// are unchanged.
 pub fn heat_map(first: &Image, second: &Image, found: &ChannelDifference) -> Picture {
     let masks = [first.mask(), second.mask()];
     let (Some(a), Some(b)) = (first.channel(&found.channel), second.channel(&found.channel)) else {
@@ -82,7 +83,7 @@ pub fn heat_map(first: &Image, second: &Image, found: &ChannelDifference) -> Pic
         }
         _ => BOTH_MISS,
     };
-    // A LiDAR's image is a stripe: rows are repeated until it is a quarter as tall as wide.
+    // The image of a LiDAR is a narrow stripe, so its rows are repeated until it is a quarter as tall as wide.
     let repeat = (second.columns / (4 * second.rows)).clamp(1, 16);
     let mut pixels = Vec::with_capacity(3 * second.pixels() * repeat);
     for row in 0..second.rows {

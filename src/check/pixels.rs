@@ -1,26 +1,27 @@
-//! A channel's pixels in few bytes: quantised, predicted from their neighbours, deflated.
+//! Compact storage of a channel's pixels: they are quantised, predicted from their neighbours, and deflated.
 //!
-//! Ranges of a scene are smooth but at its edges, so that the difference from a prediction is small nearly always. The
-//! prediction is that of LOCO-I (Weinberger, Seroussi and Sapiro, 2000): of left + up − upper left, left and up, the
-//! median. Pixels without a return are left out; the mask says which they are.
+//! Ranges of a scene are smooth except at edges, so the difference from a prediction is nearly always small. The predictor
+//! is that of LOCO-I (Weinberger, Seroussi and Sapiro, 2000): the median of left, up, and left + up − upper left. Pixels
+//! without a return are left out, and the mask tells which these are.
 
 use miniz_oxide::deflate::compress_to_vec_zlib;
 use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 
 use crate::output::Samples;
 
-/// What stands for a high byte that is more than one; it follows at the end.
+/// The marker for a high part that does not fit into one byte. The full value follows at the end.
 const ESCAPE: u8 = 255;
 
-/// The hardest that deflate tries, short of the levels that only take longer.
+/// The strongest compression level of deflate, except for those that only take longer.
 const LEVEL: u8 = 9;
 
-/// Packs pixels into few bytes. Measurements are rounded to multiples of `step`, ids are kept as they are; what `mask` leaves
-/// out is not kept.
+/// Packs pixels into few bytes. Measurements are rounded to multiples of `step`, and ids are kept exactly. Pixels outside
+/// of `mask` are not kept.
 pub fn pack(samples: &Samples, mask: &[bool], columns: usize, step: f64) -> Vec<u8> {
     let values: Vec<i64> = (0..samples.len()).map(|i| quantise(samples, i, step)).collect();
     let is_id = matches!(samples, Samples::U32(_));
-    // The low bytes, the next ones, and what does not fit them: each alike, so that deflate finds it so.
+    // The low bytes, the next bytes and the values that need more are stored in separate lists, because deflate compresses
+    // similar values better.
     let (mut low, mut high, mut rest) = (Vec::new(), Vec::new(), Vec::new());
     for index in (0..values.len()).filter(|&i| mask[i]) {
         let code = zigzag(values[index].wrapping_sub(predict(&values, mask, columns, index, is_id)));
@@ -36,7 +37,7 @@ pub fn pack(samples: &Samples, mask: &[bool], columns: usize, step: f64) -> Vec<
     compress_to_vec_zlib(&[low, high, rest].concat(), LEVEL)
 }
 
-/// The pixels that [`pack`] packed; 0 where `mask` leaves them out. `None` if the bytes are not such.
+/// The pixels that [`pack`] packed. Pixels outside of `mask` are 0. `None` if the bytes were not written by [`pack`].
 pub fn unpack(packed: &[u8], mask: &[bool], columns: usize, step: f64, is_id: bool) -> Option<Samples> {
     let count = mask.iter().filter(|&&m| m).count();
     let stream = decompress_to_vec_zlib_with_limit(packed, count.checked_mul(10)?.max(1)).ok()?;
@@ -66,7 +67,7 @@ pub fn unpack(packed: &[u8], mask: &[bool], columns: usize, step: f64, is_id: bo
     })
 }
 
-/// Packs which pixels have a return.
+/// Packs the mask of the pixels that have a return.
 pub fn pack_mask(mask: &[bool]) -> Vec<u8> {
     let bytes = mask.chunks(8).map(|bits| bits.iter().rev().fold(0, |byte, &bit| byte << 1 | u8::from(bit)));
     compress_to_vec_zlib(&bytes.collect::<Vec<u8>>(), LEVEL)
@@ -81,13 +82,13 @@ pub fn unpack_mask(packed: &[u8], pixels: usize) -> Option<Vec<bool>> {
 
 fn quantise(samples: &Samples, index: usize, step: f64) -> i64 {
     match samples {
-        // A float beyond 64 bits saturates, and differs from whatever it is compared with.
+        // A float beyond 64 bits saturates, and so differs from any value that it is compared with.
         Samples::F32(values) => (f64::from(values[index]) / step).round() as i64,
         Samples::U32(values) => i64::from(values[index]),
     }
 }
 
-/// What a pixel probably is, from those before it.
+/// The prediction of a pixel from the pixels before it.
 fn predict(values: &[i64], mask: &[bool], columns: usize, index: usize, is_id: bool) -> i64 {
     let at = |is_inside: bool, back: usize| (is_inside && mask[index - back]).then(|| values[index - back]);
     let (not_first_row, not_first_column) = (index >= columns, !index.is_multiple_of(columns));
@@ -95,7 +96,7 @@ fn predict(values: &[i64], mask: &[bool], columns: usize, index: usize, is_id: b
     let up = at(not_first_row, columns);
     let corner = at(not_first_row && not_first_column, columns + 1);
     match (left, up, corner) {
-        // Ids are the same or anything.
+        // Neighbouring ids are either equal or unrelated.
         (Some(left), Some(up), Some(corner)) if is_id => {
             if corner == left {
                 up
@@ -113,7 +114,7 @@ fn predict(values: &[i64], mask: &[bool], columns: usize, index: usize, is_id: b
     }
 }
 
-/// Small numbers of either sign to small numbers: 0, −1, 1, −2, … to 0, 1, 2, 3, ….
+/// Maps small numbers of either sign to small non-negative numbers: 0, −1, 1, −2, … to 0, 1, 2, 3, ….
 fn zigzag(n: i64) -> u64 {
     ((n << 1) ^ (n >> 63)) as u64
 }

@@ -1,4 +1,4 @@
-//! Outcomes as people, CI servers and scripts want them.
+//! Reports of outcomes for people, CI servers and scripts.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use super::outcome::{ExpectationOutcome, Outcome, SensorOutcome, Verdict};
 use super::phrasing::counted;
 
 impl Verdict {
-    /// In a word.
+    /// The verdict in a word.
     pub fn word(self) -> &'static str {
         match self {
             Self::Passed => "passed",
@@ -20,14 +20,15 @@ impl Verdict {
         }
     }
 
-    /// Whether nothing is wrong.
+    /// Whether the verdict is a success.
     pub fn is_fine(self) -> bool {
         matches!(self, Self::Passed | Self::Accepted)
     }
 }
 
 impl ExpectationOutcome {
-    /// `the pedestrian is seen: expected at least 50 points on "pedestrian_1", found 31 points (sensor roof: …)`
+    /// The outcome as a sentence: `the pedestrian is seen: expected at least 50 points on "pedestrian_1", found 31 points
+    /// (sensor roof: …)`.
     pub fn sentence(&self) -> String {
         let place = if self.place.is_empty() { String::new() } else { format!(" ({})", self.place) };
         format!("{}: expected {}, found {}{place}", self.name, self.expected, self.found)
@@ -35,7 +36,7 @@ impl ExpectationOutcome {
 }
 
 impl Outcome {
-    /// Every sentence on what is wrong.
+    /// Every sentence that says what is wrong.
     pub fn failures(&self) -> Vec<String> {
         let differences = self.sensors.iter().flat_map(|sensor| &sensor.differences).cloned();
         let unmet = self.expectations.iter().filter(|e| !e.met).map(ExpectationOutcome::sentence);
@@ -43,7 +44,7 @@ impl Outcome {
     }
 }
 
-/// `5 jobs: 3 passed, 2 failed`
+/// The counts of the verdicts: `5 jobs: 3 passed, 2 failed`.
 pub fn summary(outcomes: &[Outcome]) -> String {
     let verdicts = [Verdict::Passed, Verdict::Accepted, Verdict::Failed, Verdict::Broken];
     let counts = verdicts.iter().filter_map(|verdict| {
@@ -54,7 +55,7 @@ pub fn summary(outcomes: &[Outcome]) -> String {
     format!("{}: {counts}", counted(outcomes.len(), "job"))
 }
 
-/// For a terminal: a line a job, with what is wrong and what changed below it.
+/// The report for a terminal: a line for each job, followed by its failures and changes.
 pub fn text(outcomes: &[Outcome]) -> String {
     let mut text = String::new();
     for outcome in outcomes {
@@ -67,7 +68,7 @@ pub fn text(outcomes: &[Outcome]) -> String {
         for failure in outcome.failures() {
             let _ = writeln!(text, "  {failure}");
         }
-        // A few were told with what followed from them.
+        // A few changes were already named with the differences that they caused.
         if outcome.changes.len() > MOST_REASONS || outcome.sensors.iter().all(|s| s.differences.is_empty()) {
             text.push_str(if outcome.changes.is_empty() {
                 ""
@@ -82,7 +83,7 @@ pub fn text(outcomes: &[Outcome]) -> String {
     text
 }
 
-/// For GitHub's job summary, and for comments.
+/// The report for GitHub's job summary and for comments, in Markdown.
 pub fn markdown(outcomes: &[Outcome]) -> String {
     let mut text = format!("### beamcast check: {}\n\n| job | |\n|---|---|\n", summary(outcomes));
     for outcome in outcomes {
@@ -104,7 +105,7 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
     text
 }
 
-/// Names are anything, and must not become markup.
+/// The text with Markdown's special characters escaped. Names can hold any character, and must not become markup.
 fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
@@ -120,7 +121,7 @@ fn escaped(text: &str) -> String {
     escaped
 }
 
-/// GitHub's workflow commands: an annotation a failure, at the job's file.
+/// The report as GitHub's workflow commands: an annotation for each failure, at the job's file.
 pub fn github(outcomes: &[Outcome]) -> String {
     let data = |text: &str| text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A");
     let property = |text: &str| data(text).replace(':', "%3A").replace(',', "%2C");
@@ -134,7 +135,7 @@ pub fn github(outcomes: &[Outcome]) -> String {
     text
 }
 
-/// For scripts.
+/// The report as JSON, for scripts.
 pub fn json(outcomes: &[Outcome]) -> Value {
     let jobs = outcomes.iter().map(|outcome| {
         let expectation = |e: &ExpectationOutcome| {
@@ -163,7 +164,7 @@ pub fn json(outcomes: &[Outcome]) -> Value {
     json!({ "passed": fine, "jobs": jobs.collect::<Vec<_>>() })
 }
 
-/// A channel's difference, in an image of so many columns.
+/// A channel's difference as JSON, for an image of so many columns.
 pub fn channel(found: &ChannelDifference, columns: usize) -> Value {
     let statistics = found.statistics.map(|s| {
         json!({
