@@ -1,7 +1,7 @@
-//! Casts rays from files against a scene, on command: the half of `benches/open3d/bench.py` that is measured.
+//! Casts rays from files against a scene on command. It is the part of `benches/open3d/bench.py` that is measured.
 //!
-//! `caster SCENE.glb [triangles]` builds, answers with a line of JSON, then reads commands from stdin, a line each, and
-//! answers each with a line of JSON:
+//! `caster SCENE.glb [triangles]` builds the tracer and answers with a line of JSON. Then it reads commands from stdin, one
+//! on each line, and answers each with a line of JSON:
 //!
 //! | command | does |
 //! |---|---|
@@ -10,8 +10,8 @@
 //! | `cast N` | casts them on N threads: wall seconds |
 //! | `hits FILE` | casts them once more and writes the depths (f64, infinite for a miss) and triangle ids (u32) |
 //!
-//! Hits are written in full (f64 depth, u, v, normal, ids), a work item at a time into memory that is used again, as a scan
-//! does.
+//! Hits are written in full (f64 depth, u, v, normal, ids), one work item at a time, into memory that is reused, as in a
+//! scan.
 
 use std::cell::RefCell;
 use std::io::BufRead;
@@ -24,10 +24,11 @@ use beamcast::trace::{Cast, Hit, Origins, Rays, Tracer};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Rays of a work item: tiles of 128, enough of them that sharing out costs nothing.
+/// The number of rays of a work item: enough packets of 128 rays that distributing the items costs nothing.
 const ITEM: usize = 128 * 16;
 
-/// Rays are cast again and again for so long: the scheduler accounts for CPU time by the tick, every few milliseconds.
+/// The least duration of a measurement, in seconds. Rays are cast again until then, because the scheduler accounts for CPU
+/// time only every few milliseconds.
 const LEAST_S: f64 = 0.2;
 
 fn main() {
@@ -63,7 +64,7 @@ fn main() {
 }
 
 thread_local! {
-    /// Where a thread's hits go, item by item.
+    /// The hits of a thread's current work item.
     static HITS: RefCell<Vec<Option<Hit>>> = const { RefCell::new(Vec::new()) };
 }
 
@@ -153,13 +154,13 @@ impl Caster {
     }
 }
 
-/// CPU seconds of this thread, from the scheduler's own account.
+/// The CPU seconds of this thread, as accounted by the scheduler.
 fn thread_time() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
     text.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9
 }
 
-/// Bytes of a line of /proc/self/status.
+/// The value in bytes of a line of /proc/self/status.
 fn status(key: &str) -> u64 {
     let text = std::fs::read_to_string("/proc/self/status").expect("Linux");
     let line = text.lines().find_map(|l| l.strip_prefix(key)).unwrap();

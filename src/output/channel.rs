@@ -1,4 +1,5 @@
-//! The channels of frames: one declaration each. A range image holds them, a baseline hashes them, and a page shows them.
+//! The channels of frames, with one declaration each. A range image holds them, a baseline hashes them, and a page shows
+//! them.
 
 use super::sensor_frame::SensorFrame;
 use crate::frame::BODY_FROM_OPTICAL;
@@ -6,67 +7,67 @@ use crate::scan::Returns;
 use crate::sensor::Sensor;
 use glam::DVec3;
 
-/// The range and depth (metres) of a pixel with no return. All its other channels are 0.
+/// The range and the depth of a pixel without a return, in metres. All other channels of such a pixel are 0.
 pub const NO_RETURN_M: f64 = f64::INFINITY;
 
-/// The declaration of a channel, which has one number a pixel.
+/// The declaration of a channel, which holds one number for each pixel.
 #[derive(Clone, Copy)]
 pub struct ChannelSpec {
-    /// Its name in files and reports, such as `id.instance`.
+    /// The name in files and reports, such as `id.instance`.
     pub name: &'static str,
-    /// The unit of its values, as messages write it; empty for numbers without one.
+    /// The unit of the values, as messages write it. It is empty for numbers without a unit.
     pub unit: &'static str,
-    /// What it holds, as a sentence.
+    /// A sentence about the content.
     pub about: &'static str,
-    /// Its value at a pixel with no return.
+    /// The value at a pixel without a return.
     pub no_return: f64,
-    /// The sensors that have it.
+    /// The sensors that have the channel.
     pub sensors: Sensors,
-    /// How its value follows from a return.
+    /// The rule by which a value follows from a return.
     pub values: Values,
-    /// How a page shows it; `None` if a page leaves it out.
+    /// The presentation on a page. `None` if pages leave the channel out.
     pub shown: Option<Shown>,
 }
 
-/// How a page shows a channel.
+/// The presentation of a channel on a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shown {
-    /// The channel's place among the others, the least first.
+    /// The rank among the channels of a page. The least comes first.
     pub rank: u8,
-    /// Its name for people.
+    /// The name that people read.
     pub label: &'static str,
-    /// From values to colours.
+    /// The scale from values to colours.
     pub scale: Scale,
 }
 
-/// From values to colours.
+/// A scale from values to colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// By the logarithm: distances.
+    /// A logarithmic scale, for distances.
     Log,
-    /// Evenly.
+    /// A linear scale.
     Linear,
     /// The channel is the first of three axes of a direction, whose names end in X, Y and Z.
     Direction,
-    /// A colour of its own for each number: ids.
+    /// A different colour for each number, for ids.
     Id,
 }
 
 /// The sensors that have a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sensors {
-    /// All of them.
+    /// All sensors.
     All,
-    /// Those with planar depth.
+    /// Sensors with planar depth.
     Cameras,
 }
 
-/// How a channel's value follows from a return, and its type in files. Each takes 4 bytes.
+/// The rule by which a channel's value follows from a return, with its type in files. Each value takes 4 bytes.
 #[derive(Clone, Copy)]
 pub enum Values {
-    /// Measurements, in the channel's unit, each rounded once from 64 bits to 32.
+    /// Measurements in the channel's unit. Each is rounded once from 64 bits to 32.
     F32(fn(&SensorFrame, Place) -> f64),
-    /// Ids.
+    /// Integer ids.
     U32(fn(&SensorFrame, Place) -> u32),
 }
 
@@ -79,10 +80,10 @@ pub struct Place {
     pub slot: usize,
 }
 
-/// Bytes of a channel's value.
+/// Bytes of one value of a channel.
 pub const BYTES_A_VALUE: u64 = 4;
 
-/// Every channel, sorted by name. [`DEPTH_FOR_OPENCV`] is not among them: it repeats one of them.
+/// Every channel, sorted by name. [`DEPTH_FOR_OPENCV`] is not among them, because it repeats one of them.
 pub static CHANNELS: [ChannelSpec; 10] = [
     ChannelSpec {
         name: "Z",
@@ -135,7 +136,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
     ChannelSpec {
         name: "normal.X",
         unit: "",
-        about: "The surface's unit normal towards the sensor, in the sensor's frame (a camera's: optical), along x.",
+        about: "The x of the surface's unit normal towards the sensor, in the sensor's (a camera's optical) frame.",
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::F32(|f, at| normal(f, at).x),
@@ -144,7 +145,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
     ChannelSpec {
         name: "normal.Y",
         unit: "",
-        about: "The same along y.",
+        about: "The y of the surface's unit normal.",
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::F32(|f, at| normal(f, at).y),
@@ -153,7 +154,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
     ChannelSpec {
         name: "normal.Z",
         unit: "",
-        about: "The same along z.",
+        about: "The z of the surface's unit normal.",
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::F32(|f, at| normal(f, at).z),
@@ -162,7 +163,7 @@ pub static CHANNELS: [ChannelSpec; 10] = [
     ChannelSpec {
         name: "range",
         unit: "m",
-        about: "The range along the ray, from where the sensor counts.",
+        about: "The range along the ray, from the point at which the sensor starts to count.",
         no_return: NO_RETURN_M,
         sensors: Sensors::All,
         values: Values::F32(|f, at| f.returns().range_m[at.slot]),
@@ -206,7 +207,7 @@ impl SensorFrame<'_> {
     }
 }
 
-/// A return's normal in the frame that the image speaks of. Axes are only swapped and negated: nothing is rounded.
+/// A return's normal in the frame to which the image refers. Axes are only swapped and negated, so nothing is rounded.
 fn normal(f: &SensorFrame, at: Place) -> DVec3 {
     let [x, y, z] = f.returns().normal[at.slot].map(f64::from);
     let normal = DVec3::new(x, y, z);
@@ -219,7 +220,7 @@ fn normal(f: &SensorFrame, at: Place) -> DVec3 {
 }
 
 impl ChannelSpec {
-    /// Whether a sensor has it.
+    /// Whether a sensor has the channel.
     pub fn is_of(&self, sensor: &Sensor) -> bool {
         match self.sensors {
             Sensors::All => true,
@@ -233,7 +234,7 @@ pub fn channel(name: &str) -> Option<&'static ChannelSpec> {
     CHANNELS.iter().find(|channel| channel.name == name)
 }
 
-/// The value of a channel at a pixel with no return.
+/// The value of a channel at a pixel without a return.
 pub fn no_return(name: &str) -> f64 {
     match name {
         DEPTH_FOR_OPENCV => NO_RETURN_M,
@@ -241,10 +242,11 @@ pub fn no_return(name: &str) -> f64 {
     }
 }
 
-/// The channels whose value says whether a pixel has a return. An image is asked for the first of them that it has.
+/// The channels whose values tell whether a pixel has a return. The first of them that an image has is its main depth.
 pub const DEPTHS: [&str; 3] = ["range", "Z", DEPTH_FOR_OPENCV];
 
-/// A channel of EXRs that repeats a camera's `Z`, and everyone else's `range`: OpenCV reads the image under this name alone.
+/// A channel of EXRs that repeats `Z` for a camera and `range` for every other sensor. OpenCV reads an image only under this
+/// name.
 pub const DEPTH_FOR_OPENCV: &str = "Y";
 
 /// The channel that [`DEPTH_FOR_OPENCV`] repeats.

@@ -1,4 +1,4 @@
-//! OpenEXR range images.
+//! Encoding of OpenEXR range images.
 
 use std::collections::HashMap;
 use std::io::Cursor;
@@ -22,14 +22,15 @@ use crate::sensor::{Pattern, Sensor};
 /// The value of the attribute `beamcast:no_return`.
 const NO_RETURN: &str = "+inf in range, Z and Y; 0 in all other channels";
 
-/// The range image with every channel, as 32-bit scanlines, ZIP in blocks of 16 lines. A frame with several returns a pixel
-/// has a part for each.
+/// A range image with every channel, as 32-bit scanlines, with ZIP compression in blocks of 16 lines. A frame with several
+/// returns a pixel has one part for each return number.
 pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "exr",
     about: "OpenEXR range images of all channels",
     check,
     encoding_bytes_a_ray: |sensor| {
-        // The channels, the compressed blocks and the file, were they to shrink by nothing.
+        // This counts the channels, the compressed blocks and the file, under the assumption that compression saves
+        // nothing.
         3 * file_bytes_a_ray(sensor)
     },
     file_bytes_a_ray,
@@ -60,7 +61,7 @@ fn encode(frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
         let attributes = LayerAttributes { layer_name: name, ..attributes(frame) };
         Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels(Image::of_return(frame, number)))
     };
-    // The parts of a file of several need names.
+    // The parts of a multi-part file need names.
     let parts = frame.frame.most_returns().max(1);
     let file = if parts == 1 {
         compress(&exr::image::Image::from_layer(layer(0, None)))
@@ -74,7 +75,7 @@ fn encode(frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
     Ok(file)
 }
 
-/// The blocks are compressed in the pool that casts, not in one of the library's own, so that `--threads` holds.
+/// Compresses the blocks in rayon's current thread pool, and not in a pool of the library, so that `--threads` holds.
 fn compress<'i, L: WritableLayers<'i>>(image: &'i exr::image::Image<L>) -> exr::error::Result<Vec<u8>> {
     let headers = image.layer_data.infer_headers(&image.attributes);
     let layers = image.layer_data.create_writer(&headers);
@@ -113,7 +114,7 @@ fn attributes(frame: &SensorFrame) -> LayerAttributes {
     let text = |value: &str| AttributeValue::Text(Text::from(value));
 
     set("beamcast:no_return", text(NO_RETURN));
-    // An attribute holds one byte a character.
+    // An attribute holds one byte for each character.
     set("beamcast:sensor", text(&frame.name.escape_default().to_string()));
     set("beamcast:world_from_sensor", text(&pose_as_toml(&frame.world_from_sensor())));
     let pattern = &frame.capture.sensor.pattern;
@@ -141,8 +142,8 @@ fn attributes(frame: &SensorFrame) -> LayerAttributes {
     LayerAttributes { other, ..LayerAttributes::default() }
 }
 
-/// Sorts the attributes of each part's header by name. The library keeps ours in a hash map, and so writes them in another
-/// order each time; any order is right, and a header's length stays the same.
+/// Sorts the attributes of each part's header by name. The library keeps our attributes in a hash map and so writes them in
+/// another order each time. Any order is valid, and the header's length stays the same.
 fn sort_attributes(file: &mut [u8], parts: usize) {
     const MAGIC_AND_VERSION: usize = 8;
     const END: usize = 1;
@@ -155,7 +156,7 @@ fn sort_attributes(file: &mut [u8], parts: usize) {
             attributes.push(attribute);
             rest = after;
         }
-        // Names end in 0, so that comparing whole attributes compares names.
+        // Names end in 0, so comparing whole attributes compares their names.
         attributes.sort_unstable();
         let sorted = attributes.concat();
         file[start..start + sorted.len()].copy_from_slice(&sorted);
@@ -163,7 +164,8 @@ fn sort_attributes(file: &mut [u8], parts: usize) {
     }
 }
 
-/// Bytes of the attribute that `header` begins with: name, 0, type, 0, length (32 bits), value. `None` at the header's end.
+/// The number of bytes of the attribute with which `header` begins: name, 0, type, 0, length (32 bits), value. `None` at
+/// the end of the header.
 fn attribute_length(header: &[u8]) -> Option<usize> {
     let name = header.iter().position(|&b| b == 0).filter(|&length| length > 0)?;
     let kind = header[name + 1..].iter().position(|&b| b == 0)?;
@@ -177,7 +179,7 @@ fn attribute_length(header: &[u8]) -> Option<usize> {
 mod tests {
     use super::*;
 
-    /// An attribute of type `int`.
+    /// An attribute of type `int`, as bytes.
     fn attribute(name: &str, value: i32) -> Vec<u8> {
         [name.as_bytes(), b"\0int\0", &4_u32.to_le_bytes(), &value.to_le_bytes()].concat()
     }
@@ -192,7 +194,7 @@ mod tests {
         let mut file = parts([&b, &ab, &a]);
         sort_attributes(&mut file, 1);
         assert_eq!(file, parts([&a, &ab, &b]));
-        // A second part's header follows the first's.
+        // The header of the second part follows the header of the first.
         let two = |[a, b]: [&[u8]; 2], [c, d]: [&[u8]; 2]| {
             [b"magic+vs".as_slice(), a, b, b"\0", c, d, b"\0\0 pixels"].concat()
         };

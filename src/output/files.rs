@@ -1,4 +1,4 @@
-//! Output files that are whole or not there.
+//! Output files that are either complete or absent.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use crate::error::Error;
 
-/// The folder that a run writes into, and the files that it will write there.
+/// The output folder of a run, and the files that the run will write there.
 ///
-/// A file has its final name only when it is whole: it is written under a temporary name in the same folder, flushed to
-/// the disk and renamed. The temporary file is removed when anything fails.
+/// A file gets its final name only when it is complete: it is written under a temporary name in the same folder, flushed to
+/// the disk and renamed. The temporary file is removed if anything fails.
 #[derive(Clone, Debug)]
 pub struct Destination {
     folder: PathBuf,
@@ -20,15 +20,15 @@ pub struct Destination {
 /// An output file, as the manifest lists it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WrittenFile {
-    /// Its path in the folder, with forward slashes.
+    /// The path in the folder, with forward slashes.
     pub path: String,
-    /// Its length in bytes.
+    /// The length in bytes.
     pub bytes: u64,
-    /// BLAKE3 of its content, in hexadecimal.
+    /// The BLAKE3 hash of the content, in hexadecimal.
     pub blake3: String,
 }
 
-/// An output file that grows. It is absent under its name until it is finished, and is removed if it never is.
+/// An output file that grows. It has no name until it is finished, and it is removed if it never is.
 #[derive(Debug)]
 pub struct GrowingFile {
     name: String,
@@ -57,11 +57,11 @@ impl GrowingFile {
         &self.path
     }
 
-    /// Flushes the file to the disk and gives it its name.
+    /// Flushes the file to the disk and gives it its final name.
     ///
     /// # Errors
-    /// [`Error::Output`] about the file, such as when the disk is full. Nothing is left of it then; an older file of that
-    /// name is still there.
+    /// [`Error::Output`] about the file, such as when the disk is full. The temporary file is removed then, and an older
+    /// file of the same name is kept.
     pub fn finish(self) -> Result<WrittenFile, Error> {
         let Self { name, path, file, hasher, bytes } = self;
         let persist = || {
@@ -76,11 +76,11 @@ impl GrowingFile {
 }
 
 impl Destination {
-    /// A destination for `names`, which are paths relative to `folder` with forward slashes. Looks, and leaves nothing
-    /// behind: that the folders can be made and written to, and that the files aren't there yet (or may be replaced).
+    /// A destination for `names`, which are paths relative to `folder` with forward slashes. It checks that the folders can
+    /// be made and written to, and that the files do not exist yet or may be replaced. The check leaves nothing behind.
     ///
     /// # Errors
-    /// [`Error::Output`] about the first folder or file in the way.
+    /// [`Error::Output`] about the first folder or file that is in the way.
     pub fn check(folder: &Path, names: Vec<String>, overwrite: bool) -> Result<Self, Error> {
         let destination = Self { folder: folder.to_path_buf(), names };
         for folder in destination.folders() {
@@ -104,12 +104,12 @@ impl Destination {
         Ok(destination)
     }
 
-    /// The files that will be written, in that order.
+    /// The files that will be written, in the order of their names in [`Destination::check`].
     pub fn paths(&self) -> impl Iterator<Item = PathBuf> + '_ {
         self.names.iter().map(|name| self.folder.join(name))
     }
 
-    /// Makes the folders, and removes an old `manifest`: it would lie as soon as the first file is replaced.
+    /// Makes the folders, and removes an old `manifest`, which would be wrong as soon as the first file is replaced.
     ///
     /// # Errors
     /// [`Error::Output`] about the folder or the manifest.
@@ -125,11 +125,11 @@ impl Destination {
         }
     }
 
-    /// Writes the file `name`, whole or not at all.
+    /// Writes the file `name`, completely or not at all.
     ///
     /// # Errors
-    /// [`Error::Output`] about the file, such as when the disk is full. Nothing is left of it then; an older file of that
-    /// name is still there.
+    /// [`Error::Output`] about the file, such as when the disk is full. The temporary file is removed then, and an older
+    /// file of the same name is kept.
     pub fn write(&self, name: &str, content: &[u8]) -> Result<WrittenFile, Error> {
         let path = self.folder.join(name);
         write_whole(&path, content).map_err(|e| in_the_way(&path, e))?;
@@ -140,7 +140,7 @@ impl Destination {
         })
     }
 
-    /// Opens the file `name`, to be written piece by piece. It takes its name when it is finished.
+    /// Opens the file `name`, to be written piece by piece. It gets its name when it is finished.
     ///
     /// # Errors
     /// [`Error::Output`] about the file.
@@ -152,17 +152,18 @@ impl Destination {
         Ok(GrowingFile { name: name.to_owned(), path, file, hasher, bytes: 0 })
     }
 
-    /// The folder itself, then those of its files.
+    /// The folder itself and the folders of its files.
     fn folders(&self) -> BTreeSet<PathBuf> {
         let of_files = self.paths().filter_map(|path| path.parent().map(Path::to_path_buf));
         of_files.chain([self.folder.clone()]).collect()
     }
 }
 
-/// Writes a file that belongs to no run, such as a report: whole or not at all. Makes its folder if need be.
+/// Writes a file that belongs to no run, such as a report, completely or not at all. It makes the file's folder if
+/// necessary.
 ///
 /// # Errors
-/// [`Error::Output`] about the file. An older file of that name is still there then.
+/// [`Error::Output`] about the file. An older file of the same name is kept then.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Error> {
     let folder = path.parent().unwrap_or(Path::new(""));
     fs::create_dir_all(here_if_empty(folder)).map_err(|e| in_the_way(folder, e))?;
@@ -177,7 +178,7 @@ fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether `folder`, or what there is of it, is a folder that can be written to.
+/// Checks that `folder`, or its nearest existing ancestor, is a folder that can be written to.
 fn check_folder(folder: &Path) -> Result<(), Error> {
     for ancestor in folder.ancestors() {
         match fs::metadata(here_if_empty(ancestor)) {
@@ -186,7 +187,7 @@ fn check_folder(folder: &Path) -> Result<(), Error> {
             }
             Ok(_) => return temporary_in(ancestor).map(drop).map_err(|e| in_the_way(ancestor, e)),
             Err(e) if e.kind() == io::ErrorKind::NotFound => {}
-            // What is wrong is said of the ancestor that it is wrong with.
+            // The loop goes on to the ancestor that is no folder, and the error names that one.
             Err(e) if e.kind() == io::ErrorKind::NotADirectory => {}
             Err(e) => return Err(in_the_way(ancestor, e)),
         }
@@ -194,25 +195,26 @@ fn check_folder(folder: &Path) -> Result<(), Error> {
     Err(Error::output(folder, "does not exist, and neither does any folder above it"))
 }
 
-/// An empty file that removes itself unless it is given its final name.
+/// An empty file that removes itself unless it gets its final name.
 fn temporary_in(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".beamcast-").suffix(".tmp");
     #[cfg(unix)]
     {
-        // A temporary file is its owner's alone by default; this one becomes an output, which is as the umask says.
+        // By default a temporary file is readable by its owner only. This one becomes an output, whose permissions follow
+        // the umask.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     builder.tempfile_in(here_if_empty(folder))
 }
 
-/// The empty path is what is left of a relative path that has no more folders.
+/// The current folder for an empty path, which is the parent of a relative path with one component.
 fn here_if_empty(path: &Path) -> &Path {
     if path.as_os_str().is_empty() { Path::new(".") } else { path }
 }
 
-/// Why a file can't be written, in plain words over the operating system's own.
+/// The reason why a file cannot be written, in plain words, with the operating system's error as its source.
 #[derive(Debug, thiserror::Error)]
 #[error("{words}")]
 struct Unwritable {
@@ -248,7 +250,7 @@ mod tests {
         Destination::check(folder, names(), overwrite)
     }
 
-    /// Every file under `folder`, with forward slashes, sorted.
+    /// The paths of all files under `folder`, with forward slashes, sorted.
     fn files_under(folder: &Path) -> Vec<String> {
         let mut found = Vec::new();
         for entry in fs::read_dir(folder).unwrap() {
@@ -295,7 +297,7 @@ mod tests {
         assert!(!tmp.path().join("top/000000.exr").exists());
         let written = growing.finish().unwrap();
         assert_eq!(written, destination.write("top/000000.exr", b"pixels").unwrap());
-        // One that is given up leaves nothing.
+        // A file that is dropped before it is finished leaves nothing behind.
         destination.open(MANIFEST).unwrap().write_all(b"{").unwrap();
         assert_eq!(files_under(tmp.path()), ["top/000000.exr"]);
     }
@@ -349,7 +351,7 @@ mod tests {
             let message = check(&tmp.path().join(folder), true).unwrap_err().to_string();
             assert!(message.ends_with("out: is a file, where a folder is needed"), "{message}");
         }
-        // Instead of the sensor's folder, and instead of an output.
+        // A folder stands in place of an output file, and a file in place of the sensor's folder.
         fs::create_dir(tmp.path().join("run")).unwrap();
         fs::write(tmp.path().join("run/top"), b"").unwrap();
         let message = check(&tmp.path().join("run"), true).unwrap_err().to_string();
@@ -364,13 +366,13 @@ mod tests {
         let tmp = tempfile::tempdir().unwrap();
         let destination = check(tmp.path(), false).unwrap();
         destination.prepare(MANIFEST).unwrap();
-        // A folder takes the file's name after the check: the last step, the renaming, fails.
+        // A folder takes the file's name after the check, so the last step, the renaming, fails.
         fs::create_dir(tmp.path().join("top/000000.exr")).unwrap();
         let error = destination.write("top/000000.exr", b"pixels").unwrap_err();
         assert_eq!(error.exit_code(), 4);
         assert!(error.to_string().contains("000000.exr: can't be"), "{error}");
         assert_eq!(files_under(tmp.path()), [""; 0]);
-        // The folder goes away: the first step fails.
+        // The folder is removed, so the first step fails.
         fs::remove_dir_all(tmp.path().join("top")).unwrap();
         destination.write("top/000000.exr", b"pixels").unwrap_err();
         assert_eq!(files_under(tmp.path()), [""; 0]);

@@ -5,49 +5,50 @@ use std::io::{self, Write};
 use super::sensor_frame::SensorFrame;
 use crate::sensor::Sensor;
 
-/// The declaration of a format: all that the rest of the program knows of it.
+/// The declaration of a format. The rest of the program knows nothing else about the format.
 pub struct FormatSpec {
-    /// What a job calls the format; also the file name's extension.
+    /// The name in a job, which is also the extension of the files.
     pub name: &'static str,
-    /// What its files hold, in a few words for lists.
+    /// The content of the files, in a few words for lists.
     pub about: &'static str,
-    /// Whether the frames of a sensor fit the format at all. The error says which number of the sensor the format has no
-    /// room for.
+    /// Checks that the frames of a sensor fit the format at all. The error names the number of the sensor that the format
+    /// cannot represent.
     pub check: fn(&Sensor) -> Result<(), EncodeError>,
-    /// The memory that encoding takes for each ray of a sensor, at most, in bytes.
+    /// The greatest memory that encoding takes for each ray of a sensor, in bytes.
     pub encoding_bytes_a_ray: fn(&Sensor) -> u64,
-    /// How large the file is for each ray that returns, before any compression, in bytes.
+    /// The size of the file for each ray that returns, before any compression, in bytes.
     pub file_bytes_a_ray: fn(&Sensor) -> u64,
-    /// How frames become files.
+    /// The way in which frames become files.
     pub kind: Kind,
 }
 
-/// How frames become files. The same frames give the same bytes, on any number of threads and any platform.
+/// The way in which frames become files. The same frames give the same bytes, on any number of threads and any platform.
 pub enum Kind {
-    /// A file a frame: the whole file's content.
+    /// One file for each frame. The function returns the content of the whole file.
     ///
-    /// The error says which number of the frame the format has no room for, such as a label above 2³¹ − 1 in a PLY.
+    /// The error names the number of the frame that the format cannot represent, such as a label above 2³¹ − 1 in a PLY.
     File(fn(&SensorFrame) -> Result<Vec<u8>, EncodeError>),
-    /// A file a run, into which all frames of all sensors go in their order: bags, and clouds of a whole drive.
+    /// One file for each run, to which all frames of all sensors are added in order, as in bags and in clouds of a whole
+    /// drive.
     Stream(fn() -> Box<dyn Stream>),
 }
 
-/// A file that grows frame by frame. What it has written so far is not looked at before [`Stream::finish`].
+/// A file that grows frame by frame. The written part is not used before [`Stream::finish`].
 pub trait Stream: Send {
     /// Adds a frame.
     ///
     /// # Errors
-    /// When the frame has a number that the format has no room for, or the file takes no more.
+    /// An error if the frame has a number that the format cannot represent, or if the file cannot be written.
     fn add(&mut self, frame: &SensorFrame, file: &mut dyn Write) -> Result<(), EncodeError>;
 
-    /// Writes what comes after the last frame.
+    /// Writes the part of the file that follows the last frame.
     ///
     /// # Errors
-    /// When the file takes no more.
+    /// An error if the file cannot be written.
     fn finish(&mut self, file: &mut dyn Write) -> Result<(), EncodeError>;
 }
 
-/// Why a frame can't be had in a format.
+/// The reason why a frame cannot be encoded in a format.
 #[derive(Debug, thiserror::Error)]
 #[error("{problem}")]
 pub struct EncodeError {
@@ -56,7 +57,7 @@ pub struct EncodeError {
 }
 
 impl EncodeError {
-    /// An error that says which number there is no room for, and what would fit.
+    /// An error that says which number the format cannot represent, and which would fit.
     pub fn new(problem: impl Into<String>) -> Self {
         Self { problem: problem.into(), source: None }
     }

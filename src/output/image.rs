@@ -1,45 +1,46 @@
-//! A frame as named channels: what a range image holds, whether it was just cast or is read back.
+//! Range images: frames as named channels, whether they were just cast or read from a file.
 
 use super::channel::{CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, Place, Values, repeated_for_opencv};
 use super::sensor_frame::SensorFrame;
 
-/// A range image: channels of the same size. [`CHANNELS`] says what each means.
+/// A range image, which has channels of equal size. [`CHANNELS`] declares the meaning of each channel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
-    /// Rows: a LiDAR's beams, the highest first; a camera's height.
+    /// The number of rows: the beams of a LiDAR, highest first, or the height of a camera's image.
     pub rows: usize,
-    /// Columns: a LiDAR's firings in their order; a camera's width.
+    /// The number of columns: the firings of a LiDAR in their order, or the width of a camera's image.
     pub columns: usize,
-    /// Sorted by name, each name once.
+    /// The channels, sorted by name. Each name occurs once.
     pub channels: Vec<Channel>,
 }
 
-/// One number a pixel.
+/// A channel, which holds one number for each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Such as `range` or `id.instance`.
+    /// The name, such as `range` or `id.instance`.
     pub name: String,
-    /// Row by row, `rows × columns` long.
+    /// The samples row by row, `rows × columns` long.
     pub samples: Samples,
 }
 
 /// The numbers of a channel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
-    /// Measurements, in the channel's unit.
+    /// Measurements in the channel's unit.
     F32(Vec<f32>),
-    /// Ids.
+    /// Integer ids.
     U32(Vec<u32>),
 }
 
 impl Image {
-    /// The channels of each pixel's first return. `Y` repeats the main depth (a camera's `Z`, a LiDAR's `range`), because
-    /// that is the name that OpenCV reads.
+    /// The channels of each pixel's first return. `Y` repeats the main depth (`Z` for a camera, `range` for a LiDAR),
+    /// because OpenCV reads that name.
     pub fn of(frame: &SensorFrame) -> Self {
         Self::of_return(frame, 0)
     }
 
-    /// The channels of each pixel's return number `number`, from 0. A pixel with fewer returns is as one without any.
+    /// The channels of each pixel's return number `number`, from 0. A pixel with fewer returns is encoded as a pixel
+    /// without a return.
     pub fn of_return(frame: &SensorFrame, number: usize) -> Self {
         let mut image = Self::with_channels(frame, number, &CHANNELS);
         if let Some(depth) = image.channel(repeated_for_opencv(frame.capture.sensor)).cloned() {
@@ -49,7 +50,7 @@ impl Image {
         image
     }
 
-    /// Those of `channels`, which are sorted by name, that the frame's sensor has.
+    /// The image of those `channels` that the frame's sensor has. They must be sorted by name.
     pub fn with_channels(frame: &SensorFrame, number: usize, channels: &[ChannelSpec]) -> Self {
         let pixels = 0..frame.frame.pixels();
         let place = |pixel| frame.frame.slot(pixel, number).map(|slot| Place { pixel, slot });
@@ -75,7 +76,7 @@ impl Image {
         Some(&self.channels[index].samples)
     }
 
-    /// A channel of measurements.
+    /// The samples of a channel of measurements.
     pub fn f32(&self, name: &str) -> Option<&[f32]> {
         match self.channel(name)? {
             Samples::F32(values) => Some(values),
@@ -83,7 +84,7 @@ impl Image {
         }
     }
 
-    /// A channel of ids.
+    /// The samples of a channel of ids.
     pub fn u32(&self, name: &str) -> Option<&[u32]> {
         match self.channel(name)? {
             Samples::U32(values) => Some(values),
@@ -91,7 +92,7 @@ impl Image {
         }
     }
 
-    /// The same without a channel that repeats another.
+    /// The image without a channel that repeats another one.
     #[must_use]
     pub fn without_repeats(mut self) -> Self {
         let repeats = DEPTHS.iter().any(|name| *name != DEPTH_FOR_OPENCV && self.channel(name).is_some());
@@ -99,12 +100,12 @@ impl Image {
         self
     }
 
-    /// The channel that says which pixels have a return, by its name: the first of [`DEPTHS`] that there is.
+    /// The channel that tells which pixels have a return, with its name. It is the first of [`DEPTHS`] that the image has.
     pub fn main_depth(&self) -> Option<(&'static str, &[f32])> {
         DEPTHS.into_iter().find_map(|name| Some((name, self.f32(name)?)))
     }
 
-    /// Which pixels have a return; all of them in an image that has no depth.
+    /// The mask of the pixels that have a return. In an image without depth it holds all pixels.
     pub fn mask(&self) -> Vec<bool> {
         match self.main_depth() {
             Some((_, depth)) => depth.iter().map(|d| d.is_finite()).collect(),
@@ -112,14 +113,14 @@ impl Image {
         }
     }
 
-    /// Pixels, with a return or without.
+    /// The number of pixels, with or without a return.
     pub fn pixels(&self) -> usize {
         self.rows * self.columns
     }
 }
 
 impl Samples {
-    /// How many there are.
+    /// The number of samples.
     pub fn len(&self) -> usize {
         match self {
             Self::F32(values) => values.len(),
@@ -127,12 +128,12 @@ impl Samples {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no samples.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// One of them; exact.
+    /// The sample with this index. The conversion is exact.
     pub fn get(&self, index: usize) -> f64 {
         match self {
             Self::F32(values) => f64::from(values[index]),

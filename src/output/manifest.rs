@@ -1,20 +1,20 @@
-//! The record of a run: what went in, what came out.
+//! The record of a run: its inputs and its outputs.
 
 use serde_json::{Value, json};
 
 use super::files::WrittenFile;
 use crate::scene::{Scene, SourceFile};
 
-/// What `manifest.json` says. It is written last, so that a folder with a manifest is complete.
+/// The content of `manifest.json`. It is written last, so that a folder with a manifest is complete.
 #[derive(Clone, Copy, Debug)]
 pub struct Manifest<'a> {
     /// The job with its sensors' files merged in.
     pub job: &'a Value,
-    /// Seed of everything random.
+    /// The seed of all random numbers.
     pub seed: u64,
-    /// The job's and the sensors' files.
+    /// The files of the job and of its sensors.
     pub inputs: &'a [SourceFile],
-    /// What was scanned; its files are inputs too.
+    /// The scene that was scanned. Its files are inputs too.
     pub scene: &'a Scene,
     /// The files that were written.
     pub outputs: &'a [WrittenFile],
@@ -24,7 +24,8 @@ impl Manifest<'_> {
     /// The file's name in the output folder.
     pub const NAME: &'static str = "manifest.json";
 
-    /// The file's content: JSON, the keys in a fixed order. Paths are as the user wrote them or relative to the manifest.
+    /// The content of the file as JSON, with the keys in a fixed order. Paths are as the user wrote them or relative to the
+    /// manifest.
     pub fn encode(&self) -> Vec<u8> {
         let file = |f: &SourceFile| json!({ "name": f.name, "bytes": f.bytes, "blake3": f.blake3 });
         let inputs: Vec<_> = self.inputs.iter().chain(&self.scene.geometry.files).map(file).collect();
@@ -45,8 +46,8 @@ impl Manifest<'_> {
     }
 }
 
-/// Ids in the outputs are indices into these lists. A label is the job's word for the instance, else the job's for the
-/// material, else the file's for the instance, else 0.
+/// The lists into which the ids of the outputs are indices. The label of a triangle is the first that exists of: the job's
+/// label for the instance, the job's label for the material, the scene file's label for the instance, and 0.
 fn scene(scene: &Scene) -> Value {
     let instances: Vec<_> = scene
         .geometry

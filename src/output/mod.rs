@@ -1,16 +1,16 @@
-//! Frames to files and back: the channels, the formats, and the folder that a run writes. [`recorded`] reads files again.
+//! Encoding of frames to files: the channels, the formats, and the folder that a run writes. [`recorded`] reads the files.
 //!
-//! The declaration of a channel says how a pixel without a return is encoded. Nothing else does.
+//! The declaration of a channel defines how a pixel without a return is encoded. No other place does.
 //!
 //! ```text
-//! sensor_frame   a sensor's frame with all that a writer needs to know about it
-//! channel        the channels, one declaration each
-//! image          a frame as channels, whether it was just cast or is read back
-//! format         what a format declares; registry: all of them
-//! exr ply png    one format a file
+//! sensor_frame   a sensor's frame with all facts that a writer needs about its origin
+//! channel        the channels, with one declaration each
+//! image          a frame as channels, whether it was just cast or read from a file
+//! format         the declaration of a format; registry lists all of them
+//! exr ply png    the formats, with one file each
 //! plot           directions as dots, for previews of patterns that are no picture
 //! picture        pictures as PNG files
-//! files          the folder of a run: files that are whole or absent
+//! files          the output folder of a run, whose files are complete or absent
 //! manifest       the record of a run
 //! ```
 

@@ -1,21 +1,21 @@
-//! Pictures of 8 bits a colour, as PNG files.
+//! Pictures with 8 bits for each colour channel, as PNG files.
 
 use super::format::EncodeError;
 
-/// The colour of a pixel with no return.
+/// The colour of a pixel without a return.
 pub(super) const NO_RETURN_COLOUR: [u8; 3] = [0x10, 0x10, 0x14];
 
-/// A PNG of a picture of 8 bits a colour: red, green, blue, row by row.
+/// A PNG of a picture with 8 bits for each colour channel: red, green and blue, row by row.
 ///
 /// # Errors
-/// If a side is 0 or more than a PNG has room for.
+/// An error if a side is 0 or larger than a PNG allows.
 pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
     write(width, height, pixels).map_err(|e| EncodeError::new(format!("it can't be made a PNG: {e}")))
 }
 
 fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
     let mut file = Vec::new();
-    let side = |n: usize| u32::try_from(n).unwrap_or(0); // which no side may be
+    let side = |n: usize| u32::try_from(n).unwrap_or(0); // the encoder refuses a side of 0
     let mut encoder = png::Encoder::new(&mut file, side(width), side(height));
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);

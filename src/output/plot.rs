@@ -1,21 +1,21 @@
-//! Scatter plots of directions: azimuth to the left, elevation upward, as the sensor sees them.
+//! Scatter plots of directions as the sensor sees them: azimuth grows to the left, elevation grows upward.
 
 use super::format::EncodeError;
 use super::picture::{NO_RETURN_COLOUR, encode_png};
 use crate::angle::Angle;
 
-/// A direction, and the colour that it has.
+/// A direction and its colour.
 #[derive(Clone, Copy, Debug)]
 pub struct Dot {
-    /// Azimuth, positive to the left.
+    /// The azimuth, positive to the left.
     pub azimuth: Angle,
-    /// Elevation, positive upward.
+    /// The elevation, positive upward.
     pub elevation: Angle,
-    /// Red, green, blue.
+    /// The colour as red, green and blue.
     pub colour: [u8; 3],
 }
 
-/// The largest plot, without its margins.
+/// The largest size of a plot in pixels, without its margins.
 const LARGEST: (f64, f64) = (1500.0, 800.0);
 
 /// Pixels to the left of the plot and below it, for the labels of the axes.
@@ -27,16 +27,16 @@ const EDGE: usize = 16;
 const INK: [u8; 3] = [0xb0, 0xb0, 0xb8];
 const GRID: [u8; 3] = [0x2c, 0x2c, 0x34];
 
-/// The colour of a part of a scale, 0 to 1: Turbo's, from blue to red.
+/// The colour of a fraction of a scale, 0 to 1, in the Turbo colour map from blue to red.
 pub fn colour_of(part: f64) -> [u8; 3] {
     let colour = colorous::TURBO.eval_continuous(0.06 + 0.86 * part.clamp(0.0, 1.0));
     [colour.r, colour.g, colour.b]
 }
 
-/// A PNG of `dots`, with a degree as tall as wide, and the degrees at its axes. Later dots cover earlier ones.
+/// A PNG of `dots` with degrees at its axes. A degree is as tall as it is wide. Later dots cover earlier ones.
 ///
 /// # Errors
-/// When there are no dots.
+/// An error if there are no dots.
 pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
     let span = |of: &dyn Fn(&Dot) -> f64| {
         dots.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)))
@@ -60,7 +60,7 @@ pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
         canvas.horizontal(y(tick));
         canvas.label(&label(tick), MARGIN.0 - 6, EDGE + y(tick) - 5, Align::Right);
     }
-    // A few dots would be lost if they were points.
+    // Dots of a single pixel would be invisible if there are few of them.
     let size = if dots.len() < 50_000 { 2 } else { 1 };
     for dot in dots {
         canvas.dot(x(dot.azimuth.degrees()), y(dot.elevation.degrees()), size, dot.colour);
@@ -68,7 +68,7 @@ pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
     encode_png(canvas.width, canvas.height, &canvas.pixels)
 }
 
-/// Round degrees in a range, at least 40 pixels apart.
+/// Round numbers of degrees in a range, at least 40 pixels apart.
 fn ticks((low, high): (f64, f64), scale: f64) -> Vec<f64> {
     const STEPS: [f64; 15] =
         [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0];
@@ -77,7 +77,7 @@ fn ticks((low, high): (f64, f64), scale: f64) -> Vec<f64> {
     (first..=last).map(|i| i as f64 * step).collect()
 }
 
-/// A tick's degrees, without zeros at the end.
+/// The degrees of a tick, without trailing zeros.
 fn label(degrees: f64) -> String {
     let rounded = (degrees * 1e3).round() / 1e3;
     if rounded == 0.0 { "0".to_owned() } else { rounded.to_string() }
@@ -95,7 +95,7 @@ struct Canvas {
 }
 
 impl Canvas {
-    /// Of a plot of `columns` by `rows` pixels, with its margins.
+    /// An empty canvas for a plot of `columns` by `rows` pixels and its margins.
     fn new(columns: usize, rows: usize) -> Self {
         let (width, height) = (columns + MARGIN.0 + EDGE, rows + MARGIN.1 + EDGE);
         Self { width, height, pixels: NO_RETURN_COLOUR.repeat(width * height) }
@@ -108,7 +108,7 @@ impl Canvas {
         }
     }
 
-    /// A dot of `size` pixels a side at a place of the plot.
+    /// Draws a dot of `size` by `size` pixels at a position of the plot.
     fn dot(&mut self, x: usize, y: usize, size: usize, colour: [u8; 3]) {
         for (dx, dy) in (0..size).flat_map(|dx| (0..size).map(move |dy| (dx, dy))) {
             self.set(MARGIN.0 + x + dx, EDGE + y + dy, colour);
@@ -123,7 +123,8 @@ impl Canvas {
         (MARGIN.0..self.width - EDGE).for_each(|x| self.set(x, EDGE + y, GRID));
     }
 
-    /// Writes digits, with a pixel of the font two of the canvas. (x, y) is the text's top, and its middle or right end.
+    /// Writes a number, with two pixels of the canvas for each pixel of the font. (x, y) is the top of the text, at its
+    /// middle or its right end.
     fn label(&mut self, text: &str, x: usize, y: usize, align: Align) {
         const PITCH: usize = 8;
         let width = text.len() * PITCH - 2;
@@ -144,7 +145,7 @@ impl Canvas {
     }
 }
 
-/// Digits of 3 × 5 pixels: five rows of three bits.
+/// The digits in 3 × 5 pixels: five rows of three bits each.
 const FONT: [(u8, [u8; 5]); 12] = [
     (b'0', [0b111, 0b101, 0b101, 0b101, 0b111]),
     (b'1', [0b010, 0b110, 0b010, 0b010, 0b111]),
@@ -177,12 +178,12 @@ mod tests {
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();
         let (width, height) = (info.width as usize, info.height as usize);
-        // 40° are 1500 pixels, so that 10° are 375.
+        // 40° take 1500 pixels, so 10° take 375.
         assert_eq!((width, height), (1501 + MARGIN.0 + EDGE, 376 + MARGIN.1 + EDGE));
         let at = |x: usize, y: usize| pixels[3 * (y * width + x)];
         assert_eq!((at(MARGIN.0, EDGE), at(MARGIN.0 + 1500, EDGE + 375)), (1, 2));
         assert!(scatter(&[]).is_err());
-        // One direction alone has an extent of nothing.
+        // A single direction has an extent of zero.
         scatter(&dots[..1]).unwrap();
     }
 

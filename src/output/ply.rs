@@ -1,10 +1,10 @@
-//! Binary PLY point clouds.
+//! Encoding of binary PLY point clouds.
 
 use super::format::{EncodeError, FormatSpec, Kind};
 use super::sensor_frame::{CloudFrame, SensorFrame, pose_as_toml};
 use crate::sensor::Sensor;
 
-/// The fields in their order. Only `float` and `int`: Open3D silently drops fields of other integer types.
+/// The fields in their order. Only `float` and `int` are used, because Open3D silently drops fields of other integer types.
 const FIELDS: [(&str, &str); 10] = [
     ("float", "x"),
     ("float", "y"),
@@ -19,7 +19,7 @@ const FIELDS: [(&str, &str); 10] = [
 ];
 const BYTES_PER_POINT: usize = 4 * FIELDS.len();
 
-/// The points of a frame, row by row of the range image, each return of a pixel after the other. Misses are left out.
+/// The points of a frame, row by row of the range image. The returns of a pixel follow each other, and misses are left out.
 pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "ply",
     about: "binary PLY point clouds",
@@ -53,7 +53,7 @@ fn encode(cloud: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
             let cloud_from_sensor = fixed.unwrap_or_else(|| cloud.cloud_from_sensor(pulse.time_s));
             for slot in slots {
                 let hit = frame.returns().get(slot);
-                // f64 up to here; each coordinate is rounded once.
+                // The computation is in f64 up to here, so each coordinate is rounded once.
                 for coordinate in cloud_from_sensor.point(pulse.point(hit.range_m)).as_vec3().to_array() {
                     file.extend(coordinate.to_le_bytes());
                 }

@@ -6,14 +6,14 @@ use super::plot::{Dot, scatter};
 use super::sensor_frame::SensorFrame;
 use crate::sensor::{Pattern, Rotating, Sensor, azimuth_elevation};
 
-/// Ranges in the colours of Turbo, red near and blue far. Of several returns the first is shown.
+/// Ranges in the colours of Turbo, with red for near and blue for far. The first of several returns is shown.
 pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "png",
     about: "colour previews of the range",
     check,
     encoding_bytes_a_ray: |sensor| {
-        // The ranges to find the scale, then the pixels, and the file were it not to shrink.
-        // A scatter plot keeps a dot a ray instead.
+        // This counts the ranges for the scale, the pixels, and the file under the assumption that compression saves
+        // nothing. A scatter plot keeps a dot for each ray instead.
         if sensor.pattern.is_image() { 4 + 2 * 3 * stretch(&sensor.pattern) as u64 } else { 2 * 64 }
     },
     file_bytes_a_ray: |_| 3,
@@ -57,7 +57,8 @@ fn first_ranges<'a>(preview: &SensorFrame<'a>) -> impl Iterator<Item = Option<f6
     (0..frame.pixels()).map(|pixel| frame.slot(pixel, 0).map(|slot| frame.returns().range_m[slot]))
 }
 
-/// The preview of a frame whose rows and columns are no picture: each direction where it looks, near over far.
+/// The preview of a frame whose rows and columns are no picture. Each direction is drawn at its angles, and near returns
+/// cover far ones.
 fn scattered(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
     let SensorFrame { capture, frame, .. } = preview;
     let scale = Scale::of(first_ranges(preview).flatten());
@@ -73,11 +74,11 @@ fn scattered(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
     scatter(&dots.into_iter().map(|(_, dot)| dot).collect::<Vec<_>>())
 }
 
-/// The colour of a direction with no return, where the ground is [`NO_RETURN_COLOUR`].
+/// The colour of a direction without a return, in a plot whose background is [`NO_RETURN_COLOUR`].
 const MISS_COLOUR: [u8; 3] = [0x3a, 0x3a, 0x42];
 
-/// How many times each row is repeated. A LiDAR has far fewer beams than firings: with its rows repeated, a degree is about
-/// as tall as it is wide, and a person recognises what it saw.
+/// The number of times that each row is repeated. A LiDAR has far fewer beams than firings. With its rows repeated, a
+/// degree is about as tall as it is wide, so that a person recognises the scene.
 fn stretch(pattern: &Pattern) -> usize {
     match pattern {
         Pattern::Rotating(p) => rows_a_beam(p),
@@ -87,25 +88,26 @@ fn stretch(pattern: &Pattern) -> usize {
 
 fn rows_a_beam(pattern: &Rotating) -> usize {
     let beams = pattern.beams();
-    // No taller than half the width, whatever the angles.
+    // The picture is at most half as tall as it is wide, whatever the angles are.
     let most = (pattern.columns() / (2 * beams.len())).max(1);
     let azimuth_step = pattern.azimuth_step().radians().abs();
     let [first, .., last] = beams else { return (pattern.columns() / 32).clamp(1, most) };
     let elevation_step = (first.elevation - last.elevation).radians() / (beams.len() - 1) as f64;
-    // A float beyond usize saturates, NaN (one column of one elevation) is 0.
+    // A float beyond usize saturates, and NaN (a single column and elevation) becomes 0.
     ((elevation_step / azimuth_step).round() as usize).clamp(1, most)
 }
 
-/// From ranges to colours: logarithmic, because what is near fills most pixels and has most to show.
+/// A logarithmic scale from ranges to colours. It is logarithmic because near surfaces fill most pixels and show most
+/// detail.
 struct Scale {
     near: f64,
     log_far_over_near: f64,
 }
 
 impl Scale {
-    /// The scale spans the ranges but for 1 % at either end, so that one far outlier does not flatten the rest.
+    /// A scale that spans the ranges except for 1 % at either end, so that an outlier does not flatten the rest.
     fn of(ranges: impl Iterator<Item = f64>) -> Self {
-        // Less than a millimetre is no range to compare others with.
+        // Ranges below a millimetre are raised to it, because the logarithm needs a positive least range.
         let mut ranges: Vec<f32> = ranges.map(|r| (r as f32).max(1e-3)).collect();
         let mut percentile = |percent: usize| {
             let index = ranges.len().saturating_sub(1) * percent / 100;
@@ -121,7 +123,7 @@ impl Scale {
             0.0 => 0.5,
             log => (libm::log(range / self.near) / log).clamp(0.0, 1.0),
         };
-        // Turbo's very ends are nearly black, and would look like a miss.
+        // The ends of Turbo are nearly black, and would look like a miss.
         let colour = colorous::TURBO.eval_continuous(0.95 - 0.87 * t);
         [colour.r, colour.g, colour.b]
     }
@@ -146,12 +148,12 @@ mod tests {
 
     #[test]
     fn rows_are_repeated_until_a_degree_is_as_tall_as_wide() {
-        // 2° from beam to beam, 0.2° from column to column.
+        // The beams are 2° apart, and the columns 0.2°.
         let vlp16: Vec<f64> = (0..16).map(|i| f64::from(i) * 2.0 - 15.0).collect();
         assert_eq!(rows_a_beam(&lidar(&vlp16, 1800)), 10);
         let dense: Vec<f64> = (0..128).map(|i| f64::from(i) * 0.1).collect();
         assert_eq!(rows_a_beam(&lidar(&dense, 1024)), 1);
-        // One beam has no step; two far apart would make a tower.
+        // A single beam has no step, and two beams far apart would make the picture too tall.
         assert_eq!(rows_a_beam(&lidar(&[0.0], 640)), 20);
         assert_eq!(rows_a_beam(&lidar(&[-80.0, 80.0], 360)), 90);
         assert_eq!(rows_a_beam(&lidar(&[0.0], 1)), 1);

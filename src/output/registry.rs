@@ -11,10 +11,10 @@ use crate::sensor::Sensor;
 /// Every format that a job can name, in the order in which lists show them.
 pub static FORMATS: &[&FormatSpec] = &[&exr::FORMAT, &ply::FORMAT, &png::FORMAT];
 
-/// A format, by its declaration.
+/// A format, identified by its declaration.
 #[derive(Clone, Copy)]
 pub struct Format(
-    /// The declaration. Of two formats with the same name, a job can name one only.
+    /// The declaration. If two formats have the same name, a job can name only one of them.
     pub &'static FormatSpec,
 );
 
@@ -36,15 +36,15 @@ impl Format {
         Self::all().find(|format| format.name() == name)
     }
 
-    /// What a job calls the format; also the file name's extension.
+    /// The name in a job, which is also the extension of the files.
     pub fn name(self) -> &'static str {
         self.0.name
     }
 
-    /// Whether the frames of `sensor` fit the format; to be asked before casting them.
+    /// Checks that the frames of `sensor` fit the format. It is meant to be asked before casting.
     ///
     /// # Errors
-    /// Says which number of the sensor the format has no room for.
+    /// An error that names the number of the sensor that the format cannot represent.
     pub fn check(self, sensor: &Sensor) -> Result<(), EncodeError> {
         (self.0.check)(sensor)
     }
@@ -57,8 +57,8 @@ impl Format {
     /// The whole content of the file of one frame.
     ///
     /// # Errors
-    /// When the frame has a number that the format has no room for, such as a label above 2³¹ − 1 in a PLY. A format of one
-    /// file a run has no file of one frame.
+    /// An error if the frame has a number that the format cannot represent, such as a label above 2³¹ − 1 in a PLY, or if
+    /// the format has one file for each run and so none for a single frame.
     pub fn encode(self, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
         match self.0.kind {
             Kind::File(encode) => encode(frame),

@@ -1,4 +1,4 @@
-//! A sensor's frame with all that a writer needs to know about where it came from.
+//! A sensor's frame with all facts that a writer needs about its origin.
 
 use glam::{DQuat, DVec3};
 
@@ -6,10 +6,10 @@ use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::scan::Frame;
 use crate::sensor::Capture;
 
-/// The frame that a cloud's points are given in.
+/// The coordinate frame of a cloud's points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CloudFrame {
-    /// The sensor's; a camera's optical frame.
+    /// The sensor's body frame, or a camera's optical frame.
     #[default]
     Sensor,
     /// The body that the sensor is mounted on.
@@ -18,12 +18,12 @@ pub enum CloudFrame {
     World,
 }
 
-/// A sensor's frame with all that a writer needs to know about where it came from.
+/// A sensor's frame with all facts that a writer needs about its origin.
 #[derive(Clone, Copy, Debug)]
 pub struct SensorFrame<'a> {
-    /// The sensor, where it was and when, and the pulses that it sent.
+    /// The capture: the sensor, its pose and time, and its pulses.
     pub capture: Capture<'a>,
-    /// What it saw.
+    /// The returns of the capture.
     pub frame: &'a Frame,
     /// The sensor's name in the job.
     pub name: &'a str,
@@ -32,18 +32,19 @@ pub struct SensorFrame<'a> {
 }
 
 impl SensorFrame<'_> {
-    /// Where the sensor's body frame was in the world when the frame started.
+    /// The pose of the sensor's body frame in the world when the frame started.
     pub fn world_from_sensor(&self) -> Pose {
         self.capture.world_from_sensor(0.0)
     }
 
-    /// The point at a range along a pixel's ray, in the cloud's frame, in metres. `None` if the pixel has no pulse.
+    /// The point at a range in metres along a pixel's ray, in the cloud's frame, in metres. `None` if the pixel has no
+    /// pulse.
     pub fn point(&self, row: usize, column: usize, range_m: f64) -> Option<DVec3> {
         let pulse = self.capture.pulse(row, column)?;
         Some(self.cloud_from_sensor(pulse.time_s).point(pulse.point(range_m)))
     }
 
-    /// From the sensor's body frame, as it is `time_s` after the frame's start, to the cloud's.
+    /// The motion from the sensor's body frame at `time_s` after the frame's start to the cloud's frame.
     pub(super) fn cloud_from_sensor(&self, time_s: f64) -> Pose {
         match self.cloud_frame {
             CloudFrame::Sensor if self.capture.sensor.pattern.is_camera() => BODY_FROM_OPTICAL.inverse(),
@@ -53,7 +54,7 @@ impl SensorFrame<'_> {
         }
     }
 
-    /// The same if it is one pose for the whole frame.
+    /// The motion of [`Self::cloud_from_sensor`], if it is the same for the whole frame.
     pub(super) fn fixed_cloud_from_sensor(&self) -> Option<Pose> {
         match self.cloud_frame {
             CloudFrame::World => self.capture.fixed_world_from_sensor(),
@@ -62,7 +63,7 @@ impl SensorFrame<'_> {
     }
 }
 
-/// A pose as a job writes it: an inline TOML table, every number with all its digits.
+/// A pose as a job writes it: an inline TOML table in which every number has all its digits.
 pub(super) fn pose_as_toml(pose: &Pose) -> String {
     let numbers = |values: &[f64]| {
         // Adding 0 makes a negative zero positive.

@@ -1,8 +1,8 @@
-//! What a sensor saw in one turn or one image: for each pixel its returns, column by column of memory.
+//! The result of one turn or one image: the returns of each pixel, column by column of memory.
 
 use std::ops::Range;
 
-/// Why a pixel has no return, or where a return is from.
+/// The reason why a pixel has no return, or the origin of its returns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 #[repr(u8)]
@@ -10,39 +10,39 @@ pub enum Cause {
     /// The pixel sent no pulse: the lens's model has no ray for it, or a prism reflects the beam inward.
     #[default]
     NoPulse,
-    /// The pulse met nothing within the sensor's range.
+    /// The pulse met no surface within the sensor's range.
     Nothing,
     /// The pulse came back from a surface.
     Surface,
 }
 
-/// Declares the columns of [`Returns`] once: each is a `Vec` there, and a field of one [`Return`].
+/// Declares the columns of [`Returns`] once. Each column is a `Vec` there, and a field of one [`Return`].
 macro_rules! columns {
     ($($(#[$doc:meta])* $name:ident: $kind:ty,)*) => {
-        /// One return: one value of each column.
+        /// One return, with one value of each column.
         #[derive(Clone, Copy, Debug, Default, PartialEq)]
         pub struct Return {
             $($(#[$doc])* pub $name: $kind,)*
         }
 
-        /// Returns column by column. All columns have the same length.
+        /// Returns, column by column. All columns have the same length.
         #[derive(Clone, Debug, Default, PartialEq)]
         pub struct Returns {
             $($(#[$doc])* pub $name: Vec<$kind>,)*
         }
 
-        /// A run of slots of each column, to be written.
+        /// A writable run of slots of each column.
         pub(super) struct ReturnsMut<'f> {
             $($name: &'f mut [$kind],)*
         }
 
         impl Returns {
-            /// As many slots as pixels, all zero, and without touching their memory.
+            /// Columns with all slots zero. Their memory is not touched yet.
             fn zeroed(slots: usize) -> Self {
                 Self { $($name: vec![Default::default(); slots],)* }
             }
 
-            /// How many slots there are.
+            /// The number of slots.
             fn slots(&self) -> usize {
                 let lengths = [$(self.$name.len(),)*];
                 assert!(lengths.iter().all(|length| *length == lengths[0]), "columns of unequal length");
@@ -55,54 +55,54 @@ macro_rules! columns {
                 Return { $($name: self.$name[slot],)* }
             }
 
-            /// Adds a return at the end.
+            /// Appends a return.
             fn push(&mut self, one: Return) {
                 $(self.$name.push(one.$name);)*
             }
 
-            /// All slots, to be shared out.
+            /// A writable view of all slots, which can be split among threads.
             fn as_mut(&mut self) -> ReturnsMut<'_> {
                 ReturnsMut { $($name: &mut self.$name,)* }
             }
         }
 
         impl<'f> ReturnsMut<'f> {
-            /// Takes the first `slots` slots off.
+            /// Splits off the first `slots` slots.
             pub fn take(&mut self, slots: usize) -> ReturnsMut<'f> {
                 ReturnsMut { $($name: self.$name.split_off_mut(..slots).unwrap_or_default(),)* }
             }
 
-            /// Puts a return in a slot.
+            /// Writes a return to a slot.
             #[inline]
             pub fn set(&mut self, slot: usize, one: Return) {
                 $(self.$name[slot] = one.$name;)*
             }
         }
 
-        /// Memory that one return takes.
+        /// The memory of one return, in bytes.
         pub(super) const BYTES_A_RETURN: usize = 0 $(+ size_of::<$kind>())*;
     };
 }
 
 columns! {
-    /// Metres along the ray from the pulse's origin.
+    /// The range in metres along the ray from the pulse's origin.
     range_m: f64,
-    /// ρ·cos θ: reflectivity times the cosine of the angle of incidence, 0 to 1.
+    /// The intensity ρ·cos θ: reflectivity times the cosine of the angle of incidence, 0 to 1.
     intensity: f32,
-    /// Unit geometric normal of the surface in the sensor's body frame at the pulse's own time, towards the sensor.
+    /// The unit geometric normal of the surface, towards the sensor, in the sensor's body frame at the pulse's own time.
     normal: [f32; 3],
-    /// Index into [`Geometry::objects`](crate::scene::Geometry::objects).
+    /// The index into [`Geometry::objects`](crate::scene::Geometry::objects).
     instance: u32,
-    /// Semantic label.
+    /// The semantic label.
     label: u32,
-    /// Triangle id.
+    /// The triangle's id.
     triangle: u32,
 }
 
-/// What a sensor saw in one turn or one image: `rows × columns` pixels, row by row, each with any number of returns.
+/// The result of one turn or one image: `rows × columns` pixels, row by row, each with any number of returns.
 ///
-/// A pixel's returns lie in neighbouring slots of the columns of [`Returns`], in the order in which the sensor reports
-/// them. [`Frame::slots`] says in which; a return's number is its place among them, from 0.
+/// The returns of a pixel lie in neighbouring slots of the columns of [`Returns`], in the order in which the sensor reports
+/// them. [`Frame::slots`] gives the slots of a pixel. The number of a return is its position among them, from 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     rows: usize,
@@ -112,30 +112,30 @@ pub struct Frame {
     causes: Vec<Cause>,
 }
 
-/// Which slots are a pixel's.
+/// The rule that assigns slots to pixels.
 #[derive(Clone, Debug, PartialEq)]
 enum Layout {
-    /// The slot of its own number, if the pixel's cause is [`Cause::Surface`]. Slots of the other pixels are zero.
+    /// A pixel whose cause is [`Cause::Surface`] has the slot of its own number. The slots of the other pixels are zero.
     OneEach,
-    /// Pixel i has the slots from number i to number i + 1 of this list, which is one longer than there are pixels.
+    /// Pixel i has the slots from entry i to entry i + 1 of this list, which has one entry more than there are pixels.
     From(Vec<usize>),
 }
 
 impl Frame {
-    /// Memory that a pixel of a frame of at most one return takes, in bytes.
+    /// The memory of a pixel in a frame of at most one return a pixel, in bytes.
     pub const BYTES_A_PIXEL: usize = BYTES_A_RETURN + size_of::<Cause>();
 
-    /// A frame whose pixels have sent no pulse yet, with room for a return each.
+    /// A frame whose pixels have sent no pulse yet, with room for one return each.
     pub(super) fn blank(rows: usize, columns: usize) -> Self {
         let pixels = rows * columns;
         let (returns, causes) = (Returns::zeroed(pixels), vec![Cause::NoPulse; pixels]);
         Self { rows, columns, layout: Layout::OneEach, returns, causes }
     }
 
-    /// A frame from pixels, row by row: for each why it has no return, or the cause of its returns, and the returns.
+    /// A frame from pixels, row by row. Each pixel has its cause and its returns.
     ///
     /// # Panics
-    /// If there are not `rows × columns` pixels.
+    /// If the number of pixels is not `rows × columns`.
     pub fn from_pixels<'r>(
         rows: usize,
         columns: usize,
@@ -161,12 +161,12 @@ impl Frame {
         self.columns
     }
 
-    /// Pixels, with returns or without.
+    /// The number of pixels, with or without returns.
     pub fn pixels(&self) -> usize {
         self.causes.len()
     }
 
-    /// The columns of all returns, by slot. A slot that is no pixel's is zero.
+    /// The columns of all returns, by slot. A slot that belongs to no pixel is zero.
     pub fn returns(&self) -> &Returns {
         &self.returns
     }
@@ -180,14 +180,14 @@ impl Frame {
         }
     }
 
-    /// The slot of a pixel's return number `number`, if it has so many.
+    /// The slot of a pixel's return number `number`, if the pixel has that many returns.
     #[inline]
     pub fn slot(&self, pixel: usize, number: usize) -> Option<usize> {
         let slots = self.slots(pixel);
         (number < slots.len()).then_some(slots.start + number)
     }
 
-    /// The most returns of any pixel.
+    /// The largest number of returns of any pixel.
     pub fn most_returns(&self) -> usize {
         (0..self.pixels()).map(|pixel| self.slots(pixel).len()).max().unwrap_or(0)
     }
@@ -209,7 +209,7 @@ impl Frame {
             .flat_map(move |pixel| self.slots(pixel).map(move |slot| (pixel, self.returns.get(slot))))
     }
 
-    /// How many returns there are.
+    /// The number of returns.
     pub fn return_count(&self) -> usize {
         match &self.layout {
             Layout::OneEach => self.causes.iter().filter(|cause| **cause == Cause::Surface).count(),
@@ -217,17 +217,17 @@ impl Frame {
         }
     }
 
-    /// Why each pixel has no return, or where its returns are from, row by row.
+    /// The cause of each pixel, row by row.
     pub fn causes(&self) -> &[Cause] {
         &self.causes
     }
 
-    /// How many pixels sent no pulse.
+    /// The number of pixels that sent no pulse.
     pub fn blind_pixels(&self) -> usize {
         self.causes.iter().filter(|cause| **cause == Cause::NoPulse).count()
     }
 
-    /// The slots and causes of all pixels of a frame of one return each, to be shared out.
+    /// The slots and causes of all pixels of a frame of one return each, which can be split among threads.
     pub(super) fn parts(&mut self) -> (ReturnsMut<'_>, &mut [Cause]) {
         (self.returns.as_mut(), &mut self.causes)
     }
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn a_frame_of_one_return_each_takes_less_memory_than_a_row_of_structs() {
-        // A row of `Option<Return>` takes 48 bytes a pixel: 40 of the fields and their padding, and 8 of the option.
+        // A row of `Option<Return>` would take 48 bytes a pixel: 40 for the fields and their padding, and 8 for the option.
         assert_eq!(Frame::BYTES_A_PIXEL, 8 + 4 + 12 + 3 * 4 + 1);
         let mut frame = Frame::blank(1, 3);
         assert_eq!((frame.return_count(), frame.blind_pixels(), frame.most_returns()), (0, 3, 0));

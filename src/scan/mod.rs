@@ -1,4 +1,5 @@
-//! Pulses × scene → returns. The one room that knows both. It shares its work out to rayon's threads.
+//! Scanning: the pulses of a capture and a scene give returns. Only this room knows both. It splits its work over rayon's
+//! threads.
 
 mod frame;
 
@@ -15,26 +16,27 @@ use crate::trace::{Cast, Hit, Origins, PACKET_RAYS, Rays};
 use frame::ReturnsMut;
 pub use frame::{Cause, Frame, Return, Returns};
 
-/// How far a scan has come, to be read from another thread, and the way to stop it.
+/// The progress of a scan, which another thread can read, and the means to stop it.
 #[derive(Debug, Default)]
 pub struct Progress {
-    /// Rays cast since it was made.
+    /// The number of rays that were cast since the progress was created.
     pub rays_done: AtomicU64,
-    /// Set it, and scanning stops within a few milliseconds.
+    /// A flag that stops scanning within a few milliseconds once it is set.
     pub cancelled: AtomicBool,
 }
 
-/// Rows and columns of a tile: as many rays as the tracer takes at once, and neighbours, so that they are a narrow pyramid.
+/// The rows and columns of a tile of the image. Its rays are as many as a packet of the tracer takes, and they are neighbours
+/// so that they span a narrow pyramid.
 const TILE: (usize, usize) = (8, 16);
 const _: () = assert!(TILE.0 * TILE.1 == PACKET_RAYS);
 
-/// Columns of a strip, which is cast as one batch, tile by tile.
+/// The number of columns of a strip, which is cast as one batch, tile by tile.
 const STRIP: usize = 16 * TILE.1;
 
 /// Casts every pulse of a capture, each from the sensor's pose at the pulse's own time. `None` if `progress.cancelled` was
 /// set before the end.
 ///
-/// It runs on rayon's current thread pool. The frame is the same for any number of threads.
+/// The scan runs on rayon's current thread pool. The frame is the same for any number of threads.
 pub fn scan(scene: &Scene, tracer: &impl Cast, capture: &Capture, progress: &Progress) -> Option<Frame> {
     capture.prepare();
     let mut frame = Frame::blank(capture.rows(), capture.columns());
@@ -54,7 +56,7 @@ pub fn scan(scene: &Scene, tracer: &impl Cast, capture: &Capture, progress: &Pro
 struct Strip<'f> {
     first_row: usize,
     first_column: usize,
-    /// The strip's piece of each of its rows.
+    /// The strip's part of each of its rows.
     rows: Vec<Piece<'f>>,
 }
 
@@ -64,7 +66,7 @@ struct Piece<'f> {
     causes: &'f mut [Cause],
 }
 
-/// Cuts a frame into strips, each with its own part of the image to write to.
+/// Cuts a frame into strips. Each strip has its own part of the image to write to.
 fn strips(frame: &mut Frame) -> Vec<Strip<'_>> {
     let columns = frame.columns();
     let mut strips = Vec::new();
@@ -85,10 +87,10 @@ fn strips(frame: &mut Frame) -> Vec<Strip<'_>> {
     strips
 }
 
-/// The rays and hits of a strip. Its memory is kept from strip to strip.
+/// The rays and hits of a strip. The memory is kept from strip to strip.
 #[derive(Default)]
 struct Batch {
-    /// Where in the strip each ray's pixel is: a pixel without a pulse has no ray.
+    /// The row and column in the strip of each ray's pixel. A pixel without a pulse has no ray.
     pixels: Vec<(u8, u8)>,
     origins: Vec<DVec3>,
     directions: Vec<DVec3>,
@@ -97,7 +99,7 @@ struct Batch {
     hits: Vec<Option<Hit>>,
 }
 
-/// A sensor's pose, both ways.
+/// A sensor's pose and its inverse.
 #[derive(Clone, Copy)]
 struct SensorPose {
     world_from_sensor: Pose,
@@ -119,7 +121,7 @@ struct Scanner<'a, C> {
 }
 
 impl<C: Cast> Scanner<'_, C> {
-    /// Casts the pulses of a strip, writes the returns, and gives the number of rays.
+    /// Casts the pulses of a strip and writes the returns. Returns the number of rays.
     fn fill(&self, strip: &mut Strip, batch: &mut Batch) -> usize {
         let Batch { pixels, origins, directions, poses, hits } = batch;
         pixels.clear();
@@ -170,7 +172,7 @@ impl<C: Cast> Scanner<'_, C> {
         pixels.len()
     }
 
-    /// The return of a hit, as an ideal receiver takes it from a Lambertian surface: its intensity is ρ·cos θ.
+    /// The return of a hit as an ideal receiver measures it from a Lambertian surface: its intensity is ρ·cos θ.
     fn receive(&self, sensor_from_world: &Pose, direction: DVec3, hit: &Hit) -> Return {
         let surface = self.scene.surface(hit.placement, hit.triangle);
         let along = hit.normal.dot(direction);
@@ -201,7 +203,7 @@ mod tests {
     #[test]
     fn strips_cover_the_image_once() {
         for (rows, columns) in [(1, 1), (16, 1800), (7, 15), (9, 17), (480, 640)] {
-            // Each pixel is told its own number, and how often it was visited.
+            // Each pixel stores its own number and the number of times that it was visited.
             let mut frame = Frame::blank(rows, columns);
             let mut visits = 0;
             for mut strip in strips(&mut frame) {
@@ -220,7 +222,7 @@ mod tests {
         }
     }
 
-    /// A wall of reflectivity ½ two metres ahead of a camera, seen from behind its triangles.
+    /// The scene is a wall of reflectivity ½, two metres ahead of a camera, seen from behind its triangles.
     #[test]
     fn a_return_tells_of_the_surface() {
         let wall = SourceMesh {
@@ -241,7 +243,7 @@ mod tests {
         let camera = Camera::from_hfov((33, 33), Angle::deg(60.0), None).unwrap();
         let range = RangeLimits { min_m: 0.5, max_m: 2.2 };
         let sensor = Sensor { pattern: Pattern::Camera(camera), range, ring: RingOrder::Row };
-        // The camera is turned upside down: what it reports is in its own frame.
+        // The camera is turned upside down, and reports in its own frame.
         let pose = Pose::from_rpy(DVec3::ZERO, Angle::deg(180.0), Angle::default(), Angle::default());
         let progress = Progress::default();
         let trajectory = Trajectory::Fixed(pose);

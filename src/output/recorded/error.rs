@@ -1,8 +1,8 @@
-//! Why bytes are no recorded frame.
+//! The error of bytes that are no recorded frame.
 
 use std::fmt;
 
-/// Why bytes are no recorded frame.
+/// The reason why bytes are no recorded frame.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct ReadError(String);

@@ -1,4 +1,4 @@
-//! OpenEXR range images, read.
+//! Reading of OpenEXR range images.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -12,26 +12,27 @@ use exr::prelude::{ReadChannels, ReadLayers};
 use super::error::ReadError;
 use crate::output::{Channel, Image, Samples};
 
-/// A part of an EXR: an image and what is said about it.
+/// A part of an EXR file: an image with its attributes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
-    /// Its name; empty in a file of one part.
+    /// The part's name. It is empty in a file of one part.
     pub name: String,
     /// The channels. Half floats are widened.
     pub image: Image,
-    /// Texts and numbers of the header that the format itself has no use for, as texts (`beamcast:world_from_sensor`).
+    /// The header's attributes beyond those of the format itself, as texts (such as `beamcast:world_from_sensor`).
     pub attributes: BTreeMap<String, String>,
 }
 
-/// What compressed bytes come to at most: deflate's limit is 1032 times.
+/// The greatest compression ratio that is believed. The limit of deflate is 1032.
 const MAX_COMPRESSION: u64 = 1100;
 
-/// Reads an EXR's parts, at least one.
+/// Reads the parts of an EXR file, at least one.
 ///
 /// # Errors
-/// If it is no EXR, cut short, tiled, deep or subsampled, or claims more pixels than its size can hold.
+/// A [`ReadError`] if the file is no EXR, is cut short, tiled, deep or subsampled, or claims more pixels than its size can
+/// hold.
 pub fn read_exr(bytes: &[u8]) -> Result<Vec<Part>, ReadError> {
-    // The last line of defence: the library's own checks are not complete.
+    // This is the last line of defence, because the library's own checks are incomplete.
     catch_unwind(AssertUnwindSafe(|| {
         check_header(bytes)?;
         read(bytes)
@@ -39,7 +40,7 @@ pub fn read_exr(bytes: &[u8]) -> Result<Vec<Part>, ReadError> {
     .unwrap_or_else(|_| Err(ReadError::new("its header contradicts itself")))
 }
 
-/// Holds what the header claims against the file's size, before anything is allocated on its word.
+/// Checks the claims of the header against the file's size, before any memory is allocated for them.
 fn check_header(bytes: &[u8]) -> Result<(), ReadError> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(broken)?;
     if meta.headers.is_empty() {
@@ -161,7 +162,7 @@ mod tests {
     #[test]
     fn a_size_that_the_file_cannot_hold_is_refused() {
         let mut bytes = small();
-        // dataWindow is a box2i: xMin, yMin, xMax, yMax after its name, type and length.
+        // dataWindow is a box2i: xMin, yMin, xMax, yMax follow its name, type and length.
         let at = bytes.windows(11).position(|w| w == b"dataWindow\0").unwrap() + 11 + 6 + 4 + 8;
         bytes[at..at + 4].copy_from_slice(&59_999_i32.to_le_bytes());
         bytes[at + 4..at + 8].copy_from_slice(&59_999_i32.to_le_bytes());

@@ -1,4 +1,4 @@
-//! Files and folders of recorded frames, told apart by what they hold.
+//! Files and folders of recorded frames, recognised by their content.
 
 use std::fs;
 use std::path::{Component, Path, PathBuf};
@@ -15,20 +15,20 @@ use crate::source::read_file;
 /// A file or a folder of recorded frames.
 #[derive(Clone, Debug)]
 pub enum Recorded {
-    /// An EXR's parts; at least one. The first is the main one.
+    /// The parts of an EXR, at least one. The first part is the main one.
     Exr(Vec<Part>),
-    /// A PLY.
+    /// A point cloud from a PLY.
     Cloud(Cloud),
-    /// A scan's output folder.
+    /// The output folder of a scan.
     Folder(Folder),
 }
 
 impl Recorded {
-    /// Opens an EXR, a PLY, a scan's output folder or that folder's manifest: what it is is told by its first bytes, not by
-    /// its name.
+    /// Opens an EXR, a PLY, the output folder of a scan, or that folder's manifest. The first bytes decide which it is, and
+    /// not the name.
     ///
     /// # Errors
-    /// [`Error::Input`] if it is neither, or broken.
+    /// [`Error::Input`] if the path is none of these, or if the file is broken.
     pub fn open(path: &Path) -> Result<Self, Error> {
         if path.is_dir() {
             return Folder::open(path).map(Self::Folder);
@@ -50,17 +50,17 @@ impl Recorded {
 #[derive(Clone, Debug)]
 pub struct Folder {
     path: PathBuf,
-    /// What its manifest says.
+    /// The content of the manifest.
     pub manifest: Value,
-    /// The outputs that it lists, by their paths in the folder with forward slashes. None leads out of it.
+    /// The outputs that the manifest lists, as paths in the folder with forward slashes. No path leads out of the folder.
     pub outputs: Vec<String>,
 }
 
 impl Folder {
-    /// Reads a folder's manifest.
+    /// Reads the manifest of a folder.
     ///
     /// # Errors
-    /// [`Error::Input`] if there is none, if it can't be read, or if it lists a file outside the folder.
+    /// [`Error::Input`] if there is no manifest, if it cannot be read, or if it lists a file outside the folder.
     pub fn open(path: &Path) -> Result<Self, Error> {
         let name = path.join(Manifest::NAME);
         if !name.exists() {
@@ -86,7 +86,7 @@ impl Folder {
         Ok(Self { path: path.to_path_buf(), manifest, outputs })
     }
 
-    /// The folder, as it was opened.
+    /// The path with which the folder was opened.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -94,7 +94,7 @@ impl Folder {
     /// Reads one of [`Folder::outputs`].
     ///
     /// # Errors
-    /// [`Error::Input`] if it can't be read, is not what its name says, or is a link that leads out of the folder.
+    /// [`Error::Input`] if the output cannot be read, does not match its name, or is a link that leads out of the folder.
     pub fn read(&self, output: &str) -> Result<Recorded, Error> {
         let path = self.path.join(output);
         let inside =

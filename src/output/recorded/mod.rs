@@ -1,7 +1,7 @@
 //! Recorded frames: EXR range images, PLY clouds, and the folders that scans write, read back.
 //!
-//! Files are taken for hostile: no size is believed before it is held against the file's own, nothing outside a folder is
-//! opened on the word of its manifest, and no file makes a panic.
+//! Files are treated as hostile. Every size is checked against the length of the file before it is used, a manifest cannot
+//! open a file outside its folder, and no file causes a panic.
 
 mod error;
 mod exr;

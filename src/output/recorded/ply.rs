@@ -1,26 +1,26 @@
-//! PLY point clouds, read: binary of either byte order, and text.
+//! Reading of PLY point clouds: binary of either byte order, and text.
 
 use super::error::ReadError;
 
 /// A point cloud.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cloud {
-    /// How many points it has.
+    /// The number of points.
     pub points: usize,
-    /// In the file's order.
+    /// The fields, in the order of the file.
     pub fields: Vec<Field>,
     /// The header's comments, such as `frame: the world, metres`.
     pub comments: Vec<String>,
 }
 
-/// One number a point.
+/// A field, which holds one number for each point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
-    /// Such as `x` or `label`.
+    /// The name, such as `x` or `label`.
     pub name: String,
-    /// The type as PLY calls it: `float`, `int`, ….
+    /// The type in PLY's terms: `float`, `int`, ….
     pub kind: &'static str,
-    /// [`Cloud::points`] long. Every type of PLY fits exactly.
+    /// The values, [`Cloud::points`] long. An f64 holds every number of PLY's types exactly.
     pub values: Vec<f64>,
 }
 
@@ -31,7 +31,7 @@ impl Cloud {
     }
 }
 
-/// A scalar type: its name, its older or newer name, and its length in bytes.
+/// The scalar types: the name, its older or newer synonym, and the length in bytes.
 const KINDS: [(&str, &str, usize); 8] = [
     ("char", "int8", 1),
     ("uchar", "uint8", 1),
@@ -52,10 +52,10 @@ enum Encoding {
     BigEndian,
 }
 
-/// Reads a PLY's vertices; other elements are passed over.
+/// Reads the vertices of a PLY. Other elements are skipped.
 ///
 /// # Errors
-/// If it is no PLY, is cut short, or has anything but numbers for its vertices.
+/// A [`ReadError`] if the bytes are no PLY, are cut short, or have list properties in the vertices.
 pub fn read_ply(bytes: &[u8]) -> Result<Cloud, ReadError> {
     let (header, body) = split_header(bytes)?;
     let mut lines = header.lines().map(str::trim_end);
@@ -64,7 +64,7 @@ pub fn read_ply(bytes: &[u8]) -> Result<Cloud, ReadError> {
     }
     let mut encoding = None;
     let mut cloud = Cloud::default();
-    // Elements in their order: whether it is the vertices. Only what comes before the vertices would have to be skipped.
+    // This tells whether the current element is the vertices. Only elements before the vertices would have to be skipped.
     let mut in_vertices = None;
     for line in lines {
         let mut words = line.split_ascii_whitespace();
@@ -110,7 +110,7 @@ pub fn read_ply(bytes: &[u8]) -> Result<Cloud, ReadError> {
     Ok(cloud)
 }
 
-/// The header as text, and what follows it.
+/// The header as text, and the bytes that follow it.
 fn split_header(bytes: &[u8]) -> Result<(&str, &[u8]), ReadError> {
     const END: &[u8] = b"end_header";
     const LONGEST: usize = 1 << 20;
@@ -154,7 +154,7 @@ fn read_binary(body: &[u8], cloud: &mut Cloud, big_endian: bool) -> Result<(), R
     Ok(())
 }
 
-/// The number that bytes of a type hold.
+/// The number that the bytes of a type represent.
 fn number(bytes: &[u8], kind: &str, big_endian: bool) -> f64 {
     let mut le = [0; 8];
     le[..bytes.len()].copy_from_slice(bytes);
@@ -183,7 +183,7 @@ fn read_text(body: &[u8], cloud: &mut Cloud) -> Result<(), ReadError> {
             let value: f64 = word
                 .parse()
                 .map_err(|_| ReadError::new(format!("point {point} has {word:?} for {:?}", field.name)))?;
-            // A text may have more digits than the type.
+            // A number in a text may have more digits than its type.
             field.values.push(if field.kind == "float" { f64::from(value as f32) } else { value });
         }
     }
