@@ -558,6 +558,8 @@ mod tests {
         largest
     }
 
+    /// The largest error seen was 4.1 of [`EDGE`]. [`EDGE_SQUARED`] matters only for triangles that the ray sees smaller than the
+    /// rounding of their coordinates.
     #[test]
     fn the_bound_of_edge_functions_holds() {
         let (mut largest, mut tests) = Measure.run::<PortableF32x8>();
@@ -570,7 +572,6 @@ mod tests {
                 (largest, tests) = (largest.max(error), tests + count);
             }
         }
-        println!("{largest} of {EDGE} in {tests} tests");
         assert!(tests > 10_000, "{tests}");
         assert!(largest <= f64::from(EDGE), "{largest}");
     }

@@ -176,20 +176,21 @@ fn measured<const MULTI_ORIGIN: bool>() -> Errors {
     errors
 }
 
+/// The bounds add up the worst cases of all roundings, which never meet. The largest errors seen were 5.3 of [`EDGE`], 3.2 of
+/// [`VOLUME`] and 1.4 of [`SLOPE`], so the test fails if a constant is made a fifteenth of what it is.
 #[test]
 fn the_bounds_of_packets_from_one_point_hold() {
     let Errors { edge, volume, slope, tests } = measured::<false>();
-    println!("{edge} of {EDGE}, {volume} of {VOLUME}, {slope} of {SLOPE} in {tests} tests");
     assert!(tests > 10_000, "{tests}");
     assert!(edge <= f64::from(EDGE), "{edge}");
     assert!(volume <= f64::from(VOLUME), "{volume}");
     assert!(slope <= f64::from(SLOPE), "{slope}");
 }
 
+/// The largest errors seen were 5.9 of [`EDGE_MULTI_ORIGIN`], 4.1 of [`VOLUME`] and 1.6 of [`SLOPE`].
 #[test]
 fn the_bounds_of_packets_from_many_points_hold() {
     let Errors { edge, volume, slope, tests } = measured::<true>();
-    println!("{edge} of {EDGE_MULTI_ORIGIN}, {volume} of {VOLUME}, {slope} of {SLOPE} in {tests} tests");
     assert!(tests > 10_000, "{tests}");
     assert!(edge <= f64::from(EDGE_MULTI_ORIGIN), "{edge}");
     assert!(volume <= f64::from(VOLUME), "{volume}");
