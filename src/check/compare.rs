@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn what_only_one_has_is_named() {
+    fn channels_of_one_image_only_are_named() {
         let a = image([1.0; 4], [0; 4]);
         let mut b = a.clone();
         b.channels.remove(0);

@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_whole_and_hashed() {
+    fn written_files_are_complete_and_hashed() {
         let tmp = tempfile::tempdir().unwrap();
         let destination = check(&tmp.path().join("out"), false).unwrap();
         destination.prepare(MANIFEST).unwrap();
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn what_exists_is_refused_or_overwritten() {
+    fn existing_files_are_refused_or_overwritten() {
         let tmp = tempfile::tempdir().unwrap();
         let destination = check(tmp.path(), false).unwrap();
         destination.prepare(MANIFEST).unwrap();

@@ -1,5 +1,5 @@
-//! `beamcast check` and `beamcast diff` as CI meets them: each small change of a shipped job is caught and told in the right
-//! phrasing, and what is no change is not.
+//! `beamcast check` and `beamcast diff` as used in CI: each small change of a shipped job is detected and reported in the
+//! right words, and equal results pass.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -93,12 +93,12 @@ impl Copy {
         command
     }
 
-    /// Exit code, stdout and stderr.
+    /// Runs the program. Returns the exit code, stdout and stderr.
     fn run(&self, args: &[&str]) -> (i32, String, String) {
         told(&self.command(args).output().unwrap())
     }
 
-    /// What a check of the only job says; it must fail.
+    /// The report of a check of the only job, which must fail.
     fn caught(&self) -> String {
         let (code, out, err) = self.run(&["check", "configs"]);
         assert_eq!(code, 1, "{out}{err}");
@@ -131,7 +131,7 @@ fn node<'a>(json: &'a mut Value, name: &str) -> &'a mut Value {
 }
 
 #[test]
-fn what_is_shipped_is_as_accepted_with_any_number_of_threads() {
+fn shipped_jobs_match_their_baselines_with_any_number_of_threads() {
     for (job, sensor, scene) in [
         ("room_vlp16", "velodyne_vlp16", "room.glb"),
         ("hall_128", "lidar_128", "hall.glb"),
@@ -146,7 +146,7 @@ fn what_is_shipped_is_as_accepted_with_any_number_of_threads() {
     }
 }
 
-/// What the processor can do makes no difference.
+/// The instruction sets of the processor make no difference.
 #[test]
 fn baselines_hold_for_portable_code_and_for_single_rays() {
     let job = config::load_job(&shipped(ROOM), &[]).unwrap();
@@ -169,7 +169,7 @@ fn baselines_hold_for_portable_code_and_for_single_rays() {
         let outcome = judge(&taken, &accepted.sensors[0], no_pixels, &Settings::default(), &changes, "");
         assert!(outcome.differences.is_empty(), "{instructions:?}: {:?}", outcome.differences);
     }
-    // And the pixels that are kept are those of the frame.
+    // The stored pixels are also those of the frame.
     let kept =
         StoredPixels::unpack(&fs::read(folder.join("vlp16.pixels")).unwrap(), &accepted.sensors[0]).unwrap();
     assert_eq!((kept.image.rows, kept.image.columns, kept.image.channels.len()), (16, 1800, 3));
@@ -226,7 +226,7 @@ fn a_range_limit() {
 #[test]
 fn half_a_pixel_of_a_camera() {
     let copy = Copy::of("warehouse_depth", "depth_camera", "warehouse.glb");
-    // The same focal length as 87 degrees, and a principal point half a pixel to the right of the middle.
+    // The focal length is equivalent to 87 degrees, and the principal point is half a pixel to the right of the middle.
     let focal = 320.0 / libm::tan(43.5_f64.to_radians());
     copy.replace(
         "configs/sensors/depth_camera.toml",
@@ -329,7 +329,7 @@ fn a_baseline_that_is_missing_or_of_another_job_is_a_failure_with_the_way_out() 
     copy.append(ROOM, "\n[check]\n");
     has(&copy.caught(), &["there is no configs/room_vlp16.baseline/baseline.json", way_out]);
 
-    // The program gave something else, and nothing that it is known by changed.
+    // The frames differ although none of the recorded inputs changed.
     let copy = Copy::room();
     copy.replace("configs/room_vlp16.baseline/baseline.json", "\"range\": \"aba769", "\"range\": \"bba769");
     has(
@@ -337,7 +337,7 @@ fn a_baseline_that_is_missing_or_of_another_job_is_a_failure_with_the_way_out() 
         &["sensor vlp16: neither the job nor the scene nor the version changed, and yet at least 0 of"],
     );
 
-    // Pixels that were tampered with are no reason to crash, and needed only if something differs.
+    // Corrupted pixel files cause no crash, and they are read only if a frame differs.
     let copy = Copy::room();
     let pixels = copy.path("configs/room_vlp16.baseline/vlp16.pixels");
     fs::write(&pixels, b"not pixels").unwrap();
@@ -356,7 +356,7 @@ fn people_accept_baselines_and_ci_does_not() {
     has(&err, &["--accept is refused where CI is set"]);
     assert_eq!(copy.run(&["check", "--accept", "configs", "--set", "seed=1"]).0, 2);
 
-    // Of another name it is only checked.
+    // A job with another name than the accepted one is only checked.
     assert_eq!(
         copy.run(&["check", "--accept=street_128", "configs"]).1,
         "configs/room_vlp16.toml: passed\n  \
@@ -370,7 +370,7 @@ fn people_accept_baselines_and_ci_does_not() {
     let (code, out, _) = copy.run(&["check", "--accept=room_vlp16", "configs"]);
     assert_eq!((code, out.as_str()), (0, "configs/room_vlp16.toml: passed\n"), "nothing to accept");
     assert_eq!(written(&copy), first);
-    // A sensor's pixels go with it.
+    // The pixel file is renamed with its sensor.
     copy.replace(ROOM, "name = \"vlp16\"", "name = \"puck\"");
     copy.accept();
     assert!(!copy.path("configs/room_vlp16.baseline/vlp16.pixels").exists());
@@ -392,7 +392,7 @@ fn tolerances_let_small_differences_pass() {
     );
     copy.replace(ROOM, "1.201]", "1.2]");
     copy.accept();
-    // A millimetre higher: ranges grow by up to 1 mm / sin 15°, which few pixels' edges exceed.
+    // The sensor is 0.1 mm higher. Ranges grow by less than their tolerance, except at a few pixels' edges.
     copy.replace(ROOM, "1.2]", "1.2001]");
     let (code, out, _) = copy.run(&["check", "configs"]);
     assert_eq!(code, 0, "{out}");
@@ -463,7 +463,7 @@ fn every_expectation_is_met_or_says_what_was_found_and_where() {
             "bad resolution: expected beams on \"pillar\" at most 0.19° from column to column apart, found 0.2°",
             "bad coverage: expected ground seen in at least 10 % of the cells",
             "found 0 % of 4 cells (the nearest cell unseen is at (-0.25, -0.25) m)",
-            // The lowest beam, from 1.2 m: 1.2 / tan 15° = 4.4785 m.
+            // The lowest beam meets the ground at 1.2 m / tan 15° = 4.4785 m.
             "bad blind_zone: expected ground seen from a distance of 4.48 m on, found the ground begins at 4.48 m \
              (azimuth 0° to 1°)",
             "bad returns: expected at most 50 % of the rays return, found 100 % return (sensor vlp16)",
@@ -571,7 +571,7 @@ fn outputs_are_compared_channel_by_channel() {
         out
     };
     has(&same(0, &["a", "a"]), &["vlp16/000000: the same, 16 × 1800 pixels, 28800 returns"]);
-    // A job is run, and gives what was written.
+    // A job that is given in place of a folder is run, and gives the same frames.
     has(&same(0, &["a", ROOM]), &["the same"]);
     has(&same(0, &["a/vlp16/000000.ply", "a/vlp16/000000.ply"]), &["the same, 28800 points"]);
     let differs = same(1, &["a", "b/manifest.json", "--png", "map.png"]);
@@ -579,7 +579,7 @@ fn outputs_are_compared_channel_by_channel() {
     assert!(fs::read(copy.path("map.vlp16.png")).unwrap().starts_with(b"\x89PNG"));
     same(1, &["a/vlp16/000000.exr", "b/vlp16/000000.exr", "--png", "one.png"]);
     assert!(copy.path("one.png").exists());
-    // What vanished is more than any tolerance of values, and not more than all pixels.
+    // Pixels that vanished exceed any tolerance of values, but not a tolerance of all pixels.
     same(1, &["a", "b", "--tolerance", "range=100"]);
     has(&same(0, &["a", "b", "--pixels", "1"]), &["within tolerance"]);
     has(
@@ -603,7 +603,7 @@ fn outputs_are_compared_channel_by_channel() {
         assert_eq!(copy.run(&args).0, code, "{args:?}");
     }
     assert_eq!(copy.run(&["diff", "a", "b", "--tolerance", "rnage=1"]).0, 2);
-    // A manifest opens nothing outside its folder.
+    // A manifest cannot open a file outside its folder.
     copy.replace("b/manifest.json", "vlp16/000000.exr", "../a/vlp16/000000.exr");
     let (code, _, err) = copy.run(&["diff", "a", "b"]);
     assert_eq!(code, 3);
@@ -615,7 +615,7 @@ fn outputs_are_compared_channel_by_channel() {
 #[test]
 fn pipes_are_no_baselines() {
     let copy = Copy::room();
-    copy.replace(SENSOR, "-3.0,", "-3.05,"); // so that the accepted pixels are read
+    copy.replace(SENSOR, "-3.0,", "-3.05,"); // The difference makes the check read the stored pixels.
     for file in ["vlp16.pixels", Baseline::NAME] {
         let path = copy.path("configs/room_vlp16.baseline").join(file);
         fs::remove_file(&path).unwrap();
@@ -626,7 +626,7 @@ fn pipes_are_no_baselines() {
     }
 }
 
-/// Whatever is done to a baseline's bytes, reading them neither panics nor takes more memory than the image.
+/// Reading a corrupted baseline neither panics nor takes more memory than the image.
 #[test]
 fn broken_baselines_are_told_from_whole_ones() {
     let folder = shipped("configs/room_vlp16.baseline");
@@ -659,7 +659,7 @@ fn broken_baselines_are_told_from_whole_ones() {
     assert_eq!(StoredPixels::unpack(&pixels, &huge), None);
 }
 
-/// The blocks of a kind on the page.
+/// The blocks of one kind on the page.
 fn blocks(page: &str, kind: &str) -> Vec<String> {
     let fence = format!("```{kind}\n");
     page.split(&fence).skip(1).map(|block| block.split("```").next().unwrap().to_owned()).collect()
@@ -673,7 +673,7 @@ fn the_page_says_what_the_program_does() {
     let (_, out, err) = copy.run(&["check", "configs"]);
     assert_eq!(blocks(&page, "console"), [format!("$ beamcast check configs\n{out}{err}")]);
 
-    // All its keys and expectations are such, and met.
+    // All keys and expectations on the page are valid, and the expectations are met.
     let copy = Copy::room();
     for block in blocks(&page, "toml") {
         copy.append(ROOM, &format!("\n{block}"));

@@ -1,4 +1,5 @@
-//! The command line as its users meet it: the binary, its exit codes, what it writes and what it leaves alone.
+//! The command line as users meet it: the binary, its exit codes, the files that it writes and the files that it leaves
+//! alone.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -38,7 +39,7 @@ fn stdout(output: &Output) -> String {
 struct Workplace(TempDir);
 
 impl Workplace {
-    /// One beam 30° down, 1 m above the ground: whatever it hits is 2 m away.
+    /// One beam points 30° down from 1 m above the ground, so every range is 2 m.
     fn new() -> Self {
         Self::with_sensors(
             "[[sensor]]\nname = \"top\"\npose = { position_m = [0.0, 0.0, 1.0] }\n\
@@ -92,7 +93,7 @@ impl Workplace {
         self.command("scan", args).output().unwrap()
     }
 
-    /// Scans into another folder and gives back all that is in it.
+    /// Scans into another folder and returns the content of every file in it.
     fn scan_into(&self, folder: &str, args: &[&str]) -> BTreeMap<String, Vec<u8>> {
         let out = self.path(folder);
         let output = self.scan(&[&["--out", out.to_str().unwrap()], args].concat());
@@ -101,7 +102,7 @@ impl Workplace {
     }
 }
 
-/// Every file under a folder by its path from there. Empty if there is no folder.
+/// The content of every file under a folder, by its path from there. It is empty if the folder does not exist.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     let Ok(entries) = fs::read_dir(folder) else { return found };
@@ -182,7 +183,7 @@ fn a_scan_writes_what_its_manifest_says() {
     let top = &summary["sensors"][0];
     assert_eq!((&top["name"], &top["rays"], &top["hits"]), (&"top".into(), &720.into(), &360.into()));
     for statistic in ["range_min_m", "range_mean_m", "range_max_m"] {
-        // 1 m over the sine of 30°.
+        // The range is 1 m over the sine of 30°.
         assert!((top[statistic].as_f64().unwrap() - 2.0).abs() < 1e-9, "{top}");
     }
     assert!(stderr(&output).contains("top: 720 rays, 360 hits (50.0 %), range 2.000 to 2.000 m"));
@@ -230,7 +231,7 @@ fn the_same_job_gives_the_same_bytes_wherever_it_runs() {
 }
 
 #[test]
-fn what_the_command_line_changes_is_in_the_manifest() {
+fn command_line_overrides_are_in_the_manifest() {
     let work = Workplace::new();
     let args = ["--seed", "18446744073709551615", "--set", "sensor.top.range.max_m=1.5"];
     let manifest = json(&work.scan_into("a", &args)["manifest.json"]);
@@ -297,7 +298,7 @@ fn each_fault_has_its_exit_code_and_is_found_before_anything_is_written() {
     check(&["--set", "sensor.top.range.max_m=-1"], 2, "max_m");
     check(&["--set", "sensor.top.rotating.rate_hz=0.1"], 2, "sensor \"top\" has no ply: a PLY's t counts");
     check(&["--set", "scene=nowhere.gltf"], 3, "nowhere.gltf");
-    // Of two faults the one that costs nothing to find is told.
+    // If there are two faults, the one that is cheap to find is reported.
     let file = work.path("job.toml/deeper");
     check(
         &["--out", file.to_str().unwrap(), "--set", "scene=nowhere.gltf"],
@@ -353,7 +354,7 @@ fn quiet_is_quiet_and_verbose_names_the_files() {
         verbose.contains("read ground.bin (60 bytes") && verbose.contains("wrote top/000000.png"),
         "{verbose}"
     );
-    // No progress bar where there is no terminal.
+    // There is no progress bar without a terminal.
     assert!(!verbose.contains('\r') && !verbose.contains("casting"));
 }
 
@@ -421,7 +422,8 @@ fn a_reader_that_goes_away_is_no_error() {
 #[test]
 fn a_full_disk_leaves_no_partial_file() {
     let work = Workplace::new();
-    // Files may grow to 8 blocks (4 or 8 kB); the cloud takes 14 kB. As on a full disk, the write stops halfway.
+    // The limit lets files grow to 8 blocks (4 or 8 kB), and the cloud takes 14 kB. The write stops halfway, as on a full
+    // disk.
     let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" scan \"$1\" --set 'output.formats=[\"ply\"]'";
     let job = work.path("job.toml");
     let output = Command::new("sh").args(["-c", script, BINARY, job.to_str().unwrap()]).output().unwrap();
@@ -436,7 +438,7 @@ fn a_signal_stops_a_scan_with_nothing_half_written() {
     use std::thread::sleep;
     use std::time::{Duration, Instant};
 
-    // Far more than is done before the signal comes.
+    // The job has far more rays than are cast before the signal comes.
     let sensor = |i: usize| {
         format!(
             "[[sensor]]\nname = \"s{i}\"\npose = {{ position_m = [0.0, 0.0, 1.0] }}\n[sensor.pinhole]\n\
@@ -461,7 +463,7 @@ fn a_signal_stops_a_scan_with_nothing_half_written() {
         assert!(kill.success());
         let signalled = Instant::now();
         let output = child.wait_with_output().unwrap();
-        // 2 s is what users are told; a busy machine gets more before the test fails.
+        // Users are promised 2 s. A busy machine gets more before the test fails.
         assert!(signalled.elapsed() < Duration::from_secs(10));
         assert_eq!(code(&output), 128 + number);
         assert!(stderr(&output).contains(&format!("stopped by signal {number}")), "{}", stderr(&output));

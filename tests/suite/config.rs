@@ -1,4 +1,4 @@
-//! Jobs and sensor files: what they mean, and what is said about those that are wrong.
+//! Jobs and sensor files: their meaning, and the messages about wrong ones.
 
 mod mistakes;
 
@@ -114,7 +114,7 @@ fn a_job_is_read_with_its_sensor_file() {
 }
 
 #[test]
-fn what_is_left_out_has_its_default() {
+fn left_out_keys_have_their_defaults() {
     let job = "scene = 'a.glb'\noutput.dir = 'o'\n[[sensor]]\n[sensor.rotating]\n\
                elevations_deg = { from = 3, to = -1, count = 5 }\ncolumns = 4\nrate_hz = 5\n";
     let job = load(job, SENSOR, &[]).unwrap();
@@ -152,7 +152,7 @@ fn a_camera_has_a_field_of_view_or_intrinsics() {
         camera("fx_px = 300.5\nfy_px = 301\ncx_px = 1\ncy_px = -2"),
         ((300.5, 301.0), (1.0, -2.0), None)
     );
-    // What the job says in another way takes the place of what the sensor file says.
+    // The job's own way to state a value replaces the one of the sensor file.
     let sensor = "[pinhole]\nwidth_px = 2\nheight_px = 2\nfx_px = 1\ncx_px = 9\n";
     let job = JOB.replace("[sensor.range]\nmax_m = 50", "[sensor.pinhole]\nhfov_deg = 90");
     match &load(&job, sensor, &[]).unwrap().sensors[0].sensor.pattern {
@@ -206,7 +206,7 @@ fn a_sensor_file_that_two_sensors_share_is_told_about_once() {
 }
 
 #[test]
-fn what_is_odd_is_a_warning() {
+fn odd_values_are_warnings() {
     let cases = [
         (
             "[-15.0, 1, 15.0]",
@@ -258,7 +258,7 @@ fn overrides_win() {
     assert_eq!(with(&["sensor.top.name=bottom"]).sensors[0].name, "bottom");
     let changed = with(&["sensor.0.rotating.elevations_deg={from=1,to=-1,count=3}"]);
     assert_eq!(rotating(&changed, 0).beams()[0].elevation.degrees().round(), 1.0);
-    // A lone sensor without a name goes by the one it gets.
+    // A single sensor without a name is called by its default name.
     let job = JOB.replace("name = \"top\"", "");
     assert_eq!(
         load(&job, SENSOR, &["sensor.sensor.range.max_m=60"]).unwrap().sensors[0].sensor.range.max_m,
@@ -386,7 +386,7 @@ fn files_that_are_no_configuration_are_refused_without_waiting() {
 
 #[test]
 fn hostile_jobs_are_bounded() {
-    // Problems without end are told up to a limit, and the last one says so.
+    // An endless list of problems is cut at a limit, and the last message says so.
     let keys: String = (0..5000).map(|i| format!("[[sensor]]\nname = \"s{i}\"\nx{i} = 1\n")).collect();
     let found = load(&keys, SENSOR, &[]).unwrap_err();
     assert!(found.len() < 300, "{}", found.len());
@@ -401,7 +401,7 @@ fn hostile_jobs_are_bounded() {
     assert!(load(&deep, SENSOR, &[]).unwrap_err()[0].message.contains("not valid TOML"));
     assert!(load(JOB, SENSOR, &[&format!("{}=1", "a.".repeat(10_000) + "a")]).is_err());
 
-    // Short files that ask for much.
+    // These short files demand much memory or time.
     let pattern =
         "rotating = { columns = 1, rate_hz = 1, elevations_deg = { from = 9, to = -9, count = 700000 } }";
     let many: String = (0..5).map(|i| format!("[[sensor]]\nname = \"s{i}\"\n{pattern}\n")).collect();
@@ -411,7 +411,7 @@ fn hostile_jobs_are_bounded() {
         "job.toml:9:1: the job's sensors have more than 2000000 beams | too many from here on | "
     );
 
-    // Each of many sensors takes a copy of its file's tables.
+    // Each of many sensors copies the tables of its file.
     let padded = format!("{SENSOR}# {}", "x".repeat(1 << 20));
     let many: String =
         (0..20).map(|i| format!("[[sensor]]\nname = \"s{i}\"\npreset = \"sensor.toml\"\n")).collect();
@@ -427,7 +427,7 @@ fn jobs_and_sensor_files_are_told_apart() {
         Ok(Config::Sensor(file)) => assert_eq!(file.sensor.pattern.rows(), 3),
         other => panic!("{other:?}"),
     }
-    // A job with a pattern at its top is a job, and told where the pattern belongs.
+    // A job with a pattern at its top level is recognised as a job, and the message says where the pattern belongs.
     std::fs::write(&path, format!("{JOB}[rotating]\ncolumns = 3\n")).unwrap();
     let found = diagnostics(config::load(&path, &[]).unwrap_err());
     let expected = "job.toml:15:2: unknown key `rotating` in a job |  | `rotating` belongs in `[[sensor]]`";
@@ -448,7 +448,7 @@ fn shipped_configs_load_without_a_warning() {
             match config::load(&path, &[]).unwrap_or_else(|e| panic!("{e}")) {
                 Config::Job(job) => {
                     assert_eq!(job.warnings, []);
-                    // Each job's output has the job's own name, so that no two overwrite each other.
+                    // Each job writes to a folder with the job's own name, so that no job overwrites the output of another.
                     assert_eq!(job.output.dir.file_name(), path.file_stem());
                 }
                 Config::Sensor(sensor) => assert_eq!(sensor.warnings, []),
@@ -464,7 +464,8 @@ fn the_vlp16_is_as_its_manual_has_it() {
     let file = config::load_sensor(&path).unwrap();
     let Pattern::Rotating(pattern) = &file.sensor.pattern else { panic!("{file:?}") };
     for (row, beam) in pattern.beams().iter().enumerate() {
-        // The manual: odd lasers look up, in steps of 2 degrees from 1; even ones from −15; each 2.304 µs after the last.
+        // In the manual, odd lasers look up from 1 in steps of 2 degrees and even ones from −15. Each fires 2.304 µs after
+        // the last.
         let laser = beam.file_index as f64;
         let elevation = if beam.file_index % 2 == 1 { laser } else { laser - 15.0 };
         assert!((beam.elevation.degrees() - elevation).abs() < 1e-12);
@@ -476,8 +477,8 @@ fn the_vlp16_is_as_its_manual_has_it() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
 
-    /// Bytes cut out, put in and exchanged in a job, its sensor file and an override: a job or errors, never a panic; and
-    /// what is said can be shown.
+    /// A job, its sensor file and an override with bytes removed, inserted and exchanged give a job or errors, never a
+    /// panic. All messages can be shown.
     #[test]
     fn mutated_jobs_never_panic(edits in prop::collection::vec((any::<prop::sample::Index>(), 0..4_usize, prop::sample::select(
         vec!["", "[", "]", "{", "}", "\"", "=", ".", ",", "\n", "-", "é", "\u{1b}", "9e999", "nan", "[[sensor]]\n", "\u{0}", "1", "'", "#", "\r"])), 1..6))

@@ -1,4 +1,4 @@
-//! The glTF loader against third-party files: what conforms loads with the right number of triangles, what is hostile is
+//! The glTF loader with third-party files. Conforming files load with the right number of triangles, and hostile ones are
 //! refused quickly and quietly. The files are not part of the project; BEAMCAST_CORPUS names their folder.
 
 use std::path::{Path, PathBuf};
@@ -14,23 +14,23 @@ fn corpus() -> Option<PathBuf> {
     folder
 }
 
-/// The rows of an INDEX.tsv, without the head.
+/// The rows of an INDEX.tsv, without the header.
 fn index(folder: &Path) -> Vec<Vec<String>> {
     let text = std::fs::read_to_string(folder.join("INDEX.tsv")).expect("the corpus has an index");
     text.lines().skip(1).map(|line| line.split('\t').map(str::to_owned).collect()).collect()
 }
 
-/// Rows of valid/INDEX.tsv that are not what glTF's text says, with what it says.
+/// The rows of valid/INDEX.tsv that contradict the text of glTF, with the right answers.
 const CORRECTIONS: [(&str, Result<u64, &str>); 5] = [
-    // The default scene is the second one, whose mesh has two triangles; the index counts all scenes.
+    // The default scene is the second one, whose mesh has two triangles. The index counts all scenes.
     ("SampleAssets/Models/MultipleScenes/glTF-Embedded/MultipleScenes.gltf", Ok(2)),
-    // 125 instances of a box; the index ignores EXT_mesh_gpu_instancing.
+    // The file has 125 instances of a box. The index ignores EXT_mesh_gpu_instancing.
     ("SampleAssets/Models/SimpleInstancing/glTF-Binary/SimpleInstancing.glb", Ok(125 * 12)),
-    // The index's tool could not read meshopt's compression.
+    // The tool that made the index could not read meshopt's compression.
     ("gltf-transform/packages/extensions/test/in/BoxMeshopt.glb", Ok(12)),
-    // Compressed with Draco, and nothing else: refused, with the way out.
+    // The file has only data that are compressed with Draco. The message says how to convert it.
     ("SampleAssets/Models/Box/glTF-Draco/Box.gltf", Err("npx @gltf-transform/cli copy")),
-    // Positions in 16-bit integers, but no KHR_mesh_quantization that would allow them.
+    // The positions are 16-bit integers, without the extension KHR_mesh_quantization that would allow them.
     ("cesium-native/CesiumGltfContent/test/data/cubeQuantized.glb", Err("KHR_mesh_quantization")),
 ];
 
@@ -45,7 +45,7 @@ fn valid_files_load_with_all_their_triangles() {
         let name = &row[0];
         let correction = CORRECTIONS.iter().find(|(corrected, _)| corrected == name);
         let expected = correction.map_or_else(|| Ok(row[1].parse().unwrap()), |(_, expected)| *expected);
-        // Zero-area triangles are left out, but were there.
+        // Triangles of zero area are left out of the scene but count here.
         let found =
             open(&folder.join(name)).map(|l| l.scene.triangle_count() + l.scene.geometry.skipped_triangles);
         match (found, expected) {
@@ -65,7 +65,7 @@ fn the_strip_has_zero_area_triangles_to_join_its_sides() {
     assert_eq!((scene.triangle_count(), scene.geometry.skipped_triangles), (12, 6));
 }
 
-/// Files of malformed/handmade whose faults are in names, images, or in nothing that geometry depends on.
+/// Files of malformed/handmade whose faults do not concern the geometry, such as those in names and images.
 const HARMLESS: [&str; 10] = [
     "image_absolute.gltf",
     "image_empty.gltf",

@@ -1,4 +1,4 @@
-//! The pages for contributors: what they name exists.
+//! Checks that everything that the pages for contributors name exists.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,7 +12,7 @@ fn read(page: &str) -> String {
     fs::read_to_string(root().join(page)).unwrap_or_else(|e| panic!("{page}: {e}"))
 }
 
-/// Every piece of text between backticks, outside blocks of code.
+/// The texts between backticks, outside of code blocks.
 fn code_spans(page: &str) -> Vec<String> {
     let mut is_block = false;
     let prose = page.lines().filter(|line| {

@@ -1,5 +1,5 @@
-//! The commands around a job, as someone meets them who has a scene and a sensor and begins in an empty folder: init,
-//! import, info, schema, completions, man.
+//! The commands around a job, as used by someone who has a scene and a sensor and begins in an empty folder: init, import,
+//! info, schema, completions, man.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ fn ok(folder: &Path, args: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The exit code and what is said of a command that fails.
+/// The exit code and the message of a command that fails.
 fn fails(folder: &Path, args: &[&str]) -> (i32, String) {
     let output = beamcast(folder, args);
     assert!(output.stdout.is_empty(), "{args:?}: {}", String::from_utf8_lossy(&output.stdout));
@@ -31,7 +31,7 @@ fn project(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-/// An empty folder but for a scene.
+/// A folder that is empty except for a scene.
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::copy(project("scenes/room.glb"), folder.path().join("my room.glb")).unwrap();
@@ -53,7 +53,7 @@ fn a_calibration_becomes_a_sensor_a_job_and_a_frame() {
     assert!(code == 4 && said.contains("is there already (--overwrite replaces it)"), "{code}: {said}");
     ok(here, &["import", calibration, "-o", "sensors/unit.toml", "--overwrite"]);
 
-    // The job is in a folder of its own: paths are as seen from there.
+    // The job is in a folder of its own, and its paths are relative to that folder.
     ok(here, &["init", "--preset", "sensors/unit.toml", "--scene", "my room.glb", "-o", "jobs/first.toml"]);
     let job = fs::read_to_string(here.join("jobs/first.toml")).unwrap();
     assert!(job.contains("scene = \"../my room.glb\"\n"), "{job}");
@@ -64,7 +64,7 @@ fn a_calibration_becomes_a_sensor_a_job_and_a_frame() {
     let (code, said) = fails(here, &["init", "-o", "jobs/first.toml"]);
     assert!(code == 4 && said.contains("is there already"), "{code}: {said}");
 
-    // What came of it.
+    // The outputs of the scan are as the job describes them.
     let scan: Value = serde_json::from_str(&ok(here, &["info", "--json", "jobs/out"])).unwrap();
     assert_eq!((&scan["kind"], &scan["sensors"][0]), (&"scan".into(), &"sensor".into()));
     let image: Value =

@@ -1,4 +1,4 @@
-//! Scene files that ask for what they must not get: other files, memory, time, a panic.
+//! Scene files that attack the loader: they try to read other files, to exhaust memory or time, or to cause a panic.
 
 use std::path::Path;
 use std::sync::mpsc;
@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// What no file here may take longer than. Generous: other tests run beside these.
+/// The longest time that any file here may take. It is generous because other tests run at the same time.
 const TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Loads the default scene.
@@ -18,7 +18,7 @@ pub fn open(path: &Path) -> Result<Loaded, SceneError> {
     load(path, "scene", &Options::default())
 }
 
-/// Loads in a thread of its own, so that a file that never ends is a failure and not a hang.
+/// Loads in a separate thread, so that an endless file fails the test and does not hang it.
 pub fn open_in_time(path: &Path) -> Result<Loaded, SceneError> {
     let (sender, receiver) = mpsc::channel();
     let owned = path.to_path_buf();
@@ -28,7 +28,7 @@ pub fn open_in_time(path: &Path) -> Result<Loaded, SceneError> {
         .unwrap_or_else(|_| panic!("{}: not done after {TIMEOUT:?}", path.display()))
 }
 
-/// Three positions, then three indices.
+/// A buffer of three positions followed by three indices.
 fn buffer() -> Vec<u8> {
     let corners = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let mut bytes: Vec<u8> = corners.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
@@ -36,7 +36,7 @@ fn buffer() -> Vec<u8> {
     bytes
 }
 
-/// A file with one triangle from [`buffer`].
+/// A file with one triangle whose data are those of [`buffer`].
 fn triangle(uri: Option<&str>) -> Value {
     let mut json = json!({
         "asset": { "version": "2.0" },
@@ -71,7 +71,7 @@ fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
     file
 }
 
-/// A folder with a scene folder in it, and beside that one the file that no scene may open.
+/// A folder that holds a scene folder and, beside it, a file that no scene may open.
 struct Canary {
     root: TempDir,
 }
@@ -114,7 +114,7 @@ fn buffers_below_the_folder_are_read_and_told_of() {
             [("scene".to_owned(), own.len() as u64, hash(&own)), (uri.to_owned(), 44, hash(&buffer()))];
         assert_eq!(files, expected);
     }
-    // Another content has another hash, even past what the buffer uses.
+    // Another content gives another hash, even if only unused bytes of the buffer differ.
     let before = canary.open("sub/a b.bin").unwrap().scene.geometry.files.clone();
     std::fs::write(canary.path("scene/sub/a b.bin"), [buffer(), vec![1]].concat()).unwrap();
     let after = canary.open("sub/a b.bin").unwrap().scene.geometry.files.clone();
@@ -134,7 +134,7 @@ fn buffers_below_the_folder_are_read_and_told_of() {
 fn nothing_outside_the_folder_is_opened() {
     let canary = Canary::new();
     let outside = canary.path("canary.bin");
-    // The canary would do: as the scene's own neighbour it loads.
+    // The file is a valid buffer: as a neighbour of the scene it loads.
     std::fs::copy(&outside, canary.path("scene/inside.bin")).unwrap();
     assert_eq!(canary.open("inside.bin").unwrap().scene.triangle_count(), 1);
 
@@ -171,7 +171,7 @@ fn nothing_outside_the_folder_is_opened() {
             ["link.bin", "relative.bin", "up/canary.bin", "sub/../up/canary.bin", "zero.bin", "loop.bin"]
                 .map(str::to_owned),
         );
-        // A link that stays inside is no harm.
+        // A link that stays inside the folder is allowed.
         symlink("inside.bin", canary.path("scene/fine.bin")).unwrap();
         assert_eq!(canary.open("fine.bin").unwrap().scene.triangle_count(), 1);
     }
@@ -222,7 +222,7 @@ fn small_files_do_not_ask_for_much() {
     };
     let instancing =
         |accessor: u32| json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": accessor } } });
-    // Zeros that no bytes stand behind: positions, indices, instances; and strips of one vertex.
+    // The file claims zeros that are not stored: positions, indices, instances, and strips of one vertex.
     let zeros = json!({ "componentType": 5126, "count": 10_000_000_000_u64, "type": "VEC3" });
     let mut positions = triangle(None);
     positions["accessors"][0] = zeros.clone();
@@ -235,7 +235,7 @@ fn small_files_do_not_ask_for_much() {
     let mut strip = indices.clone();
     strip["meshes"][0]["primitives"][0]["mode"] = json!(5);
     strip["accessors"][1]["count"] = json!(u64::MAX);
-    // The same mesh flattened over and over.
+    // The same mesh is flattened many times.
     let mut flat = instances.clone();
     flat["accessors"][2]["count"] = json!(900_000);
     flat["nodes"][0]["scale"] = json!([1, 1, 0]);
@@ -243,7 +243,7 @@ fn small_files_do_not_ask_for_much() {
         let error = of(&json).unwrap_err();
         assert!(error.problem.contains("bytes of geometry, more than the"), "{error}");
     }
-    // Long lists, walked through for each of many nodes, for nothing.
+    // Long lists without any triangle are traversed for each of many nodes.
     let mut nothing = triangle(None);
     let points = json!({ "attributes": { "POSITION": 0 }, "mode": 0 });
     nothing["meshes"][0] = json!({ "primitives": vec![points; 3000], "weights": vec![0; 100_000] });
@@ -256,7 +256,7 @@ fn small_files_do_not_ask_for_much() {
     names["nodes"] = json!(vec![json!({ "mesh": 0 }); 100_000]);
     let error = of(&names).unwrap_err();
     assert!(error.problem.contains("bytes of geometry, more than the"), "{error}");
-    // As many primitives with the same data as fit into a small file.
+    // The file has as many primitives with shared data as fit into a small file.
     let mut copies = triangle(None);
     let large = vec![0; 3_000_000];
     copies["buffers"][0]["byteLength"] = json!(large.len());
@@ -271,7 +271,7 @@ fn small_files_do_not_ask_for_much() {
     assert!(error.problem.contains("bytes of geometry, more than the"), "{error}");
 }
 
-/// A file with everything in it: several kinds of accessors, a skin, a morph target, instances, labels.
+/// A file with many features: several kinds of accessors, a skin, a morph target, instances, labels.
 fn everything() -> (Value, Vec<u8>) {
     let mut json = triangle(None);
     let mut binary = buffer();
@@ -356,7 +356,7 @@ fn everything() -> (Value, Vec<u8>) {
     (json, binary)
 }
 
-/// Every place in a JSON where something stands, as the way there.
+/// The paths of all values in a JSON document.
 fn places(value: &Value, at: &str, found: &mut Vec<String>) {
     found.push(at.to_owned());
     match value {
@@ -377,7 +377,8 @@ fn open_bytes(bytes: &[u8]) -> Result<Loaded, SceneError> {
     })
 }
 
-/// Neither panics (which `load` would make this error of) nor gives a scene whose parts do not fit.
+/// Loads bytes. It must not panic (`load` would turn a panic into this error), and the parts of a loaded scene must be
+/// consistent.
 fn check(bytes: &[u8]) {
     match open_bytes(bytes) {
         Err(error) => assert!(!error.problem.contains("error in beamcast"), "{error}"),

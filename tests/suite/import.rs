@@ -1,5 +1,5 @@
-//! Calibrations of vendors' tools against the vendors' own formulas, which are written here once more from their
-//! documentation: what an imported sensor's pulses give must be the same points.
+//! Imported calibrations against the formulas of the vendors' tools, written out independently from their documentation.
+//! The pulses of an imported sensor must give the same points.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -12,13 +12,13 @@ use glam::DVec3;
 use proptest::prelude::*;
 use serde_json::Value;
 
-/// The project's small files, all made up.
+/// A small calibration file of the project. All of them are made up.
 fn own(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/import").join(name);
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-/// Files of real units, if there are any: they are not part of the project.
+/// Files of real units, if they are available. They are not part of the project.
 fn corpus(folder: &str) -> Option<Vec<(String, String)>> {
     let Some(corpus) = std::env::var_os("BEAMCAST_CORPUS").map(PathBuf::from) else {
         println!("skipped: BEAMCAST_CORPUS not set");
@@ -42,7 +42,7 @@ fn toml(text: &str, firetimes: Option<&str>) -> Result<String, Vec<Diagnostic>> 
     import(format, Source { name: "unit", text }, firetimes.map(|text| Source { name: "times", text }))
 }
 
-/// What a sensor file made of a calibration is read as; it must be read without a word.
+/// Reads a sensor file that an import wrote. Reading must give no message.
 fn sensor(toml: &str) -> Sensor {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sensor.toml");
@@ -63,8 +63,8 @@ fn rotating(sensor: &Sensor) -> &Rotating {
     }
 }
 
-/// Holds every beam of `columns` columns, at two ranges, against a vendor's point of channel, head's azimuth as the sensor's
-/// own, and range.
+/// Compares every beam of `columns` columns, at two ranges, with a vendor's formula for the point of a channel, an azimuth
+/// of the head in the sensor's own frame, and a range.
 fn check_points(sensor: &Sensor, vendor: impl Fn(usize, f64, f64) -> DVec3) {
     let pattern = rotating(sensor);
     let columns = pattern.columns();
@@ -99,7 +99,7 @@ fn ouster_point(json: &Value, beam: usize, encoder: f64, r: f64) -> DVec3 {
         Some(m) => (floats(&m)[3], floats(&m)[11]),
         None => {
             let mm = in_table("beam_intrinsics", "lidar_origin_to_beam_origin_mm").and_then(|n| n.as_f64());
-            (mm.unwrap_or(15.806), 0.0) // the files without are of OS-1
+            (mm.unwrap_or(15.806), 0.0) // the files without this value are those of OS-1
         }
     };
     let n = if nz == 0.0 { nx } else { libm::hypot(nx, nz) };
@@ -117,7 +117,7 @@ fn ouster_point(json: &Value, beam: usize, encoder: f64, r: f64) -> DVec3 {
 
 fn check_ouster(text: &str) {
     let json: Value = serde_json::from_str(text).unwrap();
-    // Both transforms of real units turn the encoder's zero backward.
+    // In both transforms of real units the encoder's zero points backward.
     check_points(&imported(text), |beam, azimuth, r| {
         ouster_point(&json, beam, azimuth - std::f64::consts::PI, r)
     });
@@ -131,7 +131,7 @@ fn ouster_metadata_gives_the_points_of_the_sdk() {
     let flat = imported(&own("ouster_flat.json"));
     let pattern = rotating(&flat);
     assert_eq!((pattern.beams().len(), pattern.columns(), pattern.rate_hz()), (4, 512, 20.0));
-    // Column 0 is at the encoder's zero, which is behind; the next is a step clockwise.
+    // Column 0 is at the encoder's zero, which points backward. The next column is one step clockwise.
     assert!((pattern.azimuth(1).degrees() - (180.0 - 360.0 / 512.0)).abs() < 1e-12);
 }
 
@@ -161,7 +161,7 @@ fn malformed_metadata_is_refused_with_its_place() {
             "complete_but_all_zeros_legacy.json" => "every beam's angles are 0",
             "incomplete_data_format_legacy.json" => "`data_format` has no `columns_per_frame`",
             "incorrect_nbeam_angles_legacy_113.json" => "63 altitudes and 64 azimuths",
-            // What it lacks, calibration_status, says nothing of geometry.
+            // The missing part, calibration_status, has no influence on the geometry.
             "incomplete_no_calref_nonlegacy.json" => {
                 check_ouster(&text);
                 continue;
@@ -181,7 +181,7 @@ struct Laser {
     horizontal_offset: f64,
 }
 
-/// The driver's `unpack`, with the azimuth `a` clockwise, in ROS's axes.
+/// The formula of the driver's `unpack`, with the azimuth `a` clockwise, in ROS's axes.
 fn velodyne_point(laser: &Laser, a: f64, r: f64) -> DVec3 {
     let (sin_vertical, cos_vertical) = libm::sincos(laser.vertical);
     let (sin, cos) = libm::sincos(a - laser.rotation);
@@ -251,7 +251,7 @@ fn calibrations_of_real_velodynes() {
     }
 }
 
-/// Channels' numbers, elevations and azimuth corrections, by channel.
+/// The numbers, elevations and azimuth corrections of the channels, by channel.
 fn hesai_angles(text: &str) -> Vec<[f64; 3]> {
     let rows = text.trim_start_matches('\u{feff}').lines().skip(1).filter(|line| !line.trim().is_empty());
     let mut rows: Vec<[f64; 3]> = rows
@@ -266,9 +266,9 @@ fn hesai_angles(text: &str) -> Vec<[f64; 3]> {
 fn check_hesai(text: &str, sensor: &Sensor) {
     let angles = hesai_angles(text);
     check_points(sensor, |channel, azimuth, r| {
-        // The manual's axes, whose y is forward, and whose azimuths are clockwise.
+        // The manual's y axis points forward, and its azimuths are clockwise.
         let [_, elevation, correction] = angles[channel];
-        // What the rotor turns until the channel fires.
+        // The rotor turns further until the channel fires.
         let pattern = rotating(sensor);
         let fired = pattern.beams().iter().find(|beam| beam.file_index == channel).unwrap().time_s;
         let turned = std::f64::consts::TAU * pattern.rate_hz() * fired;
@@ -279,7 +279,7 @@ fn check_hesai(text: &str, sensor: &Sensor) {
     });
 }
 
-/// Microseconds by channel, as the pulses of column 0 have them.
+/// The times of the pulses of column 0 in microseconds, by channel.
 fn times_us(sensor: &Sensor) -> Vec<f64> {
     let mut times: Vec<_> = rotating(sensor).beams().iter().map(|b| (b.file_index, b.time_s * 1e6)).collect();
     times.sort_by_key(|(index, _)| *index);
@@ -291,12 +291,12 @@ fn hesai_corrections_give_the_points_of_the_manual() {
     let angles = own("hesai_angles.csv");
     check_hesai(&angles, &imported(&angles));
     for (name, expected) in [
-        // The earliest is channel 3's -16.04.
+        // The earliest channel is number 3, at -16.04.
         ("hesai_firetimes.csv", [12.42, 6.54, 0.0, 12.42]),
-        // Of the states of operational state 0, the first in which a channel fires.
+        // The expected time is that of the first state, among those of operational state 0, in which a channel fires.
         ("hesai_states.csv", [18.867, 6.289, 0.0, 0.5]),
         ("hesai_modes.csv", [3.66, 0.0, 2.005, 1.655]),
-        // The first loop in which a channel fires.
+        // The expected time is that of the first loop in which a channel fires.
         ("hesai_loops.csv", [0.856, 0.856, 0.0, 1.712]),
     ] {
         let sensor = sensor(&toml(&angles, Some(&own(name))).unwrap());
@@ -328,7 +328,7 @@ fn check_robosense(text: &str) {
     let angles: Vec<Vec<f64>> =
         text.lines().map(|line| line.split(',').map(|x| x.trim().parse().unwrap()).collect()).collect();
     check_points(&imported(text), |channel, azimuth, r| {
-        // The driver's, with the rotor's azimuth clockwise.
+        // The formula is the driver's, with the rotor's azimuth clockwise.
         let (vertical, a) = (angles[channel][0].to_radians(), -azimuth + angles[channel][1].to_radians());
         let cos = libm::cos(vertical);
         DVec3::new(r * cos * libm::cos(a), -r * cos * libm::sin(a), r * libm::sin(vertical))
@@ -343,7 +343,8 @@ fn robosense_angles_give_the_points_of_the_driver() {
     }
 }
 
-/// Where OpenCV draws a direction of the optical frame, in its own pixels: `projectPoints` and `fisheye::projectPoints`.
+/// The pixel to which OpenCV's `projectPoints` and `fisheye::projectPoints` project a direction of the optical frame, in
+/// OpenCV's pixel coordinates.
 fn opencv_pixel(d: DVec3, [fx, fy, cx, cy]: [f64; 4], coefficients: &[f64], is_fisheye: bool) -> [f64; 2] {
     let k = |index: usize| coefficients.get(index).copied().unwrap_or(0.0);
     let (x, y) = (d.x / d.z, d.y / d.z);
@@ -390,7 +391,7 @@ fn cameras_see_pixels_where_opencv_draws_them() {
         assert_eq!((pattern.rows(), pattern.columns()), size, "{name}");
         for row in (0..size.0).step_by(17) {
             for column in (0..size.1).step_by(19) {
-                // In the camera's body frame: x forward, y left, z up.
+                // The direction is in the camera's body frame: x forward, y left, z up.
                 let d = Capture::at_origin(&sensor)
                     .pulse(row, column)
                     .expect("the lens draws every pixel")
@@ -550,7 +551,7 @@ fn all_mistakes_are_told_at_once() {
     assert_eq!(toml(&text, None).unwrap_err().len(), 3);
 }
 
-/// Imports as every format; what comes out must be a sensor file.
+/// Imports a text as every format. Any result must be a valid sensor file.
 fn try_all(text: &str) {
     let start = Instant::now();
     let _ = Format::of(text);

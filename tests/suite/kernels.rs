@@ -19,10 +19,10 @@ use serde_json::Value;
 
 use crate::shapes::{alone, cuboid, placed, seen_from, sphere};
 
-/// In the plane x = 2, counter-clockwise seen from the far side.
+/// A triangle in the plane x = 2, counter-clockwise seen from the far side.
 const FACING: [Vec3; 3] = [Vec3::new(2.0, -1.0, -1.0), Vec3::new(2.0, 1.0, -1.0), Vec3::new(2.0, 0.0, 1.0)];
 
-/// The corners in the order in which the method sees them from where the ray comes.
+/// The corners in the order in which the method sees them from the ray's origin.
 fn turned(method: &Method, ray: &Ray, corners: [Vec3; 3]) -> [Vec3; 3] {
     let [a, b, c] = corners;
     let from_front = Truth::of(ray, corners).is_some_and(|truth| truth.from_front());
@@ -47,7 +47,7 @@ fn the_registry_has_every_method_once_by_name() {
         assert!(name.bytes().all(|b| b.is_ascii_lowercase() || b == b'-'), "{name} is no plain name");
         assert_ne!(name, "exact");
         assert!(!method.about.paper.is_empty());
-        // From Baldwin and Weber's nine numbers to Plücker's three lines of six.
+        // The range goes from Baldwin and Weber's nine numbers to Plücker's three lines of six numbers.
         assert!((36..=96).contains(&method.bytes_per_triangle), "{name}: {}", method.bytes_per_triangle);
     }
     assert!(Method::named("exact").is_none() && Method::named("").is_none());
@@ -58,7 +58,8 @@ fn depth_and_weights_from_both_sides() {
     let inside = FACING[0] * 0.5 + FACING[1] * 0.3 + FACING[2] * 0.2;
     for method in &METHODS {
         let name = method.about.name;
-        // From the back (FACING's front is away from the origin), and turned over from the front.
+        // FACING is seen from the back (its front is away from the origin), and once more with its corners reversed, from
+        // the front.
         for (corners, u, v, from_front) in
             [(FACING, 0.3, 0.2, false), ([FACING[0], FACING[2], FACING[1]], 0.2, 0.3, true)]
         {
@@ -72,7 +73,7 @@ fn depth_and_weights_from_both_sides() {
                 }
             }
         }
-        // A line has no end: behind the origin t is negative.
+        // A line has no end, so t is negative behind the origin.
         let behind = Ray { origin: inside * 2.0, direction: inside };
         let hit = method.intersect(&behind, turned(method, &behind, FACING)).unwrap();
         assert!((hit.t + 1.0).abs() < 1e-5, "{name}: {hit:?}");
@@ -96,7 +97,7 @@ fn culling_is_by_winding() {
     }
 }
 
-/// Coordinates so short that no method rounds: what it answers is its rule.
+/// The coordinates are so short that no method rounds. The answer is that of the method's rule.
 #[test]
 fn edges_and_vertices_belong_to_what_the_rule_says() {
     let edges = [along(2.0, 0.0, -1.0), along(2.0, 0.5, 0.0), along(2.0, -0.5, 0.0), along(4.0, 1.0, -2.0)];
@@ -123,7 +124,7 @@ fn edges_and_vertices_belong_to_what_the_rule_says() {
     }
 }
 
-/// A ray exactly through the edge of two triangles: the exclusive rule gives it to neither.
+/// A ray that goes exactly through the shared edge of two triangles misses both only by the exclusive rule.
 #[test]
 fn a_shared_edge_is_no_gap_but_by_the_exclusive_rule() {
     let other = [FACING[1], FACING[0], Vec3::new(2.0, 0.0, -3.0)];
@@ -143,7 +144,7 @@ fn without_an_area_or_in_the_plane_it_is_a_miss() {
         Ray { origin: Vec3::new(2.0, -5.0, 0.0), direction: Vec3::Y },
         Ray { origin: Vec3::new(2.0, 0.0, 0.0), direction: Vec3::new(0.0, 0.5, 1.0) },
         Ray { origin: a, direction: b - a },
-        Ray { origin: Vec3::new(1.0, 0.0, 0.0), direction: Vec3::Z }, // beside the plane, never in it
+        Ray { origin: Vec3::new(1.0, 0.0, 0.0), direction: Vec3::Z }, // the ray is parallel to the plane and outside of it
         Ray { origin: Vec3::ZERO, direction: Vec3::ZERO },
     ];
     for method in &METHODS {
@@ -175,7 +176,7 @@ fn from_the_triangle_itself_the_depth_is_zero() {
 }
 
 #[test]
-fn what_is_not_finite_is_a_miss() {
+fn non_finite_input_is_a_miss() {
     let ray = along(2.0, 0.1, -0.2);
     for method in &METHODS {
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -195,13 +196,13 @@ fn what_is_not_finite_is_a_miss() {
     }
 }
 
-/// From nanometres to gigametres the answer is right or, where squares of areas leave f32, a miss; never a NaN. The ray's
-/// direction is of unit length, or as long as the triangle is large.
+/// For triangles from nanometres to gigametres the answer is right or, where squares of areas leave f32, a miss. It is
+/// never a NaN. The ray's direction is of unit length, or as long as the triangle is large.
 #[test]
 fn huge_and_tiny_triangles() {
     for method in &METHODS {
         for (exponent, is_unit) in (-44..=38).flat_map(|e| [(e, true), (e, false)]) {
-            // The segment form looks from one length of the direction away: much larger or smaller triangles escape it.
+            // The segment form starts one length of the direction away, and so misses much larger or smaller triangles.
             if is_unit && method.about.name == "segura-feito-segment" && !(-3..=3).contains(&exponent) {
                 continue;
             }
@@ -225,17 +226,18 @@ fn huge_and_tiny_triangles() {
     }
 }
 
-/// The relative error bound of a computed weight, for |weights| up to 1; `None` if there is no knowing.
+/// The relative error bound of a computed weight, for |weights| up to 1. `None` if no bound is known.
 ///
 /// With u = 2⁻²⁴, S the largest distance of the origin and the corners from the frame's origin, L the longest side, h the
 /// least height (|N| = h·L) and κ the cosine of incidence:
-/// - Methods that meet the plane first: N is off by 8uL²/|N| of its length, which moves t by 8u(L²/h)/κ, as N·(A−o) and N·d
-///   are off together; the products and sums of lengths up to 2S move it by another 16uS/κ. So P is off by that and 6uS;
-///   projected along the dominant axis it's √3 of it; a weight falls off with 1/h. Working the weights out costs
-///   12u(L/h)² (Sunday's squares; less elsewhere). In all ≤ 60u(S/h + (L/h)²)/κ.
-/// - Methods that compare volumes: corners relative to the origin are up to 2S long and rounded once, which with the cross
-///   and dot products is 36uS² of a sum that is |N|κ; and again for the sum. In all ≤ 80u·S²/(hLκ). Edges in place of
-///   corners (Möller and Trumbore, Plücker, the shear's differences) need no more.
+/// - Methods that intersect the plane first: N has an error of 8uL²/|N| relative to its length, which moves t by
+///   8u(L²/h)/κ, because N·(A−o) and N·d are affected together. The products and sums of lengths up to 2S move t by another
+///   16uS/κ. So P has that error and another 6uS. Projected along the dominant axis the error is √3 times that, and a
+///   weight falls off with 1/h. Computing the weights costs 12u(L/h)² (for Sunday's squares; less elsewhere). The sum is at
+///   most 60u(S/h + (L/h)²)/κ.
+/// - Methods that compare volumes: corners relative to the origin are up to 2S long and rounded once. With the cross and
+///   dot products this is 36uS² of a sum that is |N|κ, and the same again for the sum. The total is at most 80u·S²/(hLκ).
+///   Edges in place of corners (Möller and Trumbore, Plücker, the shear's differences) need no more.
 fn weight_error(ray: &Ray, corners: [Vec3; 3]) -> Option<f64> {
     const U: f64 = 1.0 / (1 << 24) as f64;
     let [a, b, c] = corners.map(|p| p.as_dvec3());
@@ -250,8 +252,8 @@ fn weight_error(ray: &Ray, corners: [Vec3; 3]) -> Option<f64> {
     (bound < 0.1).then_some(bound)
 }
 
-/// Random pairs, also slivers and grazing ones: outside of the band around edges that rounding may account for, every
-/// method says what exact arithmetic says. Half of the rays are aimed closely beyond the band.
+/// The pairs are random and include slivers and grazing rays. Outside of the band around edges that rounding may explain,
+/// every method gives the answer of exact arithmetic. Half of the rays are aimed just beyond the band.
 #[test]
 fn away_from_edges_all_agree_with_exact_arithmetic() {
     let mut random = Rng::new(5);
@@ -282,7 +284,7 @@ fn away_from_edges_all_agree_with_exact_arithmetic() {
         let (Some(error), Some(truth)) = (weight_error(&ray, corners), Truth::of(&ray, corners)) else {
             continue;
         };
-        // The weights of the ray as rounded, in f64: good to far less than the band.
+        // The weights of the rounded ray are computed in f64, whose error is far less than the band.
         let [fa, fb, fc] = [a, b, c].map(|p| p - origin.as_dvec3());
         let d = ray.direction.as_dvec3();
         let volumes = [d.dot(fb.cross(fc)), d.dot(fc.cross(fa)), d.dot(fa.cross(fb))];
@@ -338,13 +340,13 @@ fn batches_count_what_single_tests_find_and_both_forms_of_sunday_are_the_same() 
     }
 }
 
-/// From within a closed mesh, aimed at its edges, its vertices and anywhere: leaks of each kind.
+/// Counts the rays that leak out of a closed mesh, aimed from within at its edges, at its vertices and anywhere.
 fn leaks(method: &Method, rays: usize) -> [usize; 3] {
     let mut shape = sphere(3.0, DVec3::ZERO, 3);
     if method.about.culling == Culling::Back {
         shape.parts[0].triangles.iter_mut().for_each(|t| t.swap(0, 1));
     }
-    // Turned, so that no coordinate is special.
+    // The mesh is rotated, so that no coordinate is special.
     let turn = Pose::from_rpy(DVec3::ZERO, Angle::deg(20.0), Angle::deg(31.0), Angle::deg(47.0));
     let scene = placed(vec![shape], vec![(0, DAffine3::from_mat3(turn.rotation))]);
     let tracer = method.tracer(&Tracer::build(&scene));
@@ -363,7 +365,7 @@ fn leaks(method: &Method, rays: usize) -> [usize; 3] {
                 (p + scene.geometry.centre - origin).normalize()
             })
             .collect();
-        // The second time from the same origin is by what was worked out for it: nothing changes.
+        // The second call from the same origin uses the precomputed values, and gives the same answers.
         let rays = Rays::unlimited(Origins::Common(origin), &directions);
         let (mut hits, mut again) = (vec![None; 32], vec![None; 32]);
         tracer.cast(&rays, &mut hits);
@@ -375,14 +377,14 @@ fn leaks(method: &Method, rays: usize) -> [usize; 3] {
 }
 
 #[test]
-fn what_leaks_is_shown_to_leak_and_what_is_watertight_does_not() {
+fn leaks_match_the_declared_watertightness() {
     for method in &METHODS {
         let [edge, vertex, inside] = leaks(method, 60_000);
         let name = method.about.name;
         assert_eq!(inside, 0, "{name} leaks far from edges");
         match method.about.edges {
             Edges::Watertight => assert_eq!((edge, vertex), (0, 0), "{name}"),
-            // Agreement edge by edge is not enough where several edges meet.
+            // Consistency of each edge is not enough where several edges meet.
             Edges::Consistent => assert!(edge == 0 && vertex > 0, "{name}: {edge}, {vertex}"),
             Edges::Inclusive | Edges::Exclusive => {
                 assert!(edge > 100 && vertex > 100, "{name}: {edge}, {vertex}")
@@ -391,7 +393,7 @@ fn what_leaks_is_shown_to_leak_and_what_is_watertight_does_not() {
     }
 }
 
-/// The watertight method where f32 is coarse: far from the origin, and for meshes of any size.
+/// Tests the watertight method where f32 is coarse: far from the origin, and for meshes of any size.
 #[test]
 fn watertight_at_every_scale_and_from_afar() {
     let method = Method::named("watertight").unwrap();
@@ -405,7 +407,8 @@ fn watertight_at_every_scale_and_from_afar() {
                 let origin = random.direction() * (radius * distance);
                 let triangle = mesh.triangles[random.below(mesh.triangles.len())];
                 let at = |k: usize| Vec3::from(mesh.positions[triangle[k] as usize]).as_dvec3() * 0.99;
-                // A little within the silhouette, if seen from outside: f32 can't see its last bits from far away.
+                // Seen from outside, the rays aim a little within the silhouette, because f32 cannot resolve its last bits
+                // from far away.
                 let p = (at(0) + (at(1) - at(0)) * [0.0, random.unit()][random.below(2)]) * 0.9;
                 let directions = [(p - origin).normalize()];
                 let rays = Rays::unlimited(Origins::Common(origin + scene.geometry.centre), &directions);
@@ -439,7 +442,8 @@ fn see(scene: &Scene, method: Option<&Method>, pose: &Pose) -> Frame {
     seen_from(scene, &AnyTracer::build(scene, method), &lidar(), pose)
 }
 
-/// Whole scans of meshes placed once and more than once: apart from what a method culls, it sees what the definition sees.
+/// In whole scans of meshes placed once and several times, a method finds the hits of the definition, except for those that
+/// it culls.
 #[test]
 fn scans_by_any_method_differ_from_the_exact_one_by_rounding_only() {
     let mut random = Rng::new(21);
@@ -471,7 +475,7 @@ fn scans_by_any_method_differ_from_the_exact_one_by_rounding_only() {
                 None => missed += 1,
                 Some(seen) if seen.triangle == exact.triangle => {
                     same += 1;
-                    // t is a number of f32, and its surface that of the definition.
+                    // t is rounded to f32, and the surface is that of the definition.
                     assert!(
                         (seen.range_m - exact.range_m).abs() < 2e-4,
                         "{name}: {} {}",
@@ -492,15 +496,15 @@ fn scans_by_any_method_differ_from_the_exact_one_by_rounding_only() {
                     "{name}: {missed} missed, {same} of {rays} the same"
                 );
             }
-            // The room is seen from within, from behind its triangles; the spheres from outside.
+            // The room is seen from within, from behind its triangles, and the spheres from outside.
             Culling::Front => assert!(missed <= 2 && same > rays / 2 && same < rays - 100, "{name}: {same}"),
             Culling::Back => assert!(missed > rays / 2 && same > 100, "{name}: {same}"),
         }
     }
 }
 
-/// A job in the street, where the scene is as it comes: every pixel that a method gives another range than the definition is
-/// culled, or within the error of a weight of an edge, or on a sliver or a surface seen edge-on.
+/// In the street scene, every pixel whose range differs between a method and the definition is culled, or lies within the
+/// error of a weight of an edge, or on a sliver, or on a surface seen edge-on.
 #[test]
 fn in_the_street_rounding_at_edges_explains_every_difference() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/street_128.toml");
@@ -539,7 +543,7 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
         let sum: f64 = volumes.iter().sum();
         let least = volumes.iter().map(|v| (v / sum).abs()).fold(f64::INFINITY, f64::min);
         match weight_error(&ray, corners) {
-            // Twice, as the ray too was rounded.
+            // The error counts twice, because the ray was rounded too.
             Some(error) if least <= 2.0 * error => Because::CloseToAnEdge,
             Some(_) => Because::Nothing,
             None => Because::NoKnowing,
@@ -619,7 +623,7 @@ fn an_unknown_method_is_an_error_that_lists_them() {
     assert!(output.status.code() == Some(2) && message.contains("did you mean `kernel`?"), "{message}");
 }
 
-/// `beamcast kernels` in short: every method with all its figures, which but for the times do not depend on the threads.
+/// Tests a short run of `beamcast kernels`: every method has all its figures, and only the times depend on the threads.
 #[test]
 fn the_comparison_has_every_method_and_figure() {
     let run = |threads: &str| {

@@ -1,11 +1,12 @@
-//! The rooms of the crate and the doors between them: data flows one way, and what a room does not need it does not touch.
+//! The rooms of the crate and the imports between them: data flows one way, and a room does not use what it does not need.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// Each room with the rooms that its code may import; tests aside. From the leaves up: nothing imports what comes later.
-/// `config` comes after what it describes (sensors, the kernel to trace with, output and check settings), and only `cli` knows it.
+/// Each room with the rooms that its code may import, apart from tests. The list goes from the leaves up, and no room
+/// imports a later one. `config` comes after the rooms that it describes (sensors, the method to trace with, output and
+/// check settings).
 const IMPORTS: &[(&str, &[&str])] = &[
     ("angle", &[]),
     ("source", &[]),
@@ -41,7 +42,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("main", &["cli"]),
 ];
 
-/// What only some files may touch, and why.
+/// The paths that only some files may use, each with those files and the reason.
 const CONFINED: &[(&str, &[&str], &str)] = &[
     (
         "std::fs",
@@ -346,7 +347,7 @@ fn circles_are_found() {
 }
 
 #[test]
-fn what_is_confined_stays_where_it_is() {
+fn confined_paths_stay_in_their_files() {
     let mut wrong = Vec::new();
     for (file, code) in sources() {
         for (thing, places, why) in CONFINED {
@@ -362,7 +363,7 @@ fn what_is_confined_stays_where_it_is() {
     assert!(wrong.is_empty(), "\n{}\nThe table is in tests/suite/layering.rs.\n", wrong.join("\n"));
 }
 
-/// Every source file by its path in src/, as [`code`] has it.
+/// Every source file by its path in src/, in the form that [`code`] returns.
 fn sources() -> BTreeMap<String, String> {
     fn visit(folder: &Path, prefix: &str, found: &mut BTreeMap<String, String>) {
         for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
@@ -376,14 +377,14 @@ fn sources() -> BTreeMap<String, String> {
     }
     let mut found = BTreeMap::new();
     visit(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), "", &mut found);
-    // Modules that are declared for tests alone are left out, whatever their names are.
+    // Modules that are declared only for tests are left out, whatever their names are.
     let of_tests: BTreeSet<String> = found.iter().flat_map(|(file, text)| test_modules(file, text)).collect();
     found.retain(|file, _| !of_tests.contains(file));
     found.values_mut().for_each(|text| *text = code(text));
     found
 }
 
-/// The files of the modules that `file` declares for tests alone.
+/// The files of the modules that `file` declares only for tests.
 fn test_modules(file: &str, text: &str) -> Vec<String> {
     let folder = match file.strip_suffix("mod.rs") {
         Some(folder) => folder.to_owned(),
@@ -395,13 +396,13 @@ fn test_modules(file: &str, text: &str) -> Vec<String> {
     names.map(|name| format!("{folder}{name}.rs")).collect()
 }
 
-/// A file without its comments and without its tests, which come last in it.
+/// A file without its comments and without its tests, which stand at its end.
 fn code(text: &str) -> String {
     let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
     code.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
 }
 
-/// Where `word` begins, as a word of its own.
+/// The positions at which `word` begins as a word of its own.
 fn words<'a>(code: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a {
     let is_part = |c: char| c.is_alphanumeric() || c == '_' || c == '$';
     code.match_indices(word).map(|(at, _)| at).filter(move |&at| {
@@ -410,7 +411,7 @@ fn words<'a>(code: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a {
     })
 }
 
-/// The names that follow `root::`, alone or each at the head of a branch of `root::{…}`.
+/// The names that follow `root::`, alone or at the head of a branch of `root::{…}`.
 fn after(code: &str, root: &str) -> Vec<String> {
     let mut names = Vec::new();
     for at in words(code, root) {
@@ -434,7 +435,7 @@ fn after(code: &str, root: &str) -> Vec<String> {
             }
         }
     }
-    // `super::super::x` holds `super::` twice; a name that is a keyword is a step of a longer path.
+    // `super::super::x` contains `super::` twice, and a keyword is a step of a longer path.
     names.retain(|name| name != "super" && name != "self");
     names
 }

@@ -1,4 +1,4 @@
-//! What goes wrong for people who are new to the program, and every word that it then says.
+//! Typical mistakes of new users, and the exact messages that they get.
 
 use std::fs;
 use std::path::Path;
@@ -31,7 +31,7 @@ impl Copy {
         copy
     }
 
-    /// Runs the program in the folder. Gives its exit code and what it says.
+    /// Runs the program in the folder. Returns its exit code and its output.
     fn run(&self, args: &[&str]) -> (i32, String) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
         let output = command.args(args).current_dir(self.0.path()).output().unwrap();

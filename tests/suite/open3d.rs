@@ -1,5 +1,5 @@
-//! The shipped jobs against ranges that Open3D (Embree) found for the same rays: tests/open3d/*.tsv, written by
-//! `python tests/open3d/check.py --write-tables configs/*.toml`, which makes rays and triangles itself.
+//! The shipped jobs against ranges that Open3D (Embree) found for the same rays. `python tests/open3d/check.py
+//! --write-tables configs/*.toml`, which makes rays and triangles independently, wrote the tables tests/open3d/*.tsv.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
     files
 }
 
-/// One pixel of a table: row, column, range (infinite for none), and what a right answer may differ by, in metres.
+/// One pixel of a table: its row, its column, its range (infinite for a miss), and the tolerance of the range in metres.
 type Pixel = (usize, usize, f64, f64);
 
 fn read_table(path: &Path) -> Vec<Pixel> {
@@ -79,7 +79,7 @@ fn shipped_jobs_see_what_open3d_sees() {
                     assert_eq!(ours, f64::INFINITY, "{at}");
                 }
             }
-            // Tables that say little would test little.
+            // The table must have enough hits and misses to be a test.
             assert!(hits >= 400 && hits + misses >= 800, "{name}/{sensor}: {hits} hits, {misses} misses");
         }
     }

@@ -1,4 +1,4 @@
-//! What is written is what was seen: every format read back, by other code than wrote it.
+//! Output files hold the frame: every format is read back by other code than the code that wrote it.
 
 use std::collections::HashMap;
 use std::io::Cursor;
@@ -38,7 +38,8 @@ fn camera(width: usize, height: usize) -> Sensor {
     sensor(Pattern::Camera(Camera::from_hfov((width, height), Angle::deg(80.0), None).unwrap()))
 }
 
-/// What `sensor` sees 2 m above the ground, whose normal is `up` in its frame, up to 30 m away: closed form.
+/// The closed form of the frame that `sensor` sees 2 m above the ground, up to 30 m away. The ground's normal is `up` in
+/// the sensor's frame.
 fn ground(sensor: &Sensor, up: DVec3) -> Frame {
     let capture = Capture::at_origin(sensor);
     let (rows, columns) = (capture.rows(), capture.columns());
@@ -156,7 +157,7 @@ fn a_lidars_exr_has_every_channel_of_every_return() {
         assert_eq!(floats(&["range", "Y"]), [hit.range_m as f32; 2]);
         assert_eq!(floats(&["intensity"]), [hit.intensity]);
         assert_eq!(floats(&["normal.X", "normal.Y", "normal.Z"]), [0.0, 0.0, 1.0]);
-        // 16 beams 2.304 µs apart, 360 columns in a tenth of a second.
+        // There are 16 beams, 2.304 µs apart, and 360 columns in a tenth of a second.
         let time = (i % 360) as f64 / 3600.0 + (i / 360) as f64 * 2.304e-6;
         assert!((f64::from(exr.floats("time")[i]) - time).abs() < 1e-8);
         assert_eq!(ids, [3, 17, i as u32]);
@@ -171,7 +172,7 @@ fn a_lidars_exr_has_every_channel_of_every_return() {
 
 #[test]
 fn a_cameras_z_is_planar_depth() {
-    // The camera looks along a wall's normal: its depth is one number, its range is not.
+    // The camera looks along a wall's normal, so all depths are equal and the ranges differ.
     let sensor = camera(64, 48);
     let frame = ground(&sensor, DVec3::NEG_X);
     let exr = Exr::read(&Format::EXR.encode(&capture(&sensor, &frame)).unwrap());
@@ -180,12 +181,13 @@ fn a_cameras_z_is_planar_depth() {
     let wall = |depth: &f32| (depth - 2.0).abs() < 1e-6;
     assert!(exr.floats("Z").iter().all(wall));
     assert_eq!(exr.floats("Y"), exr.floats("Z"));
-    // 80° across 64 pixels: the corner's ray leans by (31.5, 23.5) pixels over a focal length of 32 / tan 40°.
+    // The image spans 80° in 64 pixels, so the corner's ray leans by (31.5, 23.5) pixels over a focal length of 32 / tan
+    // 40°.
     let focal = 32.0 / libm::tan(40.0_f64.to_radians());
     let (x, y) = (31.5 / focal, 23.5 / focal);
     let corner = 2.0 * (1.0 + x * x + y * y).sqrt();
     assert!((f64::from(exr.floats("range")[0]) - corner).abs() < 1e-6);
-    // The wall faces the camera: against the optical axis.
+    // The wall faces the camera, so its normal points against the optical axis.
     assert_eq!(exr.text("beamcast:normal_frame"), "optical");
     let normal = ["normal.X", "normal.Y", "normal.Z"].map(|name| exr.floats(name)[100]);
     assert_eq!(normal, [0.0, 0.0, -1.0]);
@@ -210,7 +212,7 @@ fn a_cameras_miss_is_infinitely_deep() {
     let last = frame.pixels() - 1;
     let normal = ["normal.X", "normal.Y", "normal.Z"].map(|name| exr.floats(name)[last]);
     assert_eq!(normal, [0.0, -1.0, 0.0]);
-    // The depth of the ground: its height over the slope of the ray, 23.5 − 12 pixels down.
+    // The depth of the ground is its height over the slope of the ray, which is 23.5 − 12 pixels down.
     let focal = 16.0 / libm::tan(40.0_f64.to_radians());
     let depth = 2.0 / (11.5 / focal);
     assert!((f64::from(exr.floats("Z")[last]) - depth).abs() < 1e-6);
@@ -342,7 +344,7 @@ fn a_clouds_pose_in_its_header_leads_to_the_world() {
 }
 
 #[test]
-fn what_a_cloud_cannot_hold_is_an_error() {
+fn numbers_beyond_a_clouds_types_are_errors() {
     let sensor = camera(2, 2);
     let mut returns: Vec<_> = ground(&sensor, DVec3::NEG_X).first_returns().collect();
     returns[0].as_mut().unwrap().label = 1 << 31;
@@ -364,7 +366,7 @@ fn a_preview_is_red_near_blue_far_and_dark_where_nothing_is() {
     let sensor = lidar(16, 360);
     let frame = ground(&sensor, DVec3::Z);
     let (width, height, pixels) = read_png(&Format::PNG.encode(&capture(&sensor, &frame)).unwrap());
-    // Beams 2° apart, columns 1° apart: each row twice.
+    // Beams are 2° apart and columns 1°, so each row is repeated once.
     assert_eq!((width, height), (360, 32));
     let pixel = |row: usize, column: usize| &pixels[3 * (row * 360 + column)..][..3];
     assert_eq!(pixel(0, 7), [0x10, 0x10, 0x14]);
@@ -387,7 +389,7 @@ fn the_same_capture_gives_the_same_bytes_on_any_number_of_threads() {
                 pool.install(|| format.encode(&seen).unwrap())
             };
             let first = encode(1);
-            // Often enough for a hash map's order to differ.
+            // The repetitions are enough for the order of a hash map to differ.
             for threads in [1, 2, 3, 16, 1, 2] {
                 assert!(encode(threads) == first, "{format:?} on {threads} threads");
             }
@@ -407,7 +409,7 @@ fn a_frame_without_returns_is_written_too() {
     assert!(pixels.chunks(3).all(|p| p == [0x10, 0x10, 0x14]));
 }
 
-/// A frame of several returns a pixel: a part of the EXR for each return, and all of them in the cloud.
+/// A frame of several returns a pixel gives one part of the EXR for each return number, and a cloud with all returns.
 #[test]
 fn several_returns_of_a_pixel_are_all_written() {
     let sensor = lidar(2, 3);
@@ -443,8 +445,8 @@ fn several_returns_of_a_pixel_are_all_written() {
     assert_eq!(fields("column"), [0.0, 0.0, 2.0, 0.0, 0.0, 0.0]);
 }
 
-/// A channel is one declaration: what it is called, its unit, its value without a return, who has it and how it follows from
-/// a return.
+/// A channel is added by one declaration: its name, its unit, its value without a return, its sensors, and the rule by
+/// which it follows from a return.
 #[test]
 fn a_channel_of_ones_own_is_one_declaration() {
     let made_up = ChannelSpec {
@@ -462,7 +464,7 @@ fn a_channel_of_ones_own_is_one_declaration() {
     assert_eq!(image.f32("range.squared").unwrap(), [9.0, -1.0]);
 }
 
-/// A format of one file a run, which counts the returns of each frame.
+/// A format with one file for each run, which counts the returns of each frame.
 static TALLY: FormatSpec = FormatSpec {
     name: "tally",
     about: "a line a frame",
@@ -485,7 +487,7 @@ impl Stream for Tally {
     }
 }
 
-/// A format is one declaration, be it a file a frame or a file a run.
+/// A format is added by one declaration, whether it has one file for each frame or for each run.
 #[test]
 fn a_format_of_ones_own_is_one_declaration() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/room_vlp16.toml");

@@ -1,5 +1,5 @@
-//! Patterns of real sensors: the vendors' own formulas, ray tables, modes, and the built-in sensors against their data
-//! sheets.
+//! Patterns of real sensors against the vendors' own formulas, ray tables, modes, and the built-in sensors against their
+//! data sheets.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ fn sensor(text: &str) -> Sensor {
     }
 }
 
-/// What is said about a sensor file that lies beside `table.csv`.
+/// The messages about a sensor file that lies beside `table.csv`.
 fn told(text: &str, csv: &str) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sensor.toml");
@@ -45,8 +45,8 @@ fn told(text: &str, csv: &str) -> Vec<String> {
     found.iter().map(one).collect()
 }
 
-/// ouster-sdk's lookup table, written out: n from the axis to the beam's origin, r the range that a unit reports. It is in
-/// the lidar's frame, which lidar_to_sensor turns by half a turn and lifts.
+/// The lookup table of ouster-sdk, written out: n is the distance from the axis to the beam's origin, and r is the range
+/// that a unit reports. The points are in the frame of the lidar, which lidar_to_sensor rotates by half a turn and lifts.
 #[test]
 fn ouster_points_are_those_of_its_lookup_table() {
     let (n, lift, columns) = (0.015806, 0.03618, 1024);
@@ -71,8 +71,8 @@ fn ouster_points_are_those_of_its_lookup_table() {
     }
 }
 
-/// rs_driver: x = r·cos ε·cos α + R·cos β and so on with the head's angle β, clockwise, which grows with the channel's time.
-/// Velodyne's driver interpolates the azimuth of a laser by its time in the same way.
+/// The formula of rs_driver: x = r·cos ε·cos α + R·cos β and so on, with the head's clockwise angle β, which grows with the
+/// channel's time. Velodyne's driver interpolates the azimuth of a laser by its time in the same way.
 #[test]
 fn the_head_turns_on_between_the_beams_of_a_column() {
     let (radius, rate, columns) = (0.041422, 10.0, 1800);
@@ -220,7 +220,7 @@ fn mistakes_in_patterns_are_told() {
 }
 
 #[test]
-fn what_bites_in_practice_is_warned_of() {
+fn common_pitfalls_are_warned_of() {
     let rotating =
         "[rotating]\nelevations_deg = [1, 1]\nazimuth_offsets_deg = [0, 2]\ncolumns = 360\nrate_hz = 10\n";
     assert_eq!(
@@ -242,7 +242,7 @@ fn what_bites_in_practice_is_warned_of() {
     );
 }
 
-/// A lens that folds within the image: what lies beyond is a miss that is counted, not a ray.
+/// Tests a lens that folds within the image: pixels beyond the fold are counted as misses and have no ray.
 #[test]
 fn pixels_past_a_lenss_fold_have_no_ray() {
     let camera = sensor(
@@ -289,9 +289,9 @@ fn the_built_in_sensors_are_the_files_and_each_says_where_it_is_from() {
     }
 }
 
-/// Name; rows, columns; extents of azimuth and elevation in degrees; points a second: as the data sheets have them, in
-/// rounder numbers. (A firing of Velodyne's gives 1808 columns where the sheet says 1800. The unit that os0-128 is after spans
-/// 92 degrees where the sheet says 90.)
+/// The name, the number of rows and columns, the extents of azimuth and elevation in degrees, and the points a second, from
+/// the data sheets, which round them. (A Velodyne firing cycle gives 1808 columns where the sheet says 1800. The unit on
+/// which os0-128 is based spans 92 degrees where the sheet says 90.)
 #[rustfmt::skip]
 const DATA_SHEETS: &[(&str, usize, usize, f64, f64, f64)] = &[
     ("velodyne/vlp-16", 16, 1808, 360.0, 30.0, 300e3),
@@ -322,8 +322,8 @@ const DATA_SHEETS: &[(&str, usize, usize, f64, f64, f64)] = &[
     ("ideal/camera", 480, 640, 90.0, 73.74, 0.0),
 ];
 
-/// Extents of azimuth and elevation in degrees of so many frames. A camera's are those of its middle row and column, from
-/// edge to edge; a full turn is one with no gap of more than two degrees.
+/// The extents of azimuth and elevation in degrees over so many frames. Those of a camera are taken along its middle row
+/// and column, from edge to edge. A full turn is an azimuth without a gap of more than two degrees.
 fn extents(sensor: &Sensor, frames: u64) -> (f64, f64) {
     let pattern = &sensor.pattern;
     let mut pulses = Vec::new();
@@ -358,7 +358,7 @@ fn each_built_in_sensor_has_its_data_sheets_figures_and_sees_the_street() {
     let tracer = Tracer::build(&scene);
     let at = DVec3::new(0.0, 0.0, 1.8);
     let level = Pose { translation: at, ..Pose::IDENTITY };
-    // A camera's range is a few metres: it looks down, at the road.
+    // The range of a camera is a few metres, so it looks down at the road.
     let down = Pose::from_rpy(at, Angle::default(), Angle::deg(40.0), Angle::default());
     assert_eq!(DATA_SHEETS.len(), presets::BUILT_IN.len());
     for &(name, rows, columns, wide, high, points) in DATA_SHEETS {
@@ -383,8 +383,8 @@ fn each_built_in_sensor_has_its_data_sheets_figures_and_sees_the_street() {
     }
 }
 
-/// The extents of Livox's published pattern tables, and that the field between is full: of the cells of a degree within
-/// 90 % of it, after one frame fewer, after ten nearly all have a point.
+/// Checks the extents of Livox's published pattern tables, and that the field between them is filled: within 90 % of it,
+/// fewer of the cells of one degree have a point after one frame, and nearly all have one after ten.
 #[test]
 fn livox_patterns_fill_their_field_of_view() {
     for (name, wide, high) in [

@@ -1,4 +1,4 @@
-//! The shipped scenes: they are what their generator makes, and what scenes/README.md says.
+//! The shipped scenes equal the output of their generator, and scenes/README.md describes them correctly.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -42,7 +42,7 @@ fn the_readme_tells_their_sizes() {
     }
 }
 
-/// 1234567 as 1,234,567.
+/// A number with thousands separators, such as 1,234,567.
 fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let groups: Vec<_> =
@@ -59,7 +59,7 @@ fn the_street_is_a_street_in_size() {
     assert_eq!(placed, made.placed_triangles);
 }
 
-/// Every mesh that does not say it is open is closed, and each of its pieces faces outwards.
+/// Every mesh that is not marked as open is closed, and each of its pieces faces outwards.
 #[test]
 fn solids_are_closed_and_face_outwards() {
     for file in ["room.glb", "hall.glb", "street.glb", "warehouse.glb"] {
@@ -90,7 +90,7 @@ fn solids_are_closed_and_face_outwards() {
     }
 }
 
-/// Signed volumes of the parts of a mesh that hang together.
+/// The signed volumes of the connected parts of a mesh.
 fn piece_volumes(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<f64> {
     let mut parent: Vec<usize> = (0..positions.len()).collect();
     fn root(parent: &mut [usize], mut i: usize) -> usize {
@@ -126,7 +126,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A binary glTF file, read as the specification says, without the crate's loader.
+/// A binary glTF file, read as the specification describes, without the crate's loader.
 struct Glb {
     json: Value,
     binary: Vec<u8>,
@@ -166,7 +166,7 @@ impl Glb {
         let positions: Vec<_> = floats.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
         let mut triangles = vec![];
         for primitive in primitives {
-            // One set of vertices for all of a mesh: closedness can be read from indices.
+            // All primitives of a mesh share one set of vertices, so that the indices alone show whether it is closed.
             assert_eq!(&primitive["attributes"]["POSITION"], position);
             let indices = &primitive["indices"];
             let wide = self.json["accessors"][indices.as_u64().unwrap() as usize]["componentType"] == 5125;

@@ -1,4 +1,4 @@
-//! `beamcast selftest` as its users run it: what is right passes, what is not fails, and says where.
+//! `beamcast selftest` as users run it: a right sensor passes, and a wrong one fails with the place of the error.
 
 use std::fs;
 use std::process::{Command, Output};
@@ -56,7 +56,7 @@ fn a_job_that_casts_with_a_published_method_fails_and_says_where() {
 }
 
 #[test]
-fn what_cannot_be_read_is_told_as_lint_does() {
+fn unreadable_jobs_are_reported_as_by_lint() {
     let output = selftest(&["configs/sensors/lidar_12.toml"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("lidar_128.toml"), "{}", text(&output.stderr));

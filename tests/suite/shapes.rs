@@ -1,4 +1,4 @@
-//! Small scenes, made in code.
+//! Small scenes that are made in code.
 
 use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
@@ -20,7 +20,7 @@ pub fn seen_from(scene: &Scene, tracer: &impl Cast, sensor: &Sensor, world_from_
     scan(scene, tracer, &capture, &Progress::default()).unwrap()
 }
 
-/// A scene of meshes, each placed wherever the pairs (mesh, world_from_mesh) say.
+/// A scene of meshes. Each pair (mesh, world_from_mesh) places one of them.
 pub fn placed(meshes: Vec<SourceMesh>, placements: Vec<(usize, DAffine3)>) -> Scene {
     let instances = placements.into_iter().map(|(mesh, world_from_mesh)| SourceInstance {
         mesh,
@@ -31,17 +31,17 @@ pub fn placed(meshes: Vec<SourceMesh>, placements: Vec<(usize, DAffine3)>) -> Sc
     SceneBuilder { meshes, instances, materials: vec![Material::default()], files: vec![] }.build().unwrap()
 }
 
-/// A scene of one mesh that stands as it is.
+/// A scene of one mesh at its own coordinates.
 pub fn alone(mesh: SourceMesh) -> Scene {
     placed(vec![mesh], vec![(0, DAffine3::IDENTITY)])
 }
 
-/// A quadrilateral from its corners, in order around it: two triangles.
+/// A quadrilateral of two triangles, from its corners in order around it.
 pub fn quad(corners: [DVec3; 4]) -> SourceMesh {
     mesh(corners.map(|c| c.as_vec3().to_array()).to_vec(), vec![[0, 1, 2], [0, 2, 3]])
 }
 
-/// A closed box, facing outward.
+/// A closed box whose faces point outward.
 pub fn cuboid(low: [f32; 3], high: [f32; 3]) -> SourceMesh {
     let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] });
     let triangles = vec![
@@ -61,7 +61,7 @@ pub fn cuboid(low: [f32; 3], high: [f32; 3]) -> SourceMesh {
     mesh((0..8).map(corner).collect(), triangles)
 }
 
-/// A closed sphere: an octahedron whose faces are cut in four `levels` times. 8·4^levels triangles.
+/// A closed sphere of 8·4^levels triangles: an octahedron whose faces are divided into four, `levels` times.
 pub fn sphere(radius: f64, centre: DVec3, levels: u32) -> SourceMesh {
     let mut points = vec![DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
     let mut triangles: Vec<[u32; 3]> =
@@ -84,7 +84,7 @@ pub fn sphere(radius: f64, centre: DVec3, levels: u32) -> SourceMesh {
     mesh(points.into_iter().map(|p| (p * radius + centre).as_vec3().to_array()).collect(), triangles)
 }
 
-/// Triangles anywhere in the cube from −1 to 1, of any shape up to `size`.
+/// Random triangles in the cube from −1 to 1, of any shape up to `size`.
 pub fn soup(random: &mut Rng, count: u32, size: f64) -> SourceMesh {
     let mut positions = Vec::new();
     for _ in 0..count {

@@ -36,19 +36,19 @@ fn cast(tracer: &dyn Cast, rays: &Rays) -> Vec<Option<Hit>> {
     hits
 }
 
-/// How many times the usual number of rays: `BEAMCAST_THOROUGH=12` takes ten million of each kind.
+/// The factor by which the number of rays is increased. `BEAMCAST_THOROUGH=12` casts ten million rays of each kind.
 fn thorough() -> usize {
     std::env::var("BEAMCAST_THOROUGH")
         .map_or(1, |times| times.parse().expect("BEAMCAST_THOROUGH is a number"))
 }
 
-/// A vertex of the scene in the world, or a point on one of its edges, as exactly as f64 has it.
+/// A vertex of the scene in the world, or a point on one of its edges, as exactly as f64 can represent it.
 fn target(scene: &Scene, random: &mut Rng) -> DVec3 {
     let near = random.u64();
     target_near(scene, random, near)
 }
 
-/// The same, of a triangle that `near` picks or one of those after it in its mesh.
+/// The same target on a triangle that `near` selects, or on one that follows it in its mesh.
 fn target_near(scene: &Scene, random: &mut Rng, near: u64) -> DVec3 {
     let placement =
         &scene.arrangement.placements[(near % scene.arrangement.placements.len() as u64) as usize];
@@ -68,10 +68,9 @@ fn target_near(scene: &Scene, random: &mut Rng, near: u64) -> DVec3 {
     placement.scene_from_mesh().transform_point3(p) + scene.geometry.centre
 }
 
-/// Rays in batches from points near the scene: random ones and ones aimed at vertices and edges, neighbours in a
-/// narrow fan, axis-parallel ones, with and without limits; from one point, from points along a short way (a moving
-/// sensor) and from anywhere. Every tracer must agree with brute force bit for bit. Gives
-/// the number of hits.
+/// Casts batches of rays from points near the scene. The rays are random, aimed at vertices and edges, neighbours in a
+/// narrow fan, or parallel to an axis, with and without limits. They start from one point, from points along a short path
+/// (a moving sensor), or from anywhere. Every tracer must agree with brute force bit for bit. Returns the number of hits.
 fn agrees(scene: &Scene, batches: usize, seed: u64, spread: f64) -> usize {
     let tracers = tracers(scene);
     let batches = (0..batches * thorough()).into_par_iter();
@@ -80,7 +79,7 @@ fn agrees(scene: &Scene, batches: usize, seed: u64, spread: f64) -> usize {
         .sum()
 }
 
-/// Rays of a batch: whole packets, parts of one, and more than one.
+/// The number of rays of a batch: whole packets, parts of one packet, or more than one packet.
 fn batch_size(batch: usize) -> usize {
     [128, 64, 128, 45, 150][batch / 7 % 5]
 }
@@ -93,7 +92,7 @@ fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Rng
         _ => (scene.geometry.centre + random.point() * spread).as_vec3().as_dvec3(),
     };
     let rays = batch_size(batch);
-    // Where each ray starts, from the common point.
+    // The offset of each ray's origin from the common point.
     let step = random.point() * spread * [1e-7, 1e-5, 1e-3][batch / 60 % 3];
     let offsets: Vec<DVec3> = match batch / 20 % 3 {
         0 => vec![],
@@ -110,9 +109,10 @@ fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Rng
                 (0, _) => (main + random.point() * 0.05).normalize(),
                 (1, 0) => DVec3::AXES[ray / 4 % 3] * random.signed().signum(),
                 (2, 0) => random.direction(),
-                // Aimed: as a unit vector, and unrounded, so that determinants are exactly zero.
+                // Aimed rays have unit or unrounded directions. An unrounded one makes determinants exactly zero.
                 (3, 1) => target(scene, random) - origin,
-                // A bundle: vertices and edges of triangles that are neighbours, or nearly, so that the packet stays whole.
+                // A bundle is aimed at vertices and edges of triangles that are neighbours, or nearly, so that the packet
+                // stays whole.
                 (4, 3) => target_near(scene, random, near) - origin,
                 (4, _) => (target_near(scene, random, near) - origin).normalize(),
                 _ => (target(scene, random) - origin).normalize(),
@@ -129,13 +129,13 @@ fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Rng
     same_hits(scene, tracers, batch, &Rays { origins, directions: &directions, t_min, t_max, after: None })
 }
 
-/// Holds every tracer to brute force, bit for bit, and in every fourth batch once more for the hits after the nearest ones.
-/// Returns the number of hits.
+/// Compares every tracer with brute force, bit for bit, and in every fourth batch once more for the hits after the nearest
+/// ones. Returns the number of hits.
 fn same_hits(scene: &Scene, tracers: &Tracers, batch: usize, rays: &Rays) -> usize {
     let expected = cast(&BruteForce(scene), rays);
     all_find(&expected, tracers, batch, rays);
     if batch.is_multiple_of(4) {
-        // Some rays of the batch have no hit that theirs must follow.
+        // Some rays of the batch have no earlier hit, so they look for their first one.
         let keep = |(ray, hit): (usize, &Option<Hit>)| hit.filter(|_| ray % 5 != 0);
         let after: Vec<_> = expected.iter().enumerate().map(keep).collect();
         let rays = Rays { after: Some(&after), ..*rays };
@@ -144,7 +144,7 @@ fn same_hits(scene: &Scene, tracers: &Tracers, batch: usize, rays: &Rays) -> usi
     expected.iter().flatten().count()
 }
 
-/// Holds every tracer to the expected hits, bit for bit.
+/// Compares the hits of every tracer with the expected ones, bit for bit.
 fn all_find(expected: &[Option<Hit>], tracers: &Tracers, batch: usize, rays: &Rays) {
     for (name, tracer) in tracers {
         let found = cast(tracer, rays);
@@ -242,7 +242,7 @@ fn placed_meshes_agree_with_brute_force() {
     let mut random = Rng::new(11);
     let mut placements = vec![(1, DAffine3::from_translation(DVec3::new(0.0, 0.0, -3.0)))];
     for index in 0..40 {
-        // Turned, stretched, some of them mirrored, some nearly flat.
+        // The meshes are rotated and scaled. Some are mirrored, and some are nearly flat.
         let mut scale = DVec3::new(0.3 + random.unit(), 0.3 + random.unit(), 0.3 + random.unit());
         if index % 3 == 0 {
             scale.x = -scale.x;
@@ -256,7 +256,7 @@ fn placed_meshes_agree_with_brute_force() {
     assert_eq!(scene.arrangement.placements.len(), 41);
     assert!(agrees(&scene, 400, 13, 4.0) > 10_000);
 
-    // The same geometry, arranged otherwise: everything has moved, and some of it is gone.
+    // The same geometry is arranged otherwise: everything has moved, and some objects are removed.
     let mut arrangement = Arrangement::clone(&scene.arrangement);
     for placement in &mut arrangement.placements[1..] {
         let by = DAffine3::from_translation(random.point() * 3.0);
@@ -272,7 +272,7 @@ fn placed_meshes_agree_with_brute_force() {
         (0..60).map(|batch| batch_agrees(&moved, &tracers, batch, &mut Rng::new(batch as u64), 4.0)).sum();
     assert!(hits > 1000, "{hits}");
 
-    // A published method answers as if it were built for the new arrangement, and its shadow rays as its hits.
+    // A published method answers as if it were built for the new arrangement, in shadow rays as well as in hits.
     let directions: Vec<_> = (0..500).map(|_| random.direction()).collect();
     let origins = Origins::Common(scene.geometry.centre);
     let rays = Rays { origins, directions: &directions, t_min: 0.0, t_max: 5.0, after: None };
@@ -300,7 +300,7 @@ fn an_arrangement_of_another_order_is_refused() {
     Tracer::build(&scene).rearranged(Arc::new(arrangement));
 }
 
-/// Near-coincident layers a few ulps apart: only the exact order of depths tells them apart.
+/// Near-coincident layers are a few ulps apart, so that only the exact order of depths separates them.
 #[test]
 fn near_coincident_layers_agree_with_brute_force() {
     let mut layers = mesh(vec![], vec![]);
@@ -315,7 +315,7 @@ fn near_coincident_layers_agree_with_brute_force() {
     }
     let scene = alone(layers);
     assert!(agrees(&scene, 600, 17, 1.0) > 5_000);
-    // Two layers that are the same: the lower id wins from either side.
+    // Of two coincident layers, the lower id is hit from either side.
     let twice = quad([
         DVec3::new(-1.0, -1.0, 0.0),
         DVec3::new(1.0, -1.0, 0.0),
@@ -335,16 +335,16 @@ fn near_coincident_layers_agree_with_brute_force() {
     }
 }
 
-/// Sheets of small triangles a few ulps apart, seen at grazing incidence from far away: depths of single triangles are so
-/// uncertain in f32 that only their bounds, or f64, can order them.
+/// Sheets of small triangles, a few ulps apart, are seen at grazing incidence from far away. Depths of single triangles are
+/// so uncertain in f32 that only their bounds, or f64, can order them.
 #[test]
 fn grazed_layers_agree_with_brute_force() {
     let mut sheets = mesh(vec![], vec![]);
     let cells = 12_u32;
-    // Turned, because along the axes f32 loses next to nothing.
+    // The sheets are rotated, because f32 loses almost no digits along the axes.
     let turn = rotated(DVec3::new(1.0, 2.0, -0.7), 1.1, DVec3::ONE, DVec3::new(0.3, -0.2, 0.1));
     for layer in 0..4_u32 {
-        // Each sheet is cut up differently, and tilted by an ulp or so.
+        // Each sheet is divided differently, and tilted by about an ulp.
         let (size, base) = (1.0 / f64::from(cells + layer), sheets.positions.len() as u32);
         for y in 0..=cells {
             for x in 0..=cells {
@@ -383,7 +383,7 @@ fn grazed_layers_agree_with_brute_force() {
             })
             .collect();
         hits += same_hits(&scene, &tracers, batch, &Rays::unlimited(Origins::Common(origin), &directions));
-        // A moving sensor: depths are as uncertain, and origins differ.
+        // For a moving sensor the depths are as uncertain, and the origins differ.
         let origins: Vec<DVec3> =
             (0..128).map(|ray| origin + DVec3::X * (1e-6 * f64::from(ray % 8))).collect();
         hits += same_hits(&scene, &tracers, batch, &Rays::unlimited(Origins::Each(&origins), &directions));
@@ -391,7 +391,7 @@ fn grazed_layers_agree_with_brute_force() {
     assert!(hits > 10_000, "{hits}");
 }
 
-/// What hierarchies are bad at: one point, one line, and all in one place.
+/// Degenerate arrangements are bad for hierarchies: all triangles at one point, on one line, or in one place.
 #[test]
 fn degenerate_arrangements_agree_with_brute_force() {
     let one = mesh(vec![[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 1.0]], vec![[0, 1, 2]]);
@@ -406,7 +406,7 @@ fn degenerate_arrangements_agree_with_brute_force() {
         line.parts[0].triangles.push([base, base + 1, base + 2]);
     }
     agrees(&alone(line), 16, 29, 1.0);
-    // One in front of the other: what waits is more than a ray's place has room for.
+    // The triangles lie one behind the other, so that more nodes are pending than a ray's stack can hold.
     let mut nested = mesh(vec![], vec![]);
     for i in 0..1300 {
         let (base, size) = (nested.positions.len() as u32, libm::powf(1.02, i as f32));
@@ -420,7 +420,7 @@ fn degenerate_arrangements_agree_with_brute_force() {
 #[test]
 fn rays_walk_through_all_their_hits_in_order() {
     let mut random = Rng::new(43);
-    // Four copies of the same two triangles, and layers an ulp apart: many depths are equal.
+    // Four copies of two triangles, and layers an ulp apart, make many depths equal.
     let mut layers = mesh(vec![], vec![]);
     for z in [1.0_f32, 1.0, 1.0_f32.next_up(), 1.0, 2.0, 1.0] {
         let base = layers.positions.len() as u32;
@@ -428,7 +428,7 @@ fn rays_walk_through_all_their_hits_in_order() {
         layers.parts[0].triangles.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
     }
     let turn = rotated(DVec3::new(1.0, 2.0, 3.0), 0.7, DVec3::new(1.0, 0.5, -2.0), DVec3::X);
-    // Every place but the last is taken twice, so that depths of different placements are equal.
+    // Every place but the last is used twice, so that depths of different placements are equal.
     let places = [0.0, 0.0, 0.5, 0.5, -2.0].map(|x| (0, DAffine3::from_translation(DVec3::X * x) * turn));
     let scenes = [
         alone(soup(&mut Rng::new(5), 300, 1.0)),
@@ -498,8 +498,8 @@ fn rays_walk_through_all_hits_of_a_method() {
     assert!(hits > 500, "{hits}");
 }
 
-/// Many rays in one call, stretches of neighbours and stretches in no order by turns: packets, single rays, and where one
-/// becomes the other.
+/// Many rays are cast in one call. Runs of neighbouring rays alternate with runs in no order, which tests packets, single
+/// rays and the transitions between them.
 #[test]
 fn long_calls_agree_with_brute_force() {
     let mut random = Rng::new(41);
@@ -523,7 +523,7 @@ fn long_calls_agree_with_brute_force() {
                     origins.push(if is_packet { origin } else { random.point() * 2.0 });
                 }
             }
-            // One is inside of a sphere.
+            // One of the origins is inside a sphere.
             let origins =
                 if call % 2 == 0 { Origins::Each(&origins) } else { Origins::Common(origins[0] * 0.1) };
             let hits = same_hits(&scene, &tracers, call, &Rays::unlimited(origins, &directions));
@@ -532,8 +532,8 @@ fn long_calls_agree_with_brute_force() {
     }
 }
 
-/// A million rays over the shipped scenes. Brute force pays for every triangle, so most of them are cast where there are
-/// few; of each scene enough are aimed at vertices and edges to meet every kind of doubt.
+/// A million rays are cast over the shipped scenes. Brute force tests every triangle, so most rays are cast in scenes with
+/// few triangles. In each scene enough rays are aimed at vertices and edges to test every kind of near-tie.
 #[test]
 fn shipped_scenes_agree_with_brute_force() {
     let mut rays = 0;
@@ -553,7 +553,7 @@ fn shipped_scenes_agree_with_brute_force() {
     assert!(rays >= 1_000_000 * thorough(), "{rays}");
 }
 
-/// What casting takes is counted: rays at vertices are too close for f64, and a ray that leaves meets nothing.
+/// The work of casting is counted: rays at vertices are too close for f64, and a ray that leaves the scene tests nothing.
 #[test]
 fn traversal_statistics_are_counted() {
     let scene = alone(sphere(1.0, DVec3::ZERO, 4));
@@ -573,8 +573,8 @@ fn traversal_statistics_are_counted() {
     }
 }
 
-/// A ray from inside a closed mesh hits it, wherever it is aimed. A quarter of a million rays each at the vertices, at the
-/// edges and anywhere.
+/// A ray from inside a closed mesh hits it, wherever it is aimed. A quarter of a million rays each are aimed at the
+/// vertices, at the edges and anywhere.
 #[test]
 fn closed_meshes_have_no_leaks() {
     let mut random = Rng::new(31);

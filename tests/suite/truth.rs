@@ -1,4 +1,4 @@
-//! Whole scans against closed forms: planes, box, wedge, sphere, as a rotating LiDAR and a pinhole camera see them.
+//! Whole scans against closed forms: planes, a box, a wedge and a sphere, seen by a rotating LiDAR and a pinhole camera.
 
 use beamcast::angle::Angle;
 use beamcast::frame::Pose;
@@ -38,7 +38,7 @@ fn see(scene: &Scene, sensor: &Sensor, pose: &Pose) -> Frame {
     seen_from(scene, &Tracer::build(scene), sensor, pose)
 }
 
-/// Calls `check` with each ray's world direction and what came back.
+/// Calls `check` with each ray's world direction and its range, if it returned.
 fn each_ray(frame: &Frame, sensor: &Sensor, pose: &Pose, mut check: impl FnMut(DVec3, Option<f64>)) {
     let capture = Capture::at_origin(sensor);
     for row in 0..frame.rows() {
@@ -49,7 +49,7 @@ fn each_ray(frame: &Frame, sensor: &Sensor, pose: &Pose, mut check: impl FnMut(D
     }
 }
 
-/// Half an ulp of f32 at `x`: what rounding a coordinate of that size costs at most.
+/// Half an ulp of f32 at `x`, which is the greatest error from rounding a coordinate of that size.
 fn half_ulp(x: f64) -> f64 {
     f64::from((x.abs() as f32).next_up() - x.abs() as f32) / 2.0
 }
@@ -60,18 +60,18 @@ fn across(normal: DVec3) -> (DVec3, DVec3) {
     (u, normal.cross(u))
 }
 
-/// A square target with this normal, `half` its side, `distance` from the sensor along `towards`.
+/// A square target with this normal and half a side of `half`, at `distance` from the sensor along `towards`.
 struct Target {
     middle: DVec3,
     normal: DVec3,
     half: f64,
 }
 
-/// Scans a target and holds each ray against two planes: the one through the stored (f32) vertices of the triangle that was
-/// hit, to 1e-9 m, and the ideal one, to what rounding the vertices may cost.
+/// Scans a target and compares each ray with two planes: with the plane through the stored (f32) vertices of the hit
+/// triangle, to 1e-9 m, and with the ideal plane, to the error that rounding the vertices may cause.
 fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
     let (u, v) = across(target.normal);
-    // The corners in f64 around a local origin, so that the only f32 rounding is the one of the scene's space.
+    // The corners are in f64 around a local origin, so that the only rounding to f32 is that of the scene's coordinates.
     let local = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     let shape = quad(local.map(|(a, b)| DVec3::new(a, b, 0.0)));
     let axes = glam::DMat3::from_cols(u * target.half, v * target.half, target.normal * target.half);
@@ -82,7 +82,7 @@ fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
         .map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()))
         .collect();
     let largest = stored.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
-    // World coordinates themselves are f64: near 10⁶ m a pose or a corner is good to 1.2e-10 m.
+    // World coordinates themselves are f64. Near 10⁶ m a pose or a corner is accurate to 1.2e-10 m.
     let world =
         4.0 * f64::EPSILON * (pose.translation.abs().max_element() + target.middle.abs().max_element());
     let vertex_error = 3_f64.sqrt() * half_ulp(largest) + world;
@@ -93,13 +93,14 @@ fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
         for column in 0..frame.columns() {
             let d = pose.direction(capture.pulse(row, column).unwrap().direction);
             let found = frame.get(row, column);
-            // The closed form, about the target's middle.
+            // The closed form is computed relative to the target's middle.
             let from = pose.translation - target.middle;
             let cos = target.normal.dot(d);
             let t = -target.normal.dot(from) / cos;
             let p = from + d * t;
             let (x, y) = (u.dot(p) / target.half, v.dot(p) / target.half);
-            // How far (in metres, seen along the ray) the point may be off, from the vertices and from f64.
+            // The bound is the distance in metres along the ray by which the point may be off, from the vertices and from
+            // f64.
             let bound = vertex_error / cos.abs() + 1e-9;
             let margin = bound / target.half;
             let distance_from_rim = 1.0 - x.abs().max(y.abs());
@@ -123,7 +124,7 @@ fn check_target(target: &Target, sensor: &Sensor, pose: &Pose) -> usize {
                 let n = (b - a).cross(c - a).normalize();
                 let origin = pose.translation - scene.geometry.centre;
                 let through_stored = n.dot(a - origin) / n.dot(d);
-                // What the reference itself loses: a few ulps of its operands, over the cosine.
+                // The reference itself loses a few ulps of its operands, over the cosine.
                 assert!(
                     (found.range_m - through_stored).abs() <= 1e-9,
                     "row {row}, column {column}: {} m, stored plane {through_stored} m",
@@ -144,7 +145,7 @@ fn planes_at_every_distance_tilt_and_place() {
             let pose = Pose::from_rpy(place, Angle::deg(1.5), Angle::deg(-2.0), Angle::deg(33.0));
             let ahead = pose.direction(DVec3::X);
             for distance in [0.5, 3.0, 20.0, 75.0, 200.0] {
-                // Facing, tilted, and a vertical wall that is none of the axes'.
+                // The targets face the sensor, are tilted, or are vertical walls that are parallel to no axis.
                 for (tilt, about) in
                     [(0.0, DVec3::Z), (35.0, DVec3::Y), (60.0, DVec3::Z), (80.0, DVec3::new(1.0, 2.0, 3.0))]
                 {
@@ -156,7 +157,7 @@ fn planes_at_every_distance_tilt_and_place() {
                         Target { middle: place + ahead * distance, normal: turned, half: distance * 0.8 };
                     hits += check_target(&target, &sensor, &pose);
                 }
-                // Level ground below, out to 200 m.
+                // The ground is level below the sensor, out to 200 m.
                 let level = Pose { translation: place + DVec3::Z * distance.min(20.0), ..Pose::IDENTITY };
                 let ground = Target { middle: place, normal: DVec3::Z, half: 200.0 };
                 hits += check_target(&ground, &sensor, &level);
@@ -166,7 +167,7 @@ fn planes_at_every_distance_tilt_and_place() {
     assert!(hits > 200_000, "{hits}");
 }
 
-/// Beams that graze a plane at 89.9° of incidence and around it.
+/// Tests beams that graze a plane at about 89.9° of incidence.
 #[test]
 fn grazing_planes() {
     let elevations = [-0.05, -0.1, -0.11, -0.2, -0.5, -1.0];
@@ -189,8 +190,8 @@ fn grazing_planes() {
     assert!(hits > 10_000, "{hits}");
 }
 
-/// A convex solid as the planes around it: points p with n·p ≤ h for each (n, h). The depths at which a line enters and
-/// leaves it, if it does (Cyrus and Beck, 1978).
+/// The depths at which a line enters and leaves a convex solid, if it does (M. Cyrus and J. Beck, 1978). The solid is given
+/// by its planes: points p with n·p ≤ h for each (n, h).
 fn clip(planes: &[(DVec3, f64)], origin: DVec3, d: DVec3) -> Option<(f64, f64)> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
     for &(n, h) in planes {
@@ -206,7 +207,7 @@ fn clip(planes: &[(DVec3, f64)], origin: DVec3, d: DVec3) -> Option<(f64, f64)> 
     (enter <= leave).then_some((enter, leave))
 }
 
-/// Planes of a box.
+/// The planes of a box.
 fn slabs(low: DVec3, high: DVec3) -> Vec<(DVec3, f64)> {
     [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|n| [(n, n.dot(high)), (-n, -n.dot(low))]).collect()
 }
@@ -231,7 +232,7 @@ fn a_box_from_inside() {
 
 #[test]
 fn a_box_and_a_wedge_from_outside() {
-    // A door stop: its slope rises from x = 2 to x = 5.
+    // The wedge is a door stop whose slope rises from x = 2 to x = 5.
     let wedge = mesh(
         vec![
             [2.0, -1.5, -1.0],
@@ -264,7 +265,7 @@ fn a_box_and_a_wedge_from_outside() {
             let (mut hits, mut rim) = (0, 0);
             each_ray(&frame, &sensor, &pose, |d, found| {
                 let closed = clip(planes, pose.translation, d).filter(|&(_, leave)| leave > 0.0);
-                // Whether a ray that barely touches an edge hits is for f64 to round either way in the closed form.
+                // If a ray barely touches an edge, f64 rounding in the closed form decides whether it hits.
                 let touch = closed.is_some_and(|(enter, leave)| leave - enter < 1e-12);
                 rim += usize::from(touch);
                 if !touch {
@@ -285,7 +286,7 @@ fn a_box_and_a_wedge_from_outside() {
 
 #[test]
 fn range_limits_see_through_what_is_nearer_and_not_what_is_farther() {
-    // Two walls, at 2 m and at 6 m.
+    // There are two walls, at 2 m and at 6 m.
     let mut walls =
         quad([[2.0, -9.0, -9.0], [2.0, 9.0, -9.0], [2.0, 9.0, 9.0], [2.0, -9.0, 9.0]].map(DVec3::from));
     walls.positions.extend([[6.0, -50.0, -50.0], [6.0, 50.0, -50.0], [6.0, 50.0, 50.0], [6.0, -50.0, 50.0]]);
@@ -309,7 +310,7 @@ fn range_limits_see_through_what_is_nearer_and_not_what_is_farther() {
     assert!(near > 1000 && far > 100 && none > 100, "{near} {far} {none}");
 }
 
-/// A sphere against its own facets (found by Möller and Trumbore's test in f64, over all of them) and against the ball.
+/// Compares a sphere with its own facets (by Möller and Trumbore's test in f64, over all of them) and with the ideal ball.
 #[test]
 fn a_tessellated_sphere() {
     let radius = 2.0;
@@ -327,7 +328,8 @@ fn a_tessellated_sphere() {
             })
         })
         .collect();
-    // A facet's largest edge e lies within e²/(8r) of the sphere along its middle, and within e²/(6r) in its inside.
+    // A facet whose largest edge is e lies within e²/(8r) of the sphere along that edge, and within e²/(6r) in its
+    // interior.
     let edge = facets
         .iter()
         .flat_map(|[a, b, c]| [a.distance(*b), b.distance(*c), c.distance(*a)])
@@ -353,7 +355,7 @@ fn a_tessellated_sphere() {
             let Some(found) = found else { return };
             hits += 1;
             let t = nearest.unwrap();
-            // Near the rim facets are seen edge-on and t is that much less certain: 10⁻¹² over the cosine.
+            // Near the rim, facets are seen edge-on and t is less certain by this factor: 10⁻¹² over the cosine.
             let cos = ((d * t - centre) / radius).dot(d).abs().max(1e-3);
             assert!((found - t).abs() <= 1e-12 / cos * t, "{found} m, facets {t} m");
             let outside = (d * found - centre).length() - radius;
@@ -363,7 +365,7 @@ fn a_tessellated_sphere() {
     }
 }
 
-/// The same bytes for any number of threads.
+/// Frames have the same bytes for any number of threads.
 #[test]
 fn frames_do_not_depend_on_threads() {
     let mut random = Rng::new(5);
@@ -386,9 +388,9 @@ fn frames_do_not_depend_on_threads() {
     }
 }
 
-/// A sensor that moves and turns while it scans sees each pulse from its own pose: at 15 m/s along its own x and 0.5 rad/s,
-/// beside the plane y = 10. The body is on a circle of radius v/ω = 30 m; a straight line instead would be wrong by 9, 42 and
-/// 45 mm.
+/// A sensor that moves and turns while it scans casts each pulse from its pose at that time: at 15 m/s along its own x and
+/// 0.5 rad/s, beside the plane y = 10. The body moves on a circle of radius v/ω = 30 m. A straight line instead would be
+/// wrong by 9, 42 and 45 mm.
 #[test]
 fn each_pulse_of_a_moving_sensor_is_cast_from_its_own_pose() {
     let (speed, rate) = (15.0, 0.5);
@@ -426,7 +428,7 @@ fn each_pulse_of_a_moving_sensor_is_cast_from_its_own_pose() {
             let point = seen.point(0, column, found.range_m).unwrap();
             let expected = DVec3::new(x + range_m * libm::cos(heading), 10.0, 0.0);
             assert!(point.abs_diff_eq(expected, 1e-9), "{point} {expected}");
-            // The wall's normal, turned into the sensor's frame as it was then.
+            // The wall's normal is expressed in the sensor's frame at that time.
             let normal = DVec3::new(-libm::sin(yaw), -libm::cos(yaw), 0.0).as_vec3();
             assert!(glam::Vec3::from(found.normal).abs_diff_eq(normal, 1e-7));
         }

@@ -1,4 +1,4 @@
-//! `beamcast view` as its users run it. What a browser makes of the pages is tests/browser's to see.
+//! `beamcast view` as users run it. The tests in tests/browser cover the rendering of the pages in a browser.
 
 use std::fs;
 use std::path::Path;
@@ -18,7 +18,7 @@ fn good(folder: &Path, args: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The data of each frame of a page.
+/// The data of each frame on a page.
 fn frames(page: &str) -> Vec<Value> {
     let parts = page.split("<script type=\"application/json\">").skip(1);
     parts.map(|part| serde_json::from_str(part.split("</script>").next().unwrap()).unwrap()).collect()
@@ -38,7 +38,7 @@ fn a_job_its_folder_and_its_files_show_the_same() {
     let run = frames(&good(folder, &["view", &job, "-o", "-"]));
     assert_eq!(run.len(), 3);
     let recorded = frames(&good(folder, &["view", "out", "-o", "-"]));
-    // The folder's sensors come sorted by name.
+    // The sensors of a folder are sorted by name.
     let by_count = |frames: &[Value]| {
         let mut counts: Vec<u64> = frames.iter().map(count).collect();
         counts.sort_unstable();
@@ -50,7 +50,7 @@ fn a_job_its_folder_and_its_files_show_the_same() {
     assert_eq!(of_roof(&recorded)["channels"], of_roof(&run)["channels"], "bit for bit");
     assert_eq!(of_roof(&recorded)["instances"], of_roof(&run)["instances"]);
 
-    // A camera's image knows its points, a LiDAR's takes them from the cloud beside it.
+    // The image of a camera determines its points. The image of a LiDAR takes them from the cloud beside it.
     let camera = frames(&good(folder, &["view", "out/windscreen/000000.exr", "-o", "-"]));
     assert!(run.iter().any(|frame| count(frame) == count(&camera[0])));
     let roof = frames(&good(folder, &["view", "out/roof/000000.exr", "-o", "-"]));
@@ -89,7 +89,7 @@ fn a_page_of_128_by_2048_is_small() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_said() {
+fn inputs_without_a_view_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("not.exr"), "an image").unwrap();

@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told() {
+    fn errors_name_the_problem() {
         let of = |bytes: &[u8]| read_ply(bytes).unwrap_err().to_string();
         let whole = little_endian();
         assert_eq!(of(&whole[..whole.len() - 1]), "it is cut short: its header promises 2 points");

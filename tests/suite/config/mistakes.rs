@@ -1,9 +1,9 @@
-//! One mistake after the other, and the words that a user reads.
+//! Mistakes in jobs and sensor files, and the messages that users read.
 
-/// What is replaced in the valid job (or, if it isn't there, in its sensor file), what by, and what is said first:
-/// `file:line:column: message | label | help`.
+/// Each entry has the text that is replaced in the valid job (or, if the job lacks it, in its sensor file), the
+/// replacement, and the first message in the form `file:line:column: message | label | help`.
 pub const MISTAKES: &[(&str, &str, &str)] = &[
-    // Keys.
+    // Mistakes in keys.
     ("seed = 7", "sead = 7", "job.toml:2:1: unknown key `sead` in a job |  | did you mean `seed`?"),
     (
         "max_m = 50",
@@ -60,7 +60,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
         "",
         "sensor.toml:2:1: `[rotating]` has no `rate_hz` | needs `rate_hz` | add `rate_hz = 10.0`, the turns a second",
     ),
-    // Kinds of values.
+    // Wrong kinds of values.
     (
         "seed = 7",
         "seed = -7",
@@ -152,7 +152,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
         "job.toml:5:1: `sensor` is a table | expected a list of tables | write `[[sensor]]`, with two brackets, before each sensor's keys",
     ),
     ("dir = \"out\"", "dir = \"\"", "job.toml:12:7: `dir` is an empty string | expected some text | "),
-    // Values that don't go together.
+    // Values that contradict each other.
     (
         "max_m = 50",
         "max_m = 0.25",
@@ -228,7 +228,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
         "",
         "job.toml:5:1: the sensor has no pattern | needs one | add `[rotating]`, `[pinhole]` or another pattern or, in a job, a `preset` that has one",
     ),
-    // Names and files.
+    // Wrong names and files.
     (
         "name = \"top\"",
         "name = \"a/b\"",
@@ -264,7 +264,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
         "\".\"",
         "job.toml:7:10: there is no built-in sensor `.` | expected its name, or a path that ends in `.toml` | a sensor file's name ends in `.toml`",
     ),
-    // Syntax.
+    // Wrong syntax.
     (
         "seed = 7",
         "seed = seven",
