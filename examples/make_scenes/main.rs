@@ -1,6 +1,6 @@
-//! Makes the scenes that ship in `scenes/`: `cargo run --release --example make_scenes`.
+//! Generates the scenes that ship in `scenes/`: `cargo run --release --example make_scenes`.
 //!
-//! With `-- --check` nothing is written; the committed files are compared with a fresh generation instead.
+//! With `-- --check` nothing is written. The committed files are compared with newly generated ones instead.
 
 mod world;
 

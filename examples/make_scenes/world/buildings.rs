@@ -1,7 +1,9 @@
-//! Houses of bays: a façade is a grid of panels 3 m wide, each kind stored once; a shell closes the rest.
+//! Houses that consist of bays. A façade is a grid of panels 3 m wide, and each kind of panel is stored once. A shell
+//! closes the rest.
 //!
-//! A panel's frame: x along the façade from 0 to 3, z up from its floor, the street towards −y, the wall's face at y = 0.
-//! All edges that panels share have short coordinates, so that abutting panels have the very same vertices.
+//! In the frame of a panel, x goes along the façade from 0 to 3, z goes up from its floor, the street is towards −y, and
+//! the wall's face is at y = 0.
+//! All edges that panels share have short coordinates, so that abutting panels have exactly the same vertices.
 
 use glam::DVec3;
 use serde_json::json;
@@ -14,7 +16,7 @@ pub const BAY: f64 = 3.0;
 pub const GROUND_FLOOR: f64 = 4.0;
 pub const FLOOR: f64 = 3.0;
 
-/// What all houses are made of, but for their walls.
+/// The materials that all houses share. The walls differ.
 #[derive(Clone, Copy)]
 pub struct Fabric {
     pub frame: Material,
@@ -26,7 +28,7 @@ pub struct Fabric {
     pub roof: Material,
 }
 
-/// The panels in one wall colour.
+/// The panels with walls of one colour.
 #[derive(Clone, Copy)]
 pub struct Bays {
     wall: Material,
@@ -38,14 +40,15 @@ pub struct Bays {
 
 pub struct House {
     pub name: &'static str,
-    /// The corner where the front begins (left, seen from the street), and which way it faces: 0 towards −y.
+    /// The corner where the front begins (left, seen from the street), and the direction that it faces: at 0 quarter turns
+    /// −y.
     pub frame: QuarterTurned,
-    /// Bays of the front and of the sides.
+    /// The numbers of bays of the front and of the sides.
     pub width: u32,
     pub depth: u32,
-    /// Floors above the ground floor.
+    /// The number of floors above the ground floor.
     pub floors: u32,
-    /// Which sides have bays (front, right, back, left); the others are blank walls.
+    /// The sides that have bays (front, right, back, left). The other sides are blank walls.
     pub bayed: [bool; 4],
     pub pitched: bool,
     pub shops: bool,
@@ -54,7 +57,7 @@ pub struct House {
 struct Opening {
     x: (f64, f64),
     z: (f64, f64),
-    /// How far the frame stands back.
+    /// The distance by which the frame stands back.
     depth: f64,
 }
 
@@ -62,7 +65,7 @@ fn upright(x: (f64, f64), y: f64, z: (f64, f64)) -> [DVec3; 4] {
     [v(x.0, y, z.0), v(x.1, y, z.0), v(x.1, y, z.1), v(x.0, y, z.1)]
 }
 
-/// Front face with a hole, the hole's cheeks, a frame and a pane.
+/// Adds the front face with a hole, the reveals of the hole, a frame and a pane.
 fn panel(mesh: &mut Mesh, height: f64, hole: &Opening, wall: Material, frame: Material, pane: Material) {
     let rim = 0.0625;
     let pane_depth = hole.depth + 0.03125;
@@ -77,7 +80,7 @@ fn panel(mesh: &mut Mesh, height: f64, hole: &Opening, wall: Material, frame: Ma
     mesh.quad(inner(pane_depth), pane);
 }
 
-/// Bars across a pane, upright at `xs` and level at `zs`.
+/// Adds bars across a pane, upright at `xs` and level at `zs`.
 fn glazing_bars(mesh: &mut Mesh, hole: &Opening, xs: &[f64], zs: &[f64], frame: Material) {
     let (front, back) = (hole.depth + 0.005, hole.depth + 0.05);
     for &x in xs {
@@ -146,7 +149,7 @@ fn shop(wall: Material, f: &Fabric) -> Mesh {
     panel(&mut mesh, GROUND_FLOOR, &hole, wall, f.frame, f.glass);
     glazing_bars(&mut mesh, &hole, &[1.08, 1.92], &[], f.frame);
     mesh.cuboid(v(0.2, -0.12, 0.38), v(2.8, 0.1, 0.51), f.stone);
-    // Fascia and an awning that slopes out over the pavement.
+    // These are the fascia and an awning that slopes out over the pavement.
     mesh.cuboid(v(0.1, -0.1, 3.2), v(2.9, 0.05, 3.7), f.door);
     let slope = |y: f64, z: f64| [v(0.15, y, z), v(2.85, y, z)];
     let ([a, b], [c, d]) = (slope(-0.02, 3.18), slope(-1.3, 2.72));
@@ -180,17 +183,17 @@ impl Bays {
 }
 
 impl House {
-    /// Height of the walls.
+    /// The height of the walls.
     fn height(&self) -> f64 {
         GROUND_FLOOR + FLOOR * f64::from(self.floors)
     }
 
-    /// Puts the house into the scene: a node for each side that has bays, and one for the shell.
+    /// Adds the house to the scene, with a node for each side that has bays and one for the shell.
     pub fn build(&self, doc: &mut Document, bays: &Bays, fabric: &Fabric) {
         let sides = [self.width, self.depth, self.width, self.depth];
         let mut corner = DVec3::ZERO;
         for (side, &count) in sides.iter().enumerate() {
-            // Each side begins where the last one ends, a quarter turn on.
+            // Each side begins at the end of the previous one and is rotated by a quarter turn.
             let along = quarter(side as u32) * (BAY * f64::from(count));
             if self.bayed[side] {
                 let frame = QuarterTurned {
@@ -225,7 +228,7 @@ impl House {
                 places[usize::from(balcony)].push(Place::at(x, 0.0, GROUND_FLOOR + FLOOR * f64::from(floor)));
             }
         }
-        // A window panel is a floor high; on the ground floor a strip of wall fills the rest.
+        // A window panel is as high as a floor. On the ground floor a strip of wall fills the rest.
         let strip = places[0].iter().any(|p| p.position().z == 0.0);
         let kinds = [
             ("windows", bays.window),
@@ -251,7 +254,7 @@ impl House {
         children
     }
 
-    /// Blank walls, cornice and roof.
+    /// The blank walls, the cornice and the roof.
     fn shell(&self, wall: Material, f: &Fabric) -> Mesh {
         let mut mesh = Mesh::new();
         let (w, d, top) = (BAY * f64::from(self.width), BAY * f64::from(self.depth), self.height());
@@ -263,7 +266,7 @@ impl House {
                 mesh.quad([a, b, up(b, top), up(a, top)], wall);
             }
         }
-        // Ledges end just short of the neighbour's.
+        // Ledges end just short of those of the neighbouring house.
         mesh.cuboid(v(0.005, -0.14, top - 0.2), v(w - 0.005, 0.05, top + 0.06), f.stone);
         mesh.cuboid(v(0.005, -0.08, GROUND_FLOOR - 0.17), v(w - 0.005, 0.06, GROUND_FLOOR - 0.05), f.stone);
         if self.pitched {
@@ -274,7 +277,7 @@ impl House {
                 let [a, b, c] = gable;
                 mesh.triangle(if x > 0.0 { [a, b, c] } else { [a, c, b] }, wall);
             }
-            // Two slabs of tiles that meet in the ridge.
+            // Two slabs of tiles meet in the ridge.
             let (thick, out) = (0.18, 0.15);
             let section = |x: f64| {
                 let low = top - slope * eaves;
@@ -308,7 +311,7 @@ impl House {
                 }
             }
         } else {
-            // Parapet: outside, coping, inside; then the roof between.
+            // The parapet has an outside, a coping and an inside. The roof lies between its sides.
             let high = top + 0.875;
             let ring = |inset: f64, z: f64| {
                 [
@@ -349,7 +352,7 @@ impl House {
     }
 }
 
-/// The x axis after whole quarter turns.
+/// The direction of the x axis after whole quarter turns.
 fn quarter(quarters: u32) -> DVec3 {
     [DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y][quarters as usize % 4]
 }

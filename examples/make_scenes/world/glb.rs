@@ -1,4 +1,4 @@
-//! Writes binary glTF: meshes, nodes and instances, placed in the world's z-up frame.
+//! A writer of binary glTF: meshes, nodes and instances, placed in the world's z-up frame.
 
 use std::collections::HashMap;
 
@@ -9,12 +9,12 @@ use super::mesh::{Mesh, sincos_deg};
 
 /// A finished scene.
 pub struct SceneFile {
-    /// File name in `scenes/`.
+    /// The file's name in `scenes/`.
     pub file: &'static str,
     pub glb: Vec<u8>,
-    /// Triangles, counted as often as they are placed.
+    /// The number of triangles in the scene, where each placement of a mesh counts.
     pub placed_triangles: u64,
-    /// Triangles in the file.
+    /// The number of triangles in the file.
     pub stored_triangles: u64,
 }
 
@@ -27,7 +27,7 @@ pub struct MeshId(usize);
 #[derive(Clone, Copy)]
 pub struct NodeId(usize);
 
-/// Where something stands: scaled, turned, then moved.
+/// The placement of an object, which is scaled, then rotated, then moved.
 #[derive(Clone, Copy)]
 pub struct Place {
     at: DVec3,
@@ -40,7 +40,7 @@ impl Place {
         Self { at: DVec3::new(x, y, z), rotation: DQuat::IDENTITY, scale: DVec3::ONE }
     }
 
-    /// Turned about its own z axis, counter-clockwise seen from above.
+    /// Rotates the object about its own z axis, counter-clockwise seen from above.
     pub fn yaw(self, degrees: f64) -> Self {
         let (s, c) = sincos_deg(degrees / 2.0);
         Self { rotation: self.rotation * DQuat::from_xyzw(0.0, 0.0, s, c), ..self }
@@ -54,21 +54,21 @@ impl Place {
         self.at
     }
 
-    /// A direction of the placed thing's own frame, in the world.
+    /// Transforms a direction from the object's own frame to the world.
     pub fn direction(&self, d: DVec3) -> DVec3 {
         self.rotation * d
     }
 }
 
-/// A frame turned by whole quarters, so that its matrix is exact: what is built from abutting pieces stays gapless.
+/// A frame that is rotated by whole quarter turns, so that its matrix is exact and abutting pieces stay without gaps.
 #[derive(Clone, Copy)]
 pub struct QuarterTurned {
     pub at: DVec3,
-    /// Counter-clockwise seen from above.
+    /// The number of quarter turns, counter-clockwise seen from above.
     pub quarters: u32,
 }
 
-/// A glTF file in the making.
+/// A glTF file under construction.
 pub struct Document {
     materials: Vec<Value>,
     meshes: Vec<Value>,
@@ -104,7 +104,7 @@ impl Document {
         }
     }
 
-    /// A matt material of a linear base colour.
+    /// Adds a matt material with a linear base colour.
     pub fn material(&mut self, name: &str, [r, g, b]: [f64; 3]) -> Material {
         self.materials.push(json!({
             "name": name,
@@ -126,8 +126,8 @@ impl Document {
         self.mesh(name, mesh, false)
     }
 
-    /// Stores a mesh that has rims: a sheet, leaves, a shell that others complete. Said in its `extras`, for tests of
-    /// closed meshes.
+    /// Stores an open mesh, such as a sheet, leaves, or a shell that other meshes complete. Its `extras` say so, for the
+    /// tests of closed meshes.
     pub fn sheet(&mut self, name: &str, mesh: &Mesh) -> MeshId {
         self.mesh(name, mesh, true)
     }
@@ -149,7 +149,7 @@ impl Document {
                 faces.push((material, corners));
             }
         }
-        // Primitives in order of material; faces keep their order within one.
+        // Primitives are in the order of their materials. Faces keep their order within a primitive.
         faces.sort_by_key(|&(material, _)| material);
         let position = self.positions(&positions);
         let mut primitives = vec![];
@@ -170,7 +170,7 @@ impl Document {
         self.push_mesh(value, faces.len() as u64)
     }
 
-    /// The same geometry (stored once) with one material exchanged.
+    /// A mesh with the same geometry (stored once) and with one material replaced.
     pub fn repainted(&mut self, name: &str, mesh: MeshId, from: Material, to: Material) -> MeshId {
         let mut value = self.meshes[mesh.0].clone();
         value["name"] = json!(name);
@@ -188,7 +188,7 @@ impl Document {
         MeshId(self.meshes.len() - 1)
     }
 
-    /// A node of one mesh. It is not in the scene until [`Self::add`] or [`Self::group`] puts it there.
+    /// A node of one mesh. It is not in the scene until [`Self::add`] or [`Self::group`] adds it.
     pub fn node(&mut self, name: &str, mesh: MeshId, place: Place, extras: Value) -> NodeId {
         self.placed_triangles += self.mesh_triangles[mesh.0];
         let mut node = Map::new();
@@ -227,7 +227,7 @@ impl Document {
         self.push_node(node, extras)
     }
 
-    /// Puts a parent above `children` into the scene.
+    /// Adds a parent node above `children` to the scene.
     pub fn group(&mut self, name: &str, frame: QuarterTurned, children: &[NodeId], extras: Value) {
         let (s, c) = sincos_deg(90.0 * f64::from(frame.quarters % 4));
         let [x, y, z] = gltf_vector(frame.at).map(f64::from);
@@ -240,7 +240,7 @@ impl Document {
         self.add(node);
     }
 
-    /// Puts a node into the scene.
+    /// Adds a node to the scene.
     pub fn add(&mut self, node: NodeId) {
         self.roots.push(node.0);
     }
@@ -270,7 +270,7 @@ impl Document {
     }
 
     fn indices(&mut self, indices: &[u32], vertices: usize) -> usize {
-        // The largest value of a type is the restart mark, which no index may have.
+        // The largest value of an index type is the mark for a primitive restart, which no index may have.
         let (kind, bytes): (u32, Vec<u8>) = if vertices <= usize::from(u16::MAX) {
             (U16, indices.iter().flat_map(|&i| (i as u16).to_le_bytes()).collect())
         } else {
@@ -307,7 +307,7 @@ impl Document {
         self.views.len() - 1
     }
 
-    /// The file. `about` goes into `asset.extras`.
+    /// Returns the finished file. `about` is written into `asset.extras`.
     pub fn finish(mut self, file: &'static str, about: &str) -> SceneFile {
         pad(&mut self.binary, 0);
         let mut root = json!({
@@ -357,7 +357,7 @@ fn pad(bytes: &mut Vec<u8>, with: u8) {
     bytes.resize(bytes.len().next_multiple_of(4), with);
 }
 
-/// From z up to glTF's y up: (x, y, z) → (x, z, −y). Adding zero turns −0 into 0.
+/// Converts a vector from z up to glTF's y up: (x, y, z) → (x, z, −y). Adding zero turns −0 into 0.
 fn gltf_vector(v: DVec3) -> [f32; 3] {
     [v.x as f32, v.z as f32, (-v.y) as f32].map(|c| c + 0.0)
 }
@@ -370,7 +370,7 @@ fn gltf_scale(s: DVec3) -> [f32; 3] {
     [s.x as f32, s.z as f32, s.y as f32]
 }
 
-/// Numbers that are f32, written so that a reader in f32 and one in f64 get the same value.
+/// Writes f32 numbers such that a reader in f32 and a reader in f64 get the same value.
 fn floats(values: &[f32]) -> Value {
     Value::Array(values.iter().map(|&v| json!(f64::from(v))).collect())
 }

@@ -1,4 +1,4 @@
-//! A calibration hall: targets of known shape, place and reflectivity around its middle.
+//! A calibration hall with targets of known shape, place and reflectivity around its middle.
 
 use glam::DVec3;
 use serde_json::json;
@@ -53,7 +53,7 @@ fn shell(
     doc.add(node);
 
     let mut mesh = Mesh::new();
-    let ring = |z| [v(-x, -y, z), v(-x, y, z), v(x, y, z), v(x, -y, z)]; // clockwise: the walls face in
+    let ring = |z| [v(-x, -y, z), v(-x, y, z), v(x, y, z), v(x, -y, z)]; // clockwise, so that the walls face in
     mesh.skin(&ring(0.0), &ring(z), wall);
     mesh.quad(ring(z), roof);
     let mesh = doc.sheet("walls and roof", &mesh);
@@ -63,7 +63,7 @@ fn shell(
     let node = doc.node("walls and roof", mesh, Place::at(0.0, 0.0, 0.0), extras);
     doc.add(node);
 
-    // A frame every 6 m: two I-section columns and a lattice girder.
+    // A frame stands every 6 m: two columns of I-section and a lattice girder.
     let mut mesh = Mesh::new();
     for side in [-1.0, 1.0] {
         for (half_width, low, high) in
@@ -104,7 +104,7 @@ fn shell(
     doc.add(node);
 }
 
-/// A board whose front looks along +x from the origin, `rows` and `columns` of cells of a material each.
+/// A board at the origin whose front faces +x. Each of its `rows` and `columns` of cells has a material.
 fn board(width: f64, height: f64, cells: &[Vec<Material>], back: Material) -> Mesh {
     let mut mesh = Mesh::new();
     let (rows, columns) = (cells.len(), cells[0].len());
@@ -135,9 +135,9 @@ fn board(width: f64, height: f64, cells: &[Vec<Material>], back: Material) -> Me
     mesh
 }
 
-/// Puts a board's middle at a range and azimuth from the z axis, its normal turned by `tilt` from looking at the axis,
-/// on a post.
-#[allow(clippy::too_many_arguments)] // a target is these
+/// Places the middle of a board at a range and an azimuth from the z axis, on a post. `tilt` is the angle by which its
+/// normal is turned away from the axis.
+#[allow(clippy::too_many_arguments)] // a target has all of these properties
 fn put_board(
     doc: &mut Document,
     name: &str,
@@ -228,14 +228,14 @@ fn spheres(doc: &mut Document, white: Material, steel: Material) {
     }
 }
 
-/// Upright wedges that point their edge at the middle of the hall, and a corner that opens to it.
+/// Upright wedges whose edges point at the middle of the hall, and a corner that opens to it.
 fn edges(doc: &mut Document, material: Material) {
     for (angle, azimuth) in [(30.0, -60.0), (60.0, -75.0), (90.0, -90.0), (120.0, -105.0)] {
         let range = 7.0;
         let (s, c) = sincos_deg(azimuth);
         let (edge_s, edge_c) = sincos_deg(angle / 2.0);
         let side = 1.0;
-        // Its edge at the local origin, opening along +x.
+        // The wedge's edge is at the local origin, and the wedge opens along +x.
         let foot =
             |z| [v(0.0, 0.0, z), v(side * edge_c, -side * edge_s, z), v(side * edge_c, side * edge_s, z)];
         let mut mesh = Mesh::new();
@@ -251,7 +251,7 @@ fn edges(doc: &mut Document, material: Material) {
         let node = doc.node(&name, mesh, place, extras);
         doc.add(node);
     }
-    // Three boards at right angles, 1 m each, seen from inside the corner.
+    // The corner has three boards at right angles, 1 m each, seen from inside.
     let mut mesh = Mesh::new();
     let t = THICKNESS;
     let outline = [
@@ -263,7 +263,7 @@ fn edges(doc: &mut Document, material: Material) {
         v(-t, 1.0, 0.0),
     ];
     let lifted = |z: f64| outline.map(|p| p + v(0.0, 0.0, z));
-    // The L of the two upright boards, on a square base; its inner faces end where the base's top begins.
+    // The two upright boards form an L on a square base. Their inner faces end where the top of the base begins.
     let (low, middle, high) = (lifted(-t), lifted(0.0), lifted(1.0));
     for [a, b, c, d] in [[0, 1, 2, 3], [0, 3, 4, 5]] {
         mesh.quad([high[a], high[b], high[c], high[d]], material);
@@ -307,7 +307,7 @@ fn poles(doc: &mut Document, steel: Material) {
     }
 }
 
-/// Upright slats with ever wider gaps: what the sensor's angular step resolves.
+/// Upright slats with increasing gaps, which show the angular resolution of a sensor.
 fn comb(doc: &mut Document, material: Material) {
     let mut mesh = Mesh::new();
     let gaps = [0.005, 0.01, 0.02, 0.03, 0.04, 0.06, 0.08, 0.12];
@@ -318,7 +318,7 @@ fn comb(doc: &mut Document, material: Material) {
         mesh.cuboid(v(x, -0.01, 0.5), v(x + slat, 0.01, 2.0), material);
         x += slat + gaps.get(i).copied().unwrap_or(0.0);
     }
-    // Rails behind the slats' ends hold them.
+    // Rails behind the ends of the slats hold them.
     for z in [0.5625, 1.875] {
         mesh.cuboid(v(-total / 2.0 - 0.01, 0.005, z), v(total / 2.0 + 0.01, 0.03, z + 0.0625), material);
     }
@@ -345,7 +345,7 @@ fn ramp_and_stairs(doc: &mut Document, grey: Material, yellow: Material) {
     let ramp = doc.node("ramp 10 %", ramp, Place::at(12.0, 7.0, 0.0), extras);
     doc.add(ramp);
 
-    // Step by step: a column under each tread.
+    // The stairs are built step by step, with a column under each tread.
     let (steps, rise, tread) = (8, 0.171875, 0.28125);
     let mut mesh = Mesh::new();
     for i in 0..steps {

@@ -1,10 +1,10 @@
-//! Triangle meshes from code, in z-up metres. Faces are counter-clockwise seen from outside.
+//! Triangle meshes in code, in metres with z up. Faces are counter-clockwise seen from outside.
 
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::glb::Material;
 
-/// Triangles with a material each. Vertices are welded when the mesh is written.
+/// Triangles that each have a material. Vertices are welded when the mesh is written.
 #[derive(Clone, Default)]
 pub struct Mesh {
     pub positions: Vec<DVec3>,
@@ -15,20 +15,20 @@ pub fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Sine and cosine, the same bits on every platform and exact at quarter turns.
+/// Sine and cosine, with the same bits on every platform and exact at quarter turns.
 pub fn sincos_deg(degrees: f64) -> (f64, f64) {
     let (s, c) = libm::sincos(degrees.to_radians());
     let snap = |x: f64| if x.abs() < 1e-15 { 0.0 } else { x };
     (snap(s), snap(c))
 }
 
-/// Turned about z, then moved.
+/// The transform that rotates about z and then moves.
 pub fn turned(yaw_deg: f64, at: DVec3) -> DAffine3 {
     let (s, c) = sincos_deg(yaw_deg);
     DAffine3 { matrix3: DMat3::from_cols(v(c, s, 0.0), v(-s, c, 0.0), DVec3::Z), translation: at }
 }
 
-/// A circle about z, counter-clockwise seen from above.
+/// A circle about z, with its corners counter-clockwise seen from above.
 pub fn circle(centre: DVec3, radius: f64, sides: usize) -> Vec<DVec3> {
     ellipse(centre, radius, radius, sides)
 }
@@ -53,13 +53,13 @@ impl Mesh {
         self.faces.push(([first, first + 1, first + 2], material));
     }
 
-    /// Corners in order, counter-clockwise seen from the front.
+    /// Adds a quadrilateral. Its corners are counter-clockwise seen from the front.
     pub fn quad(&mut self, [a, b, c, d]: [DVec3; 4], material: Material) {
         self.triangle([a, b, c], material);
         self.triangle([a, c, d], material);
     }
 
-    /// Adds `other`, moved.
+    /// Adds a transformed copy of `other`.
     pub fn add(&mut self, other: &Mesh, moved: DAffine3) {
         let base = self.positions.len() as u32;
         self.positions.extend(other.positions.iter().map(|&p| moved.transform_point3(p)));
@@ -70,7 +70,7 @@ impl Mesh {
         }));
     }
 
-    /// The box between two corners.
+    /// Adds the box between two corners.
     pub fn cuboid(&mut self, low: DVec3, high: DVec3, material: Material) {
         let corner = |x: usize, y: usize, z: usize| {
             let pick = |side: usize, axis: usize| if side == 0 { low[axis] } else { high[axis] };
@@ -80,7 +80,8 @@ impl Mesh {
         self.prism(&ring(0), &ring(1), material);
     }
 
-    /// A convex bottom and a top with as many corners, both counter-clockwise seen from above, and the sides between.
+    /// Adds a convex bottom, a top with the same number of corners (both counter-clockwise seen from above), and the sides
+    /// between them.
     pub fn prism(&mut self, bottom: &[DVec3], top: &[DVec3], material: Material) {
         for i in 1..bottom.len() - 1 {
             self.triangle([bottom[0], bottom[i + 1], bottom[i]], material);
@@ -89,21 +90,23 @@ impl Mesh {
         self.skin(bottom, top, material);
     }
 
-    /// The surface between two closed rings, facing out when they turn counter-clockwise about the way from `a` to `b`.
+    /// Adds the surface between two closed rings. It faces out if they turn counter-clockwise about the direction from `a`
+    /// to `b`.
     pub fn skin(&mut self, a: &[DVec3], b: &[DVec3], material: Material) {
         self.strip(a, b, material);
         let last = a.len() - 1;
         self.quad([a[last], a[0], b[0], b[last]], material);
     }
 
-    /// The surface between two open lines, facing as [`Self::skin`] does.
+    /// Adds the surface between two open lines. It faces as in [`Self::skin`].
     pub fn strip(&mut self, a: &[DVec3], b: &[DVec3], material: Material) {
         for i in 1..a.len() {
             self.quad([a[i - 1], a[i], b[i], b[i - 1]], material);
         }
     }
 
-    /// Rings joined one to the next, both ends capped. `material` is asked for each cell (ring, segment).
+    /// Adds a body of rings that are joined one to the next, with both ends capped. `material` gives the material of a cell
+    /// (ring, segment).
     pub fn loft(&mut self, rings: &[Vec<DVec3>], material: impl Fn(usize, usize) -> Material) {
         let last = rings.len() - 1;
         for (i, pair) in rings.windows(2).enumerate() {
@@ -114,7 +117,7 @@ impl Mesh {
         }
         for (ring, outward) in [(&rings[0], false), (&rings[last], true)] {
             let middle = ring.iter().sum::<DVec3>() / ring.len() as f64;
-            // A ring that is one point needs no cap.
+            // A ring whose corners coincide needs no cap.
             if ring.iter().all(|&p| p.distance(middle) < 1e-9) {
                 continue;
             }
@@ -126,15 +129,15 @@ impl Mesh {
         }
     }
 
-    /// A surface of revolution about z. `profile` holds (radius, z), outside to the right when walked along; ends on the
-    /// axis or flat.
+    /// Adds a surface of revolution about z. `profile` holds (radius, z), with the outside to the right of its direction.
+    /// Its ends must lie on the axis or be flat.
     pub fn lathe(&mut self, base: DVec3, profile: &[(f64, f64)], sides: usize, material: Material) {
         let rings: Vec<_> =
             profile.iter().map(|&(radius, z)| circle(base + v(0.0, 0.0, z), radius, sides)).collect();
         self.loft(&rings, |_, _| material);
     }
 
-    /// A ring of revolution about z: like [`Self::lathe`], with a profile that closes on itself.
+    /// Adds a ring of revolution about z. It is like [`Self::lathe`] with a closed profile.
     pub fn ring(&mut self, base: DVec3, profile: &[(f64, f64)], sides: usize, material: Material) {
         for i in 0..profile.len() {
             let ends = [profile[i], profile[(i + 1) % profile.len()]];
@@ -143,7 +146,7 @@ impl Mesh {
         }
     }
 
-    /// An ellipsoid with its poles on z; its vertices lie on the ideal surface.
+    /// Adds an ellipsoid with its poles on z. Its vertices lie on the ideal surface.
     pub fn ellipsoid(&mut self, centre: DVec3, radii: DVec3, sides: usize, rows: usize, material: Material) {
         let rings: Vec<_> = (0..=rows)
             .map(|i| {
@@ -154,13 +157,13 @@ impl Mesh {
         self.loft(&rings, |_, _| material);
     }
 
-    /// A round bar along a path, of a radius at each point; flat ends.
+    /// Adds a round bar along a path with a radius at each point and with flat ends.
     pub fn tube(&mut self, path: &[(DVec3, f64)], sides: usize, material: Material) {
         let rings = tube_rings(path, sides);
         self.loft(&rings, |_, _| material);
     }
 
-    /// A round bar with half a sphere at each end.
+    /// Adds a round bar with a hemisphere at each end.
     pub fn limb(&mut self, path: &[(DVec3, f64)], sides: usize, material: Material) {
         const ROWS: usize = 4;
         let (first, last) = (path[0], path[path.len() - 1]);
@@ -182,7 +185,7 @@ fn tube_rings(path: &[(DVec3, f64)], sides: usize) -> Vec<Vec<DVec3>> {
     let along: Vec<_> = (0..path.len())
         .map(|i| (path[(i + 1).min(path.len() - 1)].0 - path[i.saturating_sub(1)].0).normalize())
         .collect();
-    // The axis that the path nowhere runs along, so that the rings do not twist.
+    // The reference axis is the one to which the path is never parallel, so that the rings do not twist.
     let worst = |axis: DVec3| along.iter().map(|a| a.dot(axis).abs()).fold(0.0, f64::max);
     let reference = if worst(DVec3::Z) < 0.9 {
         DVec3::Z

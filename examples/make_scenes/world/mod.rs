@@ -1,6 +1,6 @@
-//! The shipped scenes as code: no assets, the same bytes on every platform.
+//! The shipped scenes as code. They use no assets and have the same bytes on every platform.
 //!
-//! Scene code thinks in the world's frame (metres, right-handed, z up); [`glb`] turns that into glTF's.
+//! Scene code uses the world's frame (metres, right-handed, z up), and [`glb`] converts it to glTF's frame.
 
 mod buildings;
 mod glb;

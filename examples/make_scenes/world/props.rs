@@ -1,4 +1,4 @@
-//! Street furniture and people. Each stands at the origin; what has a front looks along +x.
+//! Street furniture and people. Each object stands at the origin, and its front, if it has one, faces +x.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -6,7 +6,7 @@ use super::glb::Material;
 use super::mesh::{Mesh, circle, ellipse, sincos_deg, turned, v};
 use super::room::SUNK;
 
-/// How a person stands.
+/// The posture of a person.
 #[derive(Clone, Copy)]
 pub enum Posture {
     Standing,
@@ -73,7 +73,7 @@ pub fn person(posture: Posture, clothes: &Clothes) -> Mesh {
     mesh
 }
 
-/// A street lamp 7 m tall; its arm reaches 1.8 m along +x.
+/// A street lamp 7 m tall whose arm reaches 1.8 m along +x.
 pub fn lamp(steel: Material, glass: Material) -> Mesh {
     let mut mesh = Mesh::new();
     mesh.tube(&[(v(0.0, 0.0, -SUNK), 0.1), (v(0.0, 0.0, 1.2), 0.1)], 20, steel);
@@ -89,8 +89,8 @@ pub fn lamp(steel: Material, glass: Material) -> Mesh {
     mesh
 }
 
-/// A plate about x = 0.06 on a post, looking along +x: `outline` in (y, z) from its middle, counter-clockwise seen from
-/// the front.
+/// A plate about x = 0.06 on a post, facing +x. `outline` holds (y, z) relative to the plate's middle, counter-clockwise
+/// seen from the front.
 pub fn sign(outline: &[(f64, f64)], height: f64, face: Material, steel: Material) -> Mesh {
     let mut mesh = Mesh::new();
     let ring = |x: f64| outline.iter().map(|&(y, z)| v(x, y, height + z)).collect::<Vec<_>>();
@@ -103,7 +103,7 @@ pub fn sign(outline: &[(f64, f64)], height: f64, face: Material, steel: Material
     mesh
 }
 
-/// A regular outline for [`sign`].
+/// A regular polygon as an outline for [`sign`].
 pub fn polygon(radius: f64, sides: usize, start_deg: f64) -> Vec<(f64, f64)> {
     (0..sides)
         .map(|i| {
@@ -118,7 +118,7 @@ pub fn rectangle(width: f64, height: f64) -> Vec<(f64, f64)> {
     vec![(-y, -z), (y, -z), (y, z), (-y, z)]
 }
 
-/// Traffic lights on a post, looking along +x.
+/// Traffic lights on a post, facing +x.
 pub fn traffic_light(steel: Material, housing: Material, lenses: [Material; 3]) -> Mesh {
     let mut mesh = Mesh::new();
     mesh.tube(&[(v(0.0, 0.0, -SUNK), 0.06), (v(0.0, 0.0, 3.4), 0.055)], 16, steel);
@@ -131,7 +131,7 @@ pub fn traffic_light(steel: Material, housing: Material, lenses: [Material; 3]) 
         let z = 3.15 - 0.3 * i as f64;
         let mut lamp = Mesh::new();
         lamp.lathe(DVec3::ZERO, &[(0.1, 0.0), (0.09, 0.02), (0.06, 0.035), (0.0, 0.04)], 20, lens);
-        // The hood, half round, over the lens.
+        // The hood over the lens is a half cylinder.
         let arc = |radius: f64| {
             (0..=12).map(move |k| {
                 let (s, c) = sincos_deg(15.0 * f64::from(k));
@@ -146,7 +146,7 @@ pub fn traffic_light(steel: Material, housing: Material, lenses: [Material; 3]) 
     mesh
 }
 
-/// A strip bent to a closed outline (outer arc there, inner arc back), pushed from `low` to `high`.
+/// A strip that follows a closed outline (the outer arc forward, the inner arc backward), extruded from `low` to `high`.
 fn ring_of_quads(mesh: &mut Mesh, low: &[DVec3], high: &[DVec3], material: Material) {
     mesh.skin(low, high, material);
     let n = low.len();

@@ -1,6 +1,6 @@
-//! Repeatable randomness for shapes.
+//! Reproducible random numbers for shapes.
 
-/// SplitMix64 (Steele, Lea and Flood 2014, "Fast splittable pseudorandom number generators").
+/// The generator SplitMix64 (Steele, Lea and Flood 2014, "Fast splittable pseudorandom number generators").
 pub struct Rng(u64);
 
 impl Rng {
@@ -16,18 +16,18 @@ impl Rng {
         z ^ (z >> 31)
     }
 
-    /// Uniform in [low, high).
+    /// A number that is uniform in [low, high).
     pub fn range(&mut self, low: f64, high: f64) -> f64 {
         let unit = (self.next() >> 11) as f64 / (1_u64 << 53) as f64;
         low + (high - low) * unit
     }
 
-    /// Uniform among `0..count`.
+    /// A number that is uniform among `0..count`.
     pub fn below(&mut self, count: usize) -> usize {
         ((self.range(0.0, 1.0) * count as f64) as usize).min(count - 1)
     }
 
-    /// Uniform in the unit ball.
+    /// A point that is uniform in the unit ball.
     pub fn in_ball(&mut self) -> glam::DVec3 {
         loop {
             let p = glam::DVec3::new(self.range(-1.0, 1.0), self.range(-1.0, 1.0), self.range(-1.0, 1.0));
@@ -37,7 +37,7 @@ impl Rng {
         }
     }
 
-    /// Uniform on the unit sphere.
+    /// A point that is uniform on the unit sphere.
     pub fn direction(&mut self) -> glam::DVec3 {
         loop {
             let p = self.in_ball();

@@ -1,4 +1,4 @@
-//! A furnished room of simple shapes, each with its closed form in the node's `extras`.
+//! A furnished room of simple shapes. The `extras` of each node hold its closed form.
 
 use glam::DVec3;
 use serde_json::json;
@@ -8,7 +8,8 @@ use super::label;
 use super::mesh::{Mesh, circle, sincos_deg, v};
 use super::rng::Rng;
 
-/// How far things reach below the floor they stand on (and pillars above the ceiling), so that no two faces coincide.
+/// The depth by which objects reach below the floor on which they stand (and pillars above the ceiling), so that no two
+/// faces coincide.
 pub const SUNK: f64 = 1.0 / 64.0;
 
 pub fn make() -> SceneFile {
@@ -32,7 +33,7 @@ pub fn make() -> SceneFile {
     doc.add(node);
 
     let mut mesh = Mesh::new();
-    let ring = |z| [v(-x, -y, z), v(-x, y, z), v(x, y, z), v(x, -y, z)]; // clockwise: the walls face in
+    let ring = |z| [v(-x, -y, z), v(-x, y, z), v(x, y, z), v(x, -y, z)]; // clockwise, so that the walls face in
     mesh.skin(&ring(0.0), &ring(z), wall);
     mesh.quad(ring(z), ceiling);
     let mesh = doc.sheet("walls and ceiling", &mesh);
@@ -42,7 +43,7 @@ pub fn make() -> SceneFile {
     let node = doc.node("walls and ceiling", mesh, Place::at(0.0, 0.0, 0.0), extras);
     doc.add(node);
 
-    // Cartons: one along the axes, one turned, one on top of the first.
+    // Of the cartons, one is parallel to the axes, one is rotated, and one stands on top of the first.
     let carton = |doc: &mut Document, name: &str, size: DVec3, place: Place, material| {
         let mut mesh = Mesh::new();
         let half = size / 2.0;
@@ -119,10 +120,10 @@ pub fn make() -> SceneFile {
     doc.finish("room.glb", "A closed room of 10 x 8 x 3 m with simple shapes; extras give their closed forms in the world's z-up frame, metres.")
 }
 
-/// What is known of a ball: its vertices lie on the sphere, its faces at most `sagitta_m` inside.
+/// The known geometry of a ball: its vertices lie on the sphere, and its faces lie at most `sagitta_m` inside.
 pub fn sphere_truth(label: u32, centre: DVec3, radius: f64, sides: usize, rows: usize) -> serde_json::Value {
-    // A face spans 360/sides degrees of longitude and 180/rows of latitude: its corners lie within the half diagonal of
-    // that from its middle (the equator's is the largest).
+    // A face spans 360/sides degrees of longitude and 180/rows degrees of latitude. Its corners lie within half the
+    // diagonal of that from its middle, which is largest at the equator.
     let half_diagonal = 180.0 * (1.0 / (sides * sides) as f64 + 0.25 / (rows * rows) as f64).sqrt();
     let (_, cos) = sincos_deg(half_diagonal);
     json!({
@@ -149,7 +150,7 @@ fn table(mesh: &mut Mesh, wood: Material) {
     }
 }
 
-/// A chair that looks along +x.
+/// A chair that faces +x.
 fn chair(mesh: &mut Mesh, seat: Material, wood: Material) {
     mesh.cuboid(v(-0.21875, -0.21875, 0.4375), v(0.21875, 0.21875, 0.46875), seat);
     mesh.cuboid(v(-0.203125, -0.203125, 0.625), v(-0.1875, 0.203125, 0.875), seat);
@@ -166,7 +167,7 @@ fn shelf(mesh: &mut Mesh, wood: Material, spines: &[Material]) {
     }
     for i in 0..5 {
         let z = 0.0625 + 0.46875 * f64::from(i);
-        // Boards reach a little into the sides.
+        // The boards reach a little into the sides.
         mesh.cuboid(v(-0.734375, -0.171875, z), v(0.734375, 0.171875, z + 0.03125), wood);
         if i == 4 {
             break;

@@ -13,18 +13,18 @@ use super::rng::Rng;
 use super::trees::{self, Species};
 use super::vehicles::{self, CarPaint, HATCHBACK, SALOON, VAN};
 
-/// Half extents of the ground.
+/// The half extents of the ground, in metres.
 const HALF: (f64, f64) = (64.0, 32.0);
-/// The carriageway's edges.
+/// The y of the carriageway's edges.
 const KERB: (f64, f64) = (-4.0, 7.5);
-/// The crossing road's edges.
+/// The x of the crossing road's edges.
 const CROSS: (f64, f64) = (26.0, 34.0);
-/// Pavements are this wide and this high.
+/// The width of the pavements in metres. `STEP` is their height.
 const PAVEMENT: f64 = 4.0;
 const STEP: f64 = 0.125;
-/// What parts a house from its neighbour, so that their walls do not coincide.
+/// The gap between neighbouring houses, so that their walls do not coincide.
 const JOINT: f64 = 1.0 / 64.0;
-/// Where the park lies (x, y).
+/// The extents of the park in x and in y.
 const PARK: ((f64, f64), (f64, f64)) = ((-28.0, 4.0), (11.5, 32.0));
 
 pub fn make() -> SceneFile {
@@ -52,7 +52,7 @@ fn ground(doc: &mut Document) {
     let kerb = doc.grey("granite kerb", 0.4);
     let paving = doc.grey("paving", 0.28);
     let yard = doc.material("yard grass", [0.1, 0.2, 0.05]);
-    // A block's inner corner lies at the crossing; `outward` points from it to the world's corner.
+    // The inner corner of a block lies at the crossing, and `outward` points from it to the corner of the world.
     for (name, corner, outward) in [
         ("south west", v(CROSS.0, KERB.0, 0.0), v(-1.0, -1.0, 0.0)),
         ("south east", v(CROSS.1, KERB.0, 0.0), v(1.0, -1.0, 0.0)),
@@ -61,7 +61,7 @@ fn ground(doc: &mut Document) {
     ] {
         let far = v(outward.x * x, outward.y * y, 0.0);
         let outline = |inset: f64, z: f64| {
-            // From the far end of one road edge round the corner to that of the other.
+            // The outline goes from the far end of one road edge round the corner to the far end of the other.
             let radius = 5.0 - inset;
             let mut points = vec![v(far.x, corner.y + outward.y * inset, z)];
             points.extend((0..=8).map(|i| {
@@ -69,7 +69,7 @@ fn ground(doc: &mut Document) {
                 v(corner.x + outward.x * (5.0 - radius * s), corner.y + outward.y * (5.0 - radius * c), z)
             }));
             points.push(v(corner.x + outward.x * inset, far.y, z));
-            // Counter-clockwise seen from above, whichever corner this is.
+            // The outline must be counter-clockwise seen from above, for each of the corners.
             if outward.x * outward.y > 0.0 {
                 points.reverse();
             }
@@ -115,7 +115,7 @@ fn ground(doc: &mut Document) {
     }
 }
 
-/// Paint, 4 mm thick.
+/// Road markings, which are 4 mm thick.
 fn markings(doc: &mut Document) {
     let white = doc.grey("road paint", 0.7);
     let mut mesh = Mesh::new();
@@ -180,7 +180,7 @@ fn houses(doc: &mut Document) {
     let colours =
         [first, first.repainted(doc, render), first.repainted(doc, grey), first.repainted(doc, ochre)];
 
-    // The south side faces +y: a house begins at its eastern end. (east end x, bays, floors, colour, pitched, shops)
+    // The south side faces +y, so a house begins at its eastern end. (east end x, bays, floors, colour, pitched, shops)
     let south = KERB.0 - PAVEMENT;
     let front = [true, false, false, false];
     for (name, x, width, floors, colour, pitched, shops, bayed) in [
@@ -214,7 +214,7 @@ fn houses(doc: &mut Document) {
     }
 }
 
-/// How high the park's lawn rises above the pavement: 0 at its rim.
+/// The height of the park's lawn above the pavement. It is 0 at the rim.
 fn lawn(x: f64, y: f64) -> f64 {
     let ((x0, x1), (y0, y1)) = PARK;
     let (s, t) = ((x - x0) / (x1 - x0), (y - y0) / (y1 - y0));
@@ -258,7 +258,7 @@ fn park(doc: &mut Document) {
     let hedge = doc.sheet("hedge", &trees::hedge(v(1.5, 0.4, 0.5), 2600, 6, leaf));
     let places: Vec<_> = (0..10)
         .map(|i| Place::at(x0 + 2.5 + 3.0 * f64::from(i), y0 + 0.6, STEP))
-        .filter(|p| (p.position().x + 12.5).abs() > 1.6) // the way in
+        .filter(|p| (p.position().x + 12.5).abs() > 1.6) // this leaves the way in free
         .collect();
     let node = doc.instances("hedges", hedge, &places, json!({ "label": label::VEGETATION }));
     doc.add(node);
@@ -272,7 +272,7 @@ fn park(doc: &mut Document) {
         })
         .collect();
     for i in 0..6 {
-        // Planters along the southern houses hold small ones.
+        // The planters along the southern houses hold small bushes.
         let p = planter_place(i).position();
         places.push(Place::at(p.x, p.y, p.z + 0.4).yaw(60.0 * i as f64).scaled(0.5, 0.5, 0.6));
     }

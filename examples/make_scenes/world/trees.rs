@@ -6,41 +6,41 @@ use super::glb::Material;
 use super::mesh::{Mesh, sincos_deg, v};
 use super::rng::Rng;
 
-/// How a tree grows. Lengths in metres.
+/// The growth of a tree. Lengths are in metres.
 pub struct Species {
-    /// Where the lowest branches leave the trunk.
+    /// The height at which the lowest branches leave the trunk.
     pub clear_height: f64,
     pub height: f64,
-    /// Crown radius at a height from 0 (lowest branches) to 1 (top), as a part of `crown_radius`.
+    /// The crown's radius at a height from 0 (the lowest branches) to 1 (the top), as a fraction of `crown_radius`.
     pub profile: fn(f64) -> f64,
     pub crown_radius: f64,
     pub trunk_radius: f64,
     pub branches: usize,
     pub leaves: usize,
-    /// From tip to tip.
+    /// The length from tip to tip.
     pub leaf_length: f64,
-    /// Branches rise by this much a metre.
+    /// The height by which branches rise on each metre.
     pub rise: f64,
 }
 
-/// A round crown, widest below its middle.
+/// A round crown that is widest below its middle.
 pub fn round_crown(t: f64) -> f64 {
     let x = 2.0 * t - 0.85;
     (1.0 - x * x / 1.4).max(0.0).sqrt()
 }
 
-/// A cone.
+/// A conical crown.
 pub fn conical_crown(t: f64) -> f64 {
     1.02 - t
 }
 
-/// A narrow column.
+/// A crown that is a narrow column.
 pub fn upright_crown(t: f64) -> f64 {
     let x = 2.0 * t - 1.0;
     (1.0 - x * x * x * x).max(0.0).sqrt()
 }
 
-/// A tree that stands at the origin: its wood (closed) and its leaves (open).
+/// A tree that stands at the origin. Returns its wood (a closed mesh) and its leaves (an open mesh).
 pub fn tree(species: &Species, seed: u64, bark: Material, leaf: Material) -> (Mesh, Mesh) {
     let mut rng = Rng::new(seed);
     let (mut wood, mut leaves) = (Mesh::new(), Mesh::new());
@@ -87,7 +87,7 @@ pub fn tree(species: &Species, seed: u64, bark: Material, leaf: Material) -> (Me
     for _ in 0..s.leaves {
         let (centre, radius) = tips[rng.below(tips.len())];
         let at = centre + rng.in_ball() * radius * v(1.0, 1.0, 0.7);
-        // None reaches into the ground.
+        // No leaf reaches into the ground.
         if at.z > s.leaf_length {
             add_leaf(&mut leaves, &mut rng, at, s.leaf_length, leaf);
         }
@@ -95,7 +95,7 @@ pub fn tree(species: &Species, seed: u64, bark: Material, leaf: Material) -> (Me
     (wood, leaves)
 }
 
-/// A rhomb folded along its middle, hanging more or less level.
+/// Adds a leaf: a rhomb that is folded along its middle and hangs nearly level.
 fn add_leaf(mesh: &mut Mesh, rng: &mut Rng, at: DVec3, length: f64, leaf: Material) {
     let along = (rng.direction() * v(1.0, 1.0, 0.6)).normalize();
     let across = (rng.direction() * v(1.0, 1.0, 0.5)).cross(along).normalize();
@@ -105,13 +105,13 @@ fn add_leaf(mesh: &mut Mesh, rng: &mut Rng, at: DVec3, length: f64, leaf: Materi
     mesh.quad([at - half, at + width + droop, at + half, at - width + droop], leaf);
 }
 
-/// Leaves that fill a box of half extents `half` on the ground, densest at its surface.
+/// Leaves that fill a box with half extents `half` on the ground. They are densest at the surface of the box.
 pub fn hedge(half: DVec3, count: usize, seed: u64, leaf: Material) -> Mesh {
     let mut rng = Rng::new(seed);
     let mut mesh = Mesh::new();
     for _ in 0..count {
         let mut p = v(rng.range(-1.0, 1.0), rng.range(-1.0, 1.0), rng.range(-1.0, 1.0));
-        // Most leaves are pushed out to a face.
+        // Most leaves are moved to a face of the box.
         let axis = rng.below(4);
         if axis < 3 {
             p[axis] = (if p[axis] < 0.0 { -1.0 } else { 1.0 }) * rng.range(0.88, 1.0);
@@ -134,7 +134,7 @@ pub fn bush(radius: f64, count: usize, seed: u64, leaf: Material) -> Mesh {
     mesh
 }
 
-/// A square metre or so of upright blades.
+/// A patch of upright blades of grass, about a square metre in size.
 pub fn grass(half: f64, count: usize, seed: u64, leaf: Material) -> Mesh {
     let mut rng = Rng::new(seed);
     let mut mesh = Mesh::new();

@@ -1,4 +1,4 @@
-//! Cars, bicycles and a forklift. Each stands at the origin and looks along +x.
+//! Cars, bicycles and a forklift. Each stands at the origin and faces +x.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -17,19 +17,19 @@ pub struct CarPaint {
     pub trim: Material,
 }
 
-/// A car's outline, metres; x counts from the middle, forward.
+/// The outline of a car in metres. x is measured forward from the middle.
 pub struct CarShape {
     pub length: f64,
     pub width: f64,
     pub wheel_radius: f64,
     pub axles: [f64; 2],
-    /// Upper outline of the body without the greenhouse, (x, z), from the tail.
+    /// The upper outline of the body without the greenhouse, as (x, z) from the tail.
     pub belt: &'static [(f64, f64)],
-    /// The roof line, from the foot of the rear window to that of the windscreen.
+    /// The line of the roof, from the foot of the rear window to the foot of the windscreen.
     pub roof: &'static [(f64, f64)],
-    /// Where side windows begin and end, and what parts them.
+    /// The ends of the side windows and the pillars between them.
     pub side_glass: &'static [(f64, f64)],
-    /// x of the rear window and windscreen: (foot, top).
+    /// The x of the rear window and of the windscreen, each as (foot, top).
     pub rear_window: (f64, f64),
     pub windscreen: (f64, f64),
 }
@@ -101,7 +101,7 @@ pub const VAN: CarShape = CarShape {
 const WHEEL_WIDTH: f64 = 0.2;
 const STATIONS: usize = 72;
 
-/// One car. Body, underbody, wheels and mirrors are closed each for itself.
+/// A car. Its body, underbody, wheels and mirrors are closed meshes each.
 pub fn car(shape: &CarShape, paint: &CarPaint) -> Mesh {
     let mut mesh = Mesh::new();
     body(&mut mesh, shape, paint);
@@ -112,7 +112,7 @@ pub fn car(shape: &CarShape, paint: &CarPaint) -> Mesh {
         mesh.add(&wheel, turned(0.0, v(x, half - WHEEL_WIDTH - 0.02, r)));
         mesh.add(&wheel, turned(180.0, v(x, -(half - WHEEL_WIDTH - 0.02), r)));
     }
-    // Between the wheels the arches are filled, so that one cannot look through under the car.
+    // The wheel arches are filled between the wheels, so that one cannot look through under the car.
     let inner = half - WHEEL_WIDTH - 0.05;
     mesh.cuboid(
         v(shape.axles[0] - 0.42, -inner, 0.21),
@@ -124,7 +124,7 @@ pub fn car(shape: &CarShape, paint: &CarPaint) -> Mesh {
         let centre = v(mirror_x, side * (half + 0.08), mirror_z);
         mesh.ellipsoid(centre, v(0.06, 0.1, 0.075), 12, 8, paint.body);
     }
-    // Number plates.
+    // These are the number plates.
     for (x, z) in [(-shape.length / 2.0, 0.66), (shape.length / 2.0, 0.42)] {
         mesh.cuboid(v(x - 0.012, -0.26, z - 0.055), v(x + 0.012, 0.26, z + 0.055), paint.rim);
     }
@@ -138,7 +138,7 @@ fn at(table: &[(f64, f64)], x: f64) -> f64 {
     y0 + (y1 - y0) * ((x - x0) / (x1 - x0)).clamp(0.0, 1.0)
 }
 
-/// The mean of a table over ±`reach`: rounds its corners.
+/// The mean of a table over ±`reach`, which rounds its corners.
 fn smooth(table: &[(f64, f64)], x: f64, reach: f64) -> f64 {
     const TAPS: i32 = 4;
     let sum: f64 = (-TAPS..=TAPS).map(|i| at(table, x + reach * f64::from(i) / f64::from(TAPS))).sum();
@@ -149,8 +149,8 @@ fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
     let (length, half) = (shape.length, shape.width / 2.0);
     let (sill, arch) = (0.24, shape.wheel_radius + 0.055);
     let (roof_from, roof_to) = (shape.roof[0].0, shape.roof[shape.roof.len() - 1].0);
-    // (part of the way round the half section, from the middle below to the middle above): where in the section a
-    // segment lies decides its material.
+    // The materials of a segment depend on its position in the section, as a fraction of the way round the half section
+    // from the middle below to the middle above.
     const UNDER: usize = 4;
     const SIDE: usize = 7;
     const GLASS: usize = 4;
@@ -158,7 +158,7 @@ fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
     let mut rings = vec![];
     let mut stations = vec![];
     for i in 0..=STATIONS {
-        // Closer at the ends, where the outline bends.
+        // The sections are closer at the ends, where the outline bends.
         let t = 2.0 * i as f64 / STATIONS as f64 - 1.0;
         let t = t * (1.0 + 0.25 * (1.0 - t * t));
         let x = t * length / 2.0;
@@ -171,7 +171,7 @@ fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
         });
         let belt = smooth(shape.belt, x, 0.06).max(low + 0.12);
         let roof = if x > roof_from && x < roof_to { smooth(shape.roof, x, 0.08) } else { 0.0 };
-        // A flat crown where there is no greenhouse.
+        // The crown is flat where there is no greenhouse.
         let rise = (roof - belt).max(0.0);
         let crown = 0.035 * (1.0 - 0.5 * end);
         let shoulder = width * 0.985;
@@ -183,7 +183,7 @@ fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
         for k in 0..SIDE {
             let t = k as f64 / SIDE as f64;
             let z = low + 0.03 + (belt - low - 0.03) * t;
-            // Bulges towards the middle of its height.
+            // The side bulges towards the middle of its height.
             let bulge = 1.0 - 4.0 * (t - 0.55) * (t - 0.55);
             half_ring.push((width * (0.955 + 0.045 * bulge.max(-0.3)), z));
         }
@@ -200,7 +200,7 @@ fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
                 belt + 0.012 + rise * 0.9 + (0.1 * rise + crown) * s,
             ));
         }
-        // Along below to the left, up, over, and down the right: counter-clockwise about +x.
+        // The ring goes along below to the left, up, over, and down on the right, which is counter-clockwise about +x.
         let count = half_ring.len();
         let mut ring: Vec<DVec3> = (0..count).map(|k| v(x, half_ring[k].0, half_ring[k].1)).collect();
         ring.extend((1..count - 1).rev().map(|k| v(x, -half_ring[k].0, half_ring[k].1)));
@@ -211,7 +211,7 @@ fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
     let top = count / 2;
     let material = |i: usize, j: usize| {
         let (x, rise) = ((stations[i].0 + stations[i + 1].0) / 2.0, stations[i].1.min(stations[i + 1].1));
-        // Both halves count from below.
+        // Both halves are counted from below.
         let j = if j < top { j } else { count - 1 - j };
         let within = |(a, b): (f64, f64)| (a.min(b)..a.max(b)).contains(&x);
         let side_window = (UNDER + SIDE..UNDER + SIDE + GLASS).contains(&j);
@@ -234,7 +234,7 @@ fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
     mesh.loft(&rings, material);
 }
 
-/// A wheel about y, its outside towards +y, its inside at y = 0.
+/// A wheel about y with its outer side towards +y and its inner side at y = 0.
 fn wheel(radius: f64, paint: &CarPaint) -> Mesh {
     let mut upright = Mesh::new();
     let w = WHEEL_WIDTH;
@@ -265,7 +265,7 @@ fn wheel(radius: f64, paint: &CarPaint) -> Mesh {
         upright.add(&spoke, turned(72.0 * f64::from(i), DVec3::ZERO));
     }
     let mut lying = Mesh::new();
-    // z becomes y.
+    // This maps z to y.
     let tip = DAffine3::from_mat3(DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y));
     lying.add(&upright, tip);
     lying
@@ -319,10 +319,10 @@ pub fn bicycle(frame: Material, tyre: Material) -> Mesh {
     mesh
 }
 
-/// A counterbalance forklift; its forks reach to x = 1.9 at `lift` above the floor.
+/// A counterbalance forklift. Its forks reach to x = 1.9 at the height `lift` above the floor.
 pub fn forklift(body: Material, dark: Material, steel: Material, lift: f64) -> Mesh {
     let mut mesh = Mesh::new();
-    // Chassis with a rounded counterweight at the back.
+    // The chassis has a rounded counterweight at the back.
     let outline = |z: f64, grow: f64| {
         let mut points = vec![v(0.55, -0.5 - grow, z), v(0.55, 0.5 + grow, z)];
         points.extend((0..=12).map(|i| {
@@ -336,7 +336,7 @@ pub fn forklift(body: Material, dark: Material, steel: Material, lift: f64) -> M
         .map(|&(z, grow)| outline(z, grow))
         .collect();
     mesh.loft(&rings, |_, _| body);
-    // Seat, column, wheel.
+    // These are the seat, the column and the steering wheel.
     mesh.cuboid(v(-0.75, -0.27, 0.955), v(-0.25, 0.27, 1.08), dark);
     mesh.cuboid(v(-0.8, -0.26, 1.07), v(-0.68, 0.26, 1.5), dark);
     mesh.limb(&[(v(0.35, 0.0, 0.9), 0.03), (v(0.1, 0.0, 1.25), 0.03)], 10, dark);
@@ -349,7 +349,7 @@ pub fn forklift(body: Material, dark: Material, steel: Material, lift: f64) -> M
         translation: v(0.1, 0.0, 1.25),
     };
     mesh.add(&wheel, tilt);
-    // Overhead guard.
+    // This is the overhead guard.
     for y in [-0.46, 0.46] {
         mesh.limb(
             &[
@@ -366,12 +366,12 @@ pub fn forklift(body: Material, dark: Material, steel: Material, lift: f64) -> M
         let x = 0.15 - 0.19 * f64::from(i);
         mesh.limb(&[(v(x, -0.46, 2.1), 0.015), (v(x, 0.46, 2.1), 0.015)], 8, dark);
     }
-    // Mast: two channels and what runs in them.
+    // The mast consists of two channels and the rails inside them.
     for side in [-1.0, 1.0] {
         let y = side * 0.3;
         mesh.cuboid(v(0.62, y - 0.045, 0.08), v(0.74, y + 0.045, 2.25), steel);
         mesh.cuboid(v(0.66, y * 0.7 - 0.035, 0.1), v(0.77, y * 0.7 + 0.035, 2.2 + lift * 0.5), dark);
-        // Fork: upright and blade.
+        // Each fork has an upright and a blade.
         let f = side * 0.28;
         mesh.cuboid(v(0.8, f - 0.06, lift), v(0.85, f + 0.06, lift + 0.6), dark);
         let blade = [
@@ -390,13 +390,13 @@ pub fn forklift(body: Material, dark: Material, steel: Material, lift: f64) -> M
     for z in [0.08, 0.45] {
         mesh.cuboid(v(0.77, -0.45, lift + z), v(0.81, 0.45, lift + z + 0.1), dark);
     }
-    // Load backrest.
+    // This is the load backrest.
     for i in 0..6 {
         let y = -0.42 + 0.168 * f64::from(i);
         mesh.cuboid(v(0.775, y - 0.012, lift + 0.5), v(0.8, y + 0.012, lift + 1.15), dark);
     }
     mesh.cuboid(v(0.77, -0.45, lift + 1.13), v(0.805, 0.45, lift + 1.18), dark);
-    // Wheels.
+    // These are the wheels.
     for (x, y, r, w) in
         [(0.45, 0.5, 0.3, 0.2), (0.45, -0.5, 0.3, 0.2), (-0.75, 0.42, 0.24, 0.18), (-0.75, -0.42, 0.24, 0.18)]
     {

@@ -1,4 +1,4 @@
-//! A pallet warehouse: racks along x, an aisle about y = 0 to look down.
+//! A pallet warehouse: racks along x, with an aisle about y = 0.
 
 use glam::DVec3;
 use serde_json::json;
@@ -11,7 +11,7 @@ use super::rng::Rng;
 use super::room::SUNK;
 use super::vehicles;
 
-/// A rack's bay from upright to upright.
+/// The width of a rack's bay from upright to upright, in metres.
 const BAY: f64 = 2.75;
 const BAYS: usize = 9;
 const DEPTH: f64 = 1.1;
@@ -41,7 +41,7 @@ pub fn make() -> SceneFile {
     let node = doc.node("floor", mesh, Place::at(0.0, 0.0, 0.0), json!({ "label": label::FLOOR }));
     doc.add(node);
     let mut mesh = Mesh::new();
-    let ring = |z| [v(-x, -y, z), v(-x, y, z), v(x, y, z), v(x, -y, z)]; // clockwise: the walls face in
+    let ring = |z| [v(-x, -y, z), v(-x, y, z), v(x, y, z), v(x, -y, z)]; // clockwise, so that the walls face in
     mesh.skin(&ring(0.0), &ring(z), wall);
     mesh.quad(ring(z), roof);
     let mesh = doc.sheet("walls and roof", &mesh);
@@ -74,7 +74,7 @@ pub fn make() -> SceneFile {
     let node = doc.node("aisle lines", mesh, Place::at(0.0, 0.0, 0.0), json!({ "label": label::MARKING }));
     doc.add(node);
 
-    // Roof lights: long tubes under the roof.
+    // The roof lights are long tubes under the roof.
     let mut mesh = Mesh::new();
     mesh.cuboid(v(-0.75, -0.1, 7.5), v(0.75, 0.1, 7.56), white);
     for x in [-0.5, 0.5] {
@@ -87,7 +87,7 @@ pub fn make() -> SceneFile {
     let node = doc.instances("lights", light, &places, json!({ "label": label::OBJECT }));
     doc.add(node);
 
-    // Racks: single ones on the outside of the middle aisle's neighbours, pairs back to back between.
+    // Single racks stand at the walls. The racks between them stand in pairs, back to back.
     let rows = [-11.0, -6.8125, -5.4375, -2.125, 2.125, 5.4375, 6.8125, 11.0];
     let length = BAY * BAYS as f64;
     let frame = doc.solid("upright frame", &upright_frame(blue, steel));
@@ -139,9 +139,9 @@ pub fn make() -> SceneFile {
                     let x = -length / 2.0 + BAY * (bay as f64 + 0.5) + side + rng.range(-0.04, 0.04);
                     let kind = rng.below(8);
                     if kind >= 7 {
-                        continue; // an empty place
+                        continue; // this place stays empty
                     }
-                    // On the floor pallets stand on it, above on the beams.
+                    // A pallet on the lowest level stands on the floor. Higher ones stand on the beams.
                     let base = if z == 0.0 { 0.0 } else { z + 0.0625 };
                     let place =
                         Place::at(x, y + rng.range(-0.05, 0.05), base).yaw(90.0 + rng.range(-1.5, 1.5));
@@ -154,7 +154,7 @@ pub fn make() -> SceneFile {
             }
         }
     }
-    // Some stand in the way at the ends of the aisle.
+    // Some pallets stand in the way at the ends of the aisle.
     for (x, y, yaw, kind) in [
         (9.5, 0.55, 12.0, 0),
         (-9.0, -0.5, -7.0, 2),
@@ -201,7 +201,7 @@ pub fn make() -> SceneFile {
     )
 }
 
-/// Two perforated-section posts with lattice between, across the rack.
+/// An upright frame: two posts of perforated section with a lattice between them, across the rack.
 fn upright_frame(blue: Material, steel: Material) -> Mesh {
     let mut mesh = Mesh::new();
     let (top, half) = (6.75, DEPTH / 2.0);
@@ -221,7 +221,7 @@ fn upright_frame(blue: Material, steel: Material) -> Mesh {
     mesh
 }
 
-/// Front and back beam of a level; their tops are at z = 0.0625.
+/// The front and back beams of a level. Their tops are at z = 0.0625.
 fn beam_pair(orange: Material) -> Mesh {
     let mut mesh = Mesh::new();
     let reach = BAY / 2.0 - 0.045;
@@ -235,7 +235,7 @@ fn beam_pair(orange: Material) -> Mesh {
     mesh
 }
 
-/// 1.2 × 0.8 × 0.144 m, its long side along x.
+/// A pallet of 1.2 × 0.8 × 0.144 m with its long side along x.
 fn pallet_mesh(wood: Material) -> Mesh {
     let mut mesh = Mesh::new();
     for y in [-0.3275, 0.0, 0.3275] {
@@ -252,7 +252,7 @@ fn pallet_mesh(wood: Material) -> Mesh {
     mesh
 }
 
-/// A stack on a pallet, its bottom just above z = 0, each carton a little out of line.
+/// A stack of cartons on a pallet. Its bottom is just above z = 0, and each carton is a little out of line.
 fn cartons(count: [usize; 3], size: [f64; 3], seed: u64, card: Material, tape: Material) -> Mesh {
     let mut rng = Rng::new(seed);
     let mut mesh = Mesh::new();
@@ -281,7 +281,7 @@ fn cartons(count: [usize; 3], size: [f64; 3], seed: u64, card: Material, tape: M
     mesh
 }
 
-/// A load under film: a box with rounded, bulging sides.
+/// A load under film, which is a box with rounded, bulging sides.
 fn wrapped(film: Material) -> Mesh {
     let mut mesh = Mesh::new();
     let rings: Vec<_> = (0..=12)
@@ -292,7 +292,7 @@ fn wrapped(film: Material) -> Mesh {
             (0..48)
                 .map(|j| {
                     let (s, c) = sincos_deg(7.5 * f64::from(j));
-                    // A superellipse of the fourth degree.
+                    // The outline is a superellipse of the fourth degree.
                     let r = 1.0 / (c * c * c * c + s * s * s * s).sqrt().sqrt();
                     v(0.58 * shrink * r * c, 0.39 * shrink * r * s, 0.002 + 1.15 * t)
                 })
