@@ -55,7 +55,7 @@ pub const DENSITY_ALPHA: f64 = 100.0;
 #[non_exhaustive]
 pub enum CloudError {
     /// One of the clouds has no points. The numbers are those of both clouds.
-    #[error("the clouds have {0} and {1} points: there is no distance")]
+    #[error("the clouds have {0} and {1} points, and an empty cloud has no distance to another")]
     NoPoints(usize, usize),
     /// One of the clouds has no fields x, y and z.
     #[error("a cloud without x, y and z has no distance to another")]

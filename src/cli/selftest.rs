@@ -13,7 +13,7 @@ use crate::config::{self, Config};
 use crate::error::Error;
 use crate::frame::Pose;
 use crate::run::memory;
-use crate::selftest::{self, CASTS, Check, Report, ShapeResult, Wrong};
+use crate::selftest::{self, CASTS, Check, SelftestReport, ShapeResult, Wrong};
 use crate::sensor::Sensor;
 use crate::trace::methods::Method;
 
@@ -57,7 +57,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         selftest::selftest(&s.sensor, &s.world_from_sensor, s.method, interrupt.progress())
             .map_err(|e| Error::Usage(format!("{}: no shape can be set up for it: {e}", s.name)))
     };
-    let test_all = || subjects.iter().map(test).collect::<Result<Option<Vec<Report>>, Error>>();
+    let test_all = || subjects.iter().map(test).collect::<Result<Option<Vec<SelftestReport>>, Error>>();
     let reports = terminal.with_progress(rays, interrupt.progress(), test_all)?;
     interrupt.check()?;
     let reports = reports.unwrap_or_default();
@@ -118,7 +118,7 @@ fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Erro
     if problems.is_empty() { Ok(subjects) } else { Err(Error::Config(problems)) }
 }
 
-fn as_text(subject: &Subject, report: &Report) -> String {
+fn as_text(subject: &Subject, report: &SelftestReport) -> String {
     let pattern = &subject.sensor.pattern;
     let mut text = format!("{}: {} × {} rays", subject.name, pattern.rows(), pattern.columns());
     if let Some(method) = subject.method {
@@ -198,7 +198,7 @@ fn describe(wrong: &Wrong) -> String {
     )
 }
 
-fn as_json(subject: &Subject, report: &Report) -> Value {
+fn as_json(subject: &Subject, report: &SelftestReport) -> Value {
     let pattern = &subject.sensor.pattern;
     json!({
         "name": subject.name,

@@ -70,7 +70,7 @@ fn encode(frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
         let layers: Layers<_> = (0..parts).map(named).collect();
         compress(&exr::image::Image::from_layers(ImageAttributes::with_size(size), layers))
     };
-    let mut file = file.map_err(|e| EncodeError::new(format!("it can't be made an EXR: {e}")))?;
+    let mut file = file.map_err(|e| EncodeError::new(format!("the EXR can't be encoded: {e}")))?;
     sort_attributes(&mut file, parts);
     Ok(file)
 }

@@ -10,7 +10,7 @@ pub(super) const NO_RETURN_COLOUR: [u8; 3] = [0x10, 0x10, 0x14];
 /// # Errors
 /// An error if a side is 0 or larger than a PNG allows.
 pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
-    write(width, height, pixels).map_err(|e| EncodeError::new(format!("it can't be made a PNG: {e}")))
+    write(width, height, pixels).map_err(|e| EncodeError::new(format!("the PNG can't be encoded: {e}")))
 }
 
 fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {

@@ -27,7 +27,7 @@ fn check(sensor: &Sensor) -> Result<(), EncodeError> {
     if height.is_some_and(fits) && fits(columns) {
         return Ok(());
     }
-    Err(EncodeError::new(format!("a PNG has no room for {rows} × {columns} pixels")))
+    Err(EncodeError::new(format!("a PNG can't hold {rows} × {columns} pixels")))
 }
 
 fn encode(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {

@@ -62,9 +62,10 @@ impl Format {
     pub fn encode(self, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
         match self.0.kind {
             Kind::File(encode) => encode(frame),
-            Kind::Stream(_) => {
-                Err(EncodeError::new(format!("{} is one file a run, and has none of one frame", self.name())))
-            }
+            Kind::Stream(_) => Err(EncodeError::new(format!(
+                "{} has one file for each run, and none for a single frame",
+                self.name()
+            ))),
         }
     }
 }

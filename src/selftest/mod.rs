@@ -49,14 +49,14 @@ pub const CASTS: u64 = 3 * SHAPES as u64;
 
 /// The result of a sensor's self-test.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Report {
+pub struct SelftestReport {
     /// The results of the shapes, each near, at middle range and far.
     pub shapes: Vec<ShapeResult>,
     /// The checks of the pattern's rows, columns and times by the points.
     pub geometry: Vec<Check>,
 }
 
-impl Report {
+impl SelftestReport {
     /// Whether every ray agrees with the closed forms, and at least one ray hit something.
     pub fn passed(&self) -> bool {
         self.shapes.iter().all(|s| s.wrong == 0)
@@ -158,8 +158,8 @@ pub fn selftest(
     world_from_sensor: &Pose,
     method: Option<&Method>,
     progress: &Progress,
-) -> Result<Option<Report>, SceneBuildError> {
-    let mut report = Report { shapes: Vec::new(), geometry: Vec::new() };
+) -> Result<Option<SelftestReport>, SceneBuildError> {
+    let mut report = SelftestReport { shapes: Vec::new(), geometry: Vec::new() };
     let trajectory = Trajectory::Fixed(*world_from_sensor);
     let capture = Capture::new(sensor, Pose::IDENTITY, &trajectory, 0, 0);
     let distances = distances(&sensor.range);

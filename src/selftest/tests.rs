@@ -39,7 +39,7 @@ fn somewhere() -> Pose {
     Pose::from_rpy(DVec3::new(12.5, -7.25, 1.8), Angle::deg(3.0), Angle::deg(-5.0), Angle::deg(40.0))
 }
 
-fn test(sensor: &Sensor, pose: &Pose) -> Report {
+fn test(sensor: &Sensor, pose: &Pose) -> SelftestReport {
     selftest(sensor, pose, None, &Progress::default()).unwrap().unwrap()
 }
 

@@ -48,7 +48,7 @@ pub enum CameraError {
     #[error("the principal point must be finite")]
     PrincipalPoint,
     /// The field of view is not between 0 and 180 degrees.
-    #[error("a pinhole's field of view lies between 0 and 180 degrees")]
+    #[error("a pinhole's field of view must lie between 0 and 180 degrees")]
     FieldOfView,
     /// The rate is not a positive number.
     #[error("the rate must be positive")]

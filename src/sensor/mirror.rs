@@ -50,11 +50,11 @@ pub enum Motion {
 #[non_exhaustive]
 pub enum MirrorError {
     /// An axis has a number that is not finite, or a negative rate.
-    #[error("angles and rates of an axis are finite, and its rate is 0 or more")]
+    #[error("the angles and the rate of an axis must be finite, and its rate must be 0 or more")]
     Axis,
     /// An angle of a beam is not finite, or its elevation is beyond straight up or down at an end of the motion. Beams
     /// count from 0.
-    #[error("beam {0}: elevations stay within ±90 degrees, and angles are finite")]
+    #[error("beam {0}: elevations must stay within ±90 degrees, and angles must be finite")]
     Beam(usize),
     /// There are no beams.
     #[error("a mirror needs at least one beam")]

@@ -36,7 +36,7 @@ pub enum RasterError {
     #[error("a grid needs at least one azimuth and one elevation")]
     Empty,
     /// An angle is not finite, or an elevation is beyond straight up or down.
-    #[error("azimuths are finite, and elevations lie within ±90 degrees")]
+    #[error("azimuths must be finite, and elevations must lie within ±90 degrees")]
     Angle,
     /// A rate is not a positive number.
     #[error("rates must be positive")]

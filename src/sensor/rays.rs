@@ -21,7 +21,9 @@ pub enum RayTableError {
     Empty,
     /// A ray has a number that is not finite, a direction of length zero, or a time before the frame's start. Rays count
     /// from 0.
-    #[error("ray {0}: numbers are finite, a direction has a length, and times are 0 or more")]
+    #[error(
+        "ray {0}: numbers must be finite, the direction must have a length, and the time must be 0 or more"
+    )]
     Ray(usize),
     /// The rate is not a positive number.
     #[error("the rate must be positive")]

@@ -54,13 +54,15 @@ pub enum RisleyError {
     #[error("a prism scanner needs at least one prism")]
     NoPrisms,
     /// A prism has a number that is not finite, a wedge of a right angle or more, or an index below 1. Prisms count from 0.
-    #[error("prism {0}: wedges lie within ±90 degrees, indices are 1 or more, and all is finite")]
+    #[error(
+        "prism {0}: wedges must lie within ±90 degrees, indices must be 1 or more, and all numbers must be finite"
+    )]
     Prism(usize),
     /// There are no beams.
     #[error("a prism scanner needs at least one beam")]
     NoBeams,
     /// A beam does not go forward. Beams count from 0.
-    #[error("beam {0} does not go into the prisms, forward")]
+    #[error("beam {0} must point forward, into the prisms")]
     Beam(usize),
     /// A rate is not a positive number, or a frame has less than one pulse.
     #[error("rates must be positive, with at least one pulse a frame")]

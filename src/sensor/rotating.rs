@@ -60,16 +60,16 @@ pub enum RotatingError {
     Rate,
     /// An angle, a time or an origin of a beam is not finite, or its elevation is beyond straight up or down. Beams count
     /// from 0.
-    #[error("beam {0}: elevations lie within ±90 degrees, angles, times and origins are finite")]
+    #[error("beam {0}: elevations must lie within ±90 degrees, and angles, times and origins must be finite")]
     Beam(usize),
     /// A list has another length than the list of beams.
     #[error("there must be one for each beam")]
     Count,
     /// The sector is no full turn. Only the columns of a full turn wrap around, so only its rows can be moved.
-    #[error("only a full turn can be destaggered: its columns go round")]
+    #[error("only a full turn can be destaggered, because its columns wrap around")]
     NotFullTurn,
     /// The range offset is negative or not finite.
-    #[error("a range offset is 0 or more")]
+    #[error("a range offset must be 0 or more")]
     RangeOffset,
 }
 

@@ -183,7 +183,7 @@ fn mistakes_in_patterns_are_told() {
     for (text, expected) in [
         (
             "[risley]\nprisms = [{ rate_hz = 1, wedge_deg = 95, index = 1.5 }]\npulse_rate_hz = 10\nrate_hz = 1\n",
-            "sensor.toml:2:11: prism 0: wedges lie within ±90 degrees, indices are 1 or more, and all is finite |  | ",
+            "sensor.toml:2:11: prism 0: wedges must lie within ±90 degrees, indices must be 1 or more, and all numbers must be finite |  | ",
         ),
         (
             "[pinhole]\nwidth_px = 4\nheight_px = 4\nfx_px = 2\ndistortion = [0.1, 0.2]\n",
@@ -202,7 +202,7 @@ fn mistakes_in_patterns_are_told() {
         (
             "[rotating]\nelevations_deg = [1]\ncolumns = 9\nrate_hz = 1\nlayout = \"destaggered\"\n\
              sector_deg = { from = 10, to = -10 }\n",
-            "sensor.toml:5:10: only a full turn can be destaggered: its columns go round |  | ",
+            "sensor.toml:5:10: only a full turn can be destaggered, because its columns wrap around |  | ",
         ),
         (
             "[equirectangular]\nwidth_px = 4\nheight_px = 4\nvfov_deg = 190\n",

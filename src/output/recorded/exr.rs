@@ -113,7 +113,7 @@ fn read(bytes: &[u8]) -> Result<Vec<Part>, ReadError> {
 }
 
 fn broken(error: exr::error::Error) -> ReadError {
-    ReadError::new(format!("this is no EXR that can be read: {error}"))
+    ReadError::new(format!("the EXR can't be read: {error}"))
 }
 
 #[cfg(test)]

@@ -72,8 +72,8 @@ impl Folder {
             .map_err(|e| Error::input(&name, format!("this is not valid JSON: {e}")))?;
         let mut outputs = Vec::new();
         let listed = manifest.get("outputs").and_then(Value::as_array);
-        let listed =
-            listed.ok_or_else(|| Error::input(&name, "this is no scan's manifest: it has no `outputs`"))?;
+        let listed = listed
+            .ok_or_else(|| Error::input(&name, "this is not the manifest of a scan: it has no `outputs`"))?;
         for output in listed {
             let output = output.get("path").and_then(Value::as_str);
             let output = output.ok_or_else(|| Error::input(&name, "an output has no `path`"))?;
