@@ -28,7 +28,7 @@ impl Changes {
             let Some(before) = old_sensors.get(name) else { continue };
             let mut found = beam_changes(record(old, name), record(new, name));
             let mut keys = Vec::new();
-            keys_of("", before, sensor, &mut keys);
+            key_changes("", before, sensor, &mut keys);
             // The change of a beam says more than the change of an element in the list from which the beam is read.
             let is_of_beams = |change: &Change| BEAM_KEYS.iter().any(|key| change.what.starts_with(key));
             if !found.is_empty() {
@@ -46,7 +46,7 @@ impl Changes {
             }
             other => other.clone(),
         };
-        keys_of("", &rest(&old.job), &rest(&new.job), &mut changes.of_job);
+        key_changes("", &rest(&old.job), &rest(&new.job), &mut changes.of_job);
         scene_changes(old, new, &mut changes.of_job);
         if old.tool != new.tool {
             changes.of_job.push(Change {
@@ -129,8 +129,8 @@ fn number(value: f64) -> String {
 }
 
 /// Finds the keys that differ between two values, and reports each with its path.
-fn keys_of(path: &str, old: &Value, new: &Value, found: &mut Vec<Change>) {
-    if same(old, new) {
+fn key_changes(path: &str, old: &Value, new: &Value, found: &mut Vec<Change>) {
+    if are_equal(old, new) {
         return;
     }
     match (old, new) {
@@ -139,33 +139,37 @@ fn keys_of(path: &str, old: &Value, new: &Value, found: &mut Vec<Change>) {
             for key in keys {
                 let deeper = join(path, key);
                 match (a.get(key), b.get(key)) {
-                    (Some(old), Some(new)) => keys_of(&deeper, old, new, found),
-                    (old, new) => only_one(&deeper, old, new, found),
+                    (Some(old), Some(new)) => key_changes(&deeper, old, new, found),
+                    (old, new) => added_or_removed(&deeper, old, new, found),
                 }
             }
         }
         (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
-            let changed: Vec<usize> = (0..a.len()).filter(|&i| !same(&a[i], &b[i])).collect();
+            let changed: Vec<usize> = (0..a.len()).filter(|&i| !are_equal(&a[i], &b[i])).collect();
             if changed.len() > MOST_ELEMENTS {
                 let what = format!("{path}: {} of {} values", changed.len(), a.len());
                 found.push(Change { sensor: None, what, old: None, new: None });
                 return;
             }
             for index in changed {
-                keys_of(&format!("{path}[{index}]"), &a[index], &b[index], found);
+                key_changes(&format!("{path}[{index}]"), &a[index], &b[index], found);
             }
         }
-        _ => only_one(path, Some(old), Some(new), found),
+        _ => added_or_removed(path, Some(old), Some(new), found),
     }
 }
 
 /// Reports a value that was added, removed or became another kind of value. For a table that was added or removed, it
 /// reports each key.
-fn only_one(path: &str, old: Option<&Value>, new: Option<&Value>, found: &mut Vec<Change>) {
+fn added_or_removed(path: &str, old: Option<&Value>, new: Option<&Value>, found: &mut Vec<Change>) {
     let empty = Value::Object(Map::new());
     match (old, new) {
-        (Some(table @ Value::Object(keys)), None) if !keys.is_empty() => keys_of(path, table, &empty, found),
-        (None, Some(table @ Value::Object(keys))) if !keys.is_empty() => keys_of(path, &empty, table, found),
+        (Some(table @ Value::Object(keys)), None) if !keys.is_empty() => {
+            key_changes(path, table, &empty, found)
+        }
+        (None, Some(table @ Value::Object(keys))) if !keys.is_empty() => {
+            key_changes(path, &empty, table, found)
+        }
         _ => {
             let what = path.to_owned();
             found.push(Change { sensor: None, what, old: old.map(shown), new: new.map(shown) });
@@ -178,7 +182,7 @@ fn join(path: &str, key: &str) -> String {
 }
 
 /// Whether two values are equal. An integer equals the float of the same value.
-fn same(a: &Value, b: &Value) -> bool {
+fn are_equal(a: &Value, b: &Value) -> bool {
     match (a.as_f64(), b.as_f64()) {
         (Some(a), Some(b)) => a == b,
         _ => a == b,
@@ -226,7 +230,7 @@ mod tests {
 
     fn between(old: Value, new: Value) -> Vec<String> {
         let mut found = Vec::new();
-        keys_of("", &old, &new, &mut found);
+        key_changes("", &old, &new, &mut found);
         found.iter().map(Change::to_string).collect()
     }
 

@@ -116,7 +116,7 @@ fn points(cloud: &Cloud) -> Result<Vec<[f64; 3]>, CloudError> {
 }
 
 fn distances(a: &[[f64; 3]], b: &[[f64; 3]]) -> CloudDistances {
-    let (there, back) = (one_way(a, &Tree::new(b)), one_way(b, &Tree::new(a)));
+    let (there, back) = (directed_distances(a, &KdTree::new(b)), directed_distances(b, &KdTree::new(a)));
     CloudDistances {
         there_mean_m: there.mean,
         there_max_m: there.max,
@@ -133,7 +133,7 @@ struct OneWay {
     density_aware: f64,
 }
 
-fn one_way(from: &[[f64; 3]], to: &Tree) -> OneWay {
+fn directed_distances(from: &[[f64; 3]], to: &KdTree) -> OneWay {
     let nearest: Vec<(u32, f64)> = from.iter().map(|p| to.nearest(p)).collect();
     let mut sharing = vec![0_u32; to.points.len()];
     for (index, _) in &nearest {
@@ -153,12 +153,12 @@ fn one_way(from: &[[f64; 3]], to: &Tree) -> OneWay {
 /// A k-d tree (J. L. Bentley, "Multidimensional binary search trees used for associative searching", 1975). The middle
 /// element of each range is its root; points with smaller coordinates come before it and points with greater ones after it.
 /// It takes fifty lines here, where a crate would bring a dozen dependencies.
-struct Tree<'a> {
+struct KdTree<'a> {
     points: &'a [[f64; 3]],
     order: Vec<u32>,
 }
 
-impl<'a> Tree<'a> {
+impl<'a> KdTree<'a> {
     fn new(points: &'a [[f64; 3]]) -> Self {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         let mut pending = vec![(0, order.len(), 0)];
@@ -253,7 +253,7 @@ mod tests {
             let square = |q: &[f64; 3]| (0..3).map(|i| (p[i] - q[i]) * (p[i] - q[i])).sum::<f64>();
             let all = (0..points.len()).map(|i| (square(&points[i]), i as u32));
             let expected = all.min_by(|a, b| a.partial_cmp(b).unwrap()).unwrap();
-            let found = Tree::new(&points).nearest(&p);
+            let found = KdTree::new(&points).nearest(&p);
             prop_assert_eq!((found.1, found.0), expected);
         }
     }

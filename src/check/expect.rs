@@ -345,7 +345,7 @@ impl Expected {
 }
 
 /// The returns of all frames that lie on a target.
-fn on<'a>(seen: &'a Seen<'a>, target: &'a Target) -> impl Iterator<Item = Point<'a>> {
+fn returns_on<'a>(seen: &'a Seen<'a>, target: &'a Target) -> impl Iterator<Item = Point<'a>> {
     seen.frames.iter().flat_map(move |frame| {
         let columns = frame.frame.columns();
         let on_target = frame.frame.iter().filter(|(_, hit)| target.is_hit(hit, seen.scene));
@@ -364,7 +364,7 @@ fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bounds) -> Fin
     }
     let mut by_sensor: BTreeMap<&str, (usize, f64, f64)> = BTreeMap::new();
     let (mut inside, mut outside) = (0, 0);
-    for point in on(seen, target) {
+    for point in returns_on(seen, target) {
         if !range_m.hold(point.hit.range_m) {
             outside += 1;
             continue;
@@ -388,7 +388,7 @@ fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m
     }
     let mut worst: Option<(f64, String)> = None;
     let (mut count, mut wrong) = (0, 0);
-    for point in on(seen, target) {
+    for point in returns_on(seen, target) {
         let pulse = point.pulse();
         let world_from_sensor = point.seen.capture.world_from_sensor(pulse.time_s);
         let origin = world_from_sensor.point(pulse.origin);
@@ -425,7 +425,7 @@ fn resolution(seen: &Seen, target: &Target, horizontal: Option<Angle>, vertical:
         return Finding::Nothing(problem);
     }
     let mut worst: [Option<(f64, String)>; 2] = [None, None];
-    for point in on(seen, target) {
+    for point in returns_on(seen, target) {
         let SensorFrame { frame, capture, .. } = point.seen;
         let wraps = matches!(&capture.sensor.pattern, Pattern::Rotating(p) if p.is_full_turn());
         let next_column = match point.column + 1 {
@@ -494,7 +494,7 @@ impl Zone {
         let (nx, ny) = self.cells();
         let mut counts = vec![0_u32; nx * ny];
         let anything = Target::default();
-        for point in on(seen, &anything) {
+        for point in returns_on(seen, &anything) {
             let p = point.in_body();
             if !self.ground.has(p, &point.hit, seen.scene) {
                 continue;
@@ -537,7 +537,7 @@ fn blind_zone(seen: &Seen, ground: &Ground, at_most_m: f64, (from, to): (i32, i3
     }
     let mut nearest = [f64::INFINITY; 360];
     let anything = Target::default();
-    for point in on(seen, &anything) {
+    for point in returns_on(seen, &anything) {
         let p = point.in_body();
         if ground.has(p, &point.hit, seen.scene) {
             let degree = Angle::rad(libm::atan2(p.y, p.x)).degrees().floor() as i32;
@@ -573,7 +573,11 @@ impl Share<'_> {
 
 /// The fraction that is furthest outside of the bounds, over all sensors, since each must lie within them. `None` without a
 /// sensor.
-fn furthest_off<'a>(seen: &'a Seen, bounds: &Bounds, counts: &dyn Fn(&Return) -> bool) -> Option<Share<'a>> {
+fn furthest_outside<'a>(
+    seen: &'a Seen,
+    bounds: &Bounds,
+    counts: &dyn Fn(&Return) -> bool,
+) -> Option<Share<'a>> {
     let off = |share: f64| {
         let under = bounds.at_least.map_or(f64::NEG_INFINITY, |least| least - share);
         under.max(bounds.at_most.map_or(f64::NEG_INFINITY, |most| share - most))
@@ -587,7 +591,7 @@ fn furthest_off<'a>(seen: &'a Seen, bounds: &Bounds, counts: &dyn Fn(&Return) ->
 }
 
 fn returns(seen: &Seen, bounds: &Bounds) -> Finding {
-    match furthest_off(seen, bounds, &|_| true) {
+    match furthest_outside(seen, bounds, &|_| true) {
         None => Finding::Nothing("no sensor".to_owned()),
         Some(worst) => {
             let found = format!("{} return", percent(worst.share));
@@ -601,13 +605,13 @@ fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Finding {
         return Finding::Nothing(problem);
     }
     let bounds = Bounds { at_least: None, at_most: Some(at_most) };
-    let Some(worst) = furthest_off(seen, &bounds, &|hit| body.is_hit(hit, seen.scene)) else {
+    let Some(worst) = furthest_outside(seen, &bounds, &|hit| body.is_hit(hit, seen.scene)) else {
         return Finding::Nothing("no sensor".to_owned());
     };
     // The intervals of azimuth and elevation in which the sensor that sees most of the body is obstructed.
     let mut spans = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     let only = Seen { frames: std::slice::from_ref(worst.of), ..*seen };
-    for point in on(&only, body) {
+    for point in returns_on(&only, body) {
         let d = point.pulse().direction;
         let angles = [libm::atan2(d.y, d.x), libm::asin(d.z.clamp(-1.0, 1.0))];
         for (span, angle) in spans.iter_mut().zip(angles) {

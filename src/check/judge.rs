@@ -189,7 +189,7 @@ impl Judgement<'_> {
         sentences
     }
 
-    /// `2048 of 262144 ranges differ, max 1.2 m, all in row 17`
+    /// The sentence about the ranges, such as `2048 of 262144 ranges differ, max 1.2 m, all in row 17`.
     fn range_sentence(&self, found: &ChannelDifference) -> String {
         let mask = self.difference.mask;
         let mut parts = vec![self.how_many(found, "ranges")];
@@ -220,7 +220,7 @@ impl Judgement<'_> {
         parts.join(", ")
     }
 
-    /// `534 of 28800 labels differ (label 3 → 0: 534), all on "crate_3"`
+    /// The sentence about the labels, such as `534 of 28800 labels differ (label 3 → 0: 534), all on "crate_3"`.
     fn label_sentence(&self, found: &ChannelDifference) -> Option<String> {
         if found.pixels.is_empty() {
             return None; // the labels of what appeared and vanished, which is told

@@ -20,7 +20,7 @@ struct Case {
 
 /// JUnit XML with a suite for each job, and in it a case for each sensor and each expectation.
 pub fn xml(outcomes: &[Outcome]) -> String {
-    let suites: Vec<_> = outcomes.iter().map(|outcome| (readable(&outcome.job), cases(outcome))).collect();
+    let suites: Vec<_> = outcomes.iter().map(|outcome| (xml_text(&outcome.job), cases(outcome))).collect();
     let mut writer = Writer::new_with_indent(Vec::new(), b' ', 4);
     write_suites(&mut writer, &suites).expect("writing to memory does not fail");
     String::from_utf8(writer.into_inner()).expect("only strings were written")
@@ -75,7 +75,7 @@ fn write_suite(writer: &mut Writer<Vec<u8>>, job: &str, cases: &[Case]) -> io::R
 }
 
 fn write_case(writer: &mut Writer<Vec<u8>>, job: &str, case: &Case) -> io::Result<()> {
-    let name = readable(&case.name);
+    let name = xml_text(&case.name);
     let element = writer
         .create_element("testcase")
         .with_attribute(("name", name.as_str()))
@@ -85,10 +85,10 @@ fn write_case(writer: &mut Writer<Vec<u8>>, job: &str, case: &Case) -> io::Resul
         return Ok(());
     };
     element.write_inner_content(|writer| {
-        let text = readable(&case.reasons.join("\n"));
+        let text = xml_text(&case.reasons.join("\n"));
         writer
             .create_element(case.element)
-            .with_attribute(("message", readable(first).as_str()))
+            .with_attribute(("message", xml_text(first).as_str()))
             .write_text_content(BytesText::new(&text))?;
         Ok(())
     })?;
@@ -102,7 +102,7 @@ fn count(cases: &[&Case], element: &str) -> String {
 
 /// The text with U+FFFD in place of each character that XML 1.0 cannot represent (its section 2.2, `Char`). Names come from
 /// files, and one such character would make the whole report unreadable.
-fn readable(text: &str) -> String {
+fn xml_text(text: &str) -> String {
     let allowed = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='\u{FFFD}' | '\u{10000}'..);
     text.chars().map(|c| if allowed(c) { c } else { char::REPLACEMENT_CHARACTER }).collect()
 }

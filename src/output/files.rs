@@ -70,7 +70,7 @@ impl GrowingFile {
             file.persist(&path).map_err(|e| e.error)?;
             Ok(())
         };
-        persist().map_err(|e: io::Error| in_the_way(&path, e))?;
+        persist().map_err(|e: io::Error| unwritable(&path, e))?;
         Ok(WrittenFile { path: name, bytes, blake3: hasher.finalize().to_hex().to_string() })
     }
 }
@@ -97,7 +97,7 @@ impl Destination {
                         "exists already; --overwrite replaces it, --out DIR writes elsewhere",
                     ));
                 }
-                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(in_the_way(&path, e)),
+                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(unwritable(&path, e)),
                 _ => {}
             }
         }
@@ -115,12 +115,12 @@ impl Destination {
     /// [`Error::Output`] about the folder or the manifest.
     pub fn prepare(&self, manifest: &str) -> Result<(), Error> {
         for folder in self.folders() {
-            fs::create_dir_all(&folder).map_err(|e| in_the_way(&folder, e))?;
+            fs::create_dir_all(&folder).map_err(|e| unwritable(&folder, e))?;
             check_folder(&folder)?;
         }
         let manifest = self.folder.join(manifest);
         match fs::remove_file(&manifest) {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(in_the_way(&manifest, e)),
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(unwritable(&manifest, e)),
             _ => Ok(()),
         }
     }
@@ -132,7 +132,7 @@ impl Destination {
     /// file of the same name is kept.
     pub fn write(&self, name: &str, content: &[u8]) -> Result<WrittenFile, Error> {
         let path = self.folder.join(name);
-        write_whole(&path, content).map_err(|e| in_the_way(&path, e))?;
+        write_complete(&path, content).map_err(|e| unwritable(&path, e))?;
         Ok(WrittenFile {
             path: name.to_owned(),
             bytes: content.len() as u64,
@@ -147,7 +147,7 @@ impl Destination {
     pub fn open(&self, name: &str) -> Result<GrowingFile, Error> {
         let path = self.folder.join(name);
         let temporary = temporary_in(path.parent().unwrap_or(Path::new("")));
-        let temporary = temporary.map_err(|e| in_the_way(&path, e))?;
+        let temporary = temporary.map_err(|e| unwritable(&path, e))?;
         let (file, hasher) = (BufWriter::new(temporary), blake3::Hasher::new());
         Ok(GrowingFile { name: name.to_owned(), path, file, hasher, bytes: 0 })
     }
@@ -166,11 +166,11 @@ impl Destination {
 /// [`Error::Output`] about the file. An older file of the same name is kept then.
 pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Error> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    fs::create_dir_all(here_if_empty(folder)).map_err(|e| in_the_way(folder, e))?;
-    write_whole(path, content).map_err(|e| in_the_way(path, e))
+    fs::create_dir_all(here_if_empty(folder)).map_err(|e| unwritable(folder, e))?;
+    write_complete(path, content).map_err(|e| unwritable(path, e))
 }
 
-fn write_whole(path: &Path, content: &[u8]) -> io::Result<()> {
+fn write_complete(path: &Path, content: &[u8]) -> io::Result<()> {
     let mut file = temporary_in(path.parent().unwrap_or(Path::new("")))?;
     file.write_all(content)?;
     file.as_file().sync_all()?;
@@ -185,11 +185,11 @@ fn check_folder(folder: &Path) -> Result<(), Error> {
             Ok(found) if !found.is_dir() => {
                 return Err(Error::output(ancestor, "is a file, where a folder is needed"));
             }
-            Ok(_) => return temporary_in(ancestor).map(drop).map_err(|e| in_the_way(ancestor, e)),
+            Ok(_) => return temporary_in(ancestor).map(drop).map_err(|e| unwritable(ancestor, e)),
             Err(e) if e.kind() == io::ErrorKind::NotFound => {}
             // The loop goes on to the ancestor that is no folder, and the error names that one.
             Err(e) if e.kind() == io::ErrorKind::NotADirectory => {}
-            Err(e) => return Err(in_the_way(ancestor, e)),
+            Err(e) => return Err(unwritable(ancestor, e)),
         }
     }
     Err(Error::output(folder, "does not exist, and neither does any folder above it"))
@@ -222,7 +222,7 @@ struct Unwritable {
     source: io::Error,
 }
 
-fn in_the_way(path: &Path, source: io::Error) -> Error {
+fn unwritable(path: &Path, source: io::Error) -> Error {
     use io::ErrorKind as Kind;
     let words = match source.kind() {
         Kind::StorageFull => "can't be written: the disk is full".into(),
