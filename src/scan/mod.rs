@@ -134,11 +134,10 @@ impl<C: Cast> Scanner<'_, C> {
                 for column in first..width.min(first + TILE.1) {
                     let pulse = self.capture.pulse(strip.first_row + row, strip.first_column + column);
                     let Some(pulse) = pulse else { continue };
-                    let pose = self.fixed.unwrap_or_else(|| {
-                        let pose = SensorPose::new(self.capture.world_from_sensor(pulse.time_s));
-                        poses.push(pose);
-                        pose
-                    });
+                    let pose = match &self.fixed {
+                        Some(pose) => pose,
+                        None => poses.push_mut(SensorPose::new(self.capture.world_from_sensor(pulse.time_s))),
+                    };
                     pixels.push((row as u8, column as u8));
                     origins.push(pose.world_from_sensor.point(pulse.origin));
                     directions.push(pose.world_from_sensor.direction(pulse.direction));
@@ -162,7 +161,7 @@ impl<C: Cast> Scanner<'_, C> {
             let Piece { returns, causes } = &mut strip.rows[row];
             causes[column] = match hit {
                 Some(hit) => {
-                    let pose = self.fixed.unwrap_or_else(|| poses[ray]);
+                    let pose = self.fixed.as_ref().unwrap_or_else(|| &poses[ray]);
                     returns.set(column, self.receive(&pose.sensor_from_world, directions[ray], hit));
                     Cause::Surface
                 }
