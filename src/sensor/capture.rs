@@ -64,6 +64,7 @@ impl<'a> Capture<'a> {
     /// column 0 is the first firing (or the left).
     ///
     /// `None` if the pixel has no ray: the lens's model has none for it, or a prism reflects the beam inward.
+    #[inline]
     pub fn pulse(&self, row: usize, column: usize) -> Option<Pulse> {
         self.sensor.pattern.pulse(row, column, self.start_s)
     }

@@ -120,6 +120,7 @@ impl Raster {
     }
 
     /// The pulse of a pixel.
+    #[inline]
     pub(super) fn pulse(&self, row: usize, column: usize) -> Pulse {
         let columns = self.columns();
         let in_line =

@@ -82,6 +82,7 @@ impl RayTable {
     }
 
     /// The pulse with this index.
+    #[inline]
     pub(super) fn pulse(&self, index: usize) -> Pulse {
         self.pulses[index]
     }
