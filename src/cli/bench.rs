@@ -11,7 +11,7 @@ use super::terminal::Terminal;
 use super::threads;
 use crate::error::Error;
 use crate::run::{Bytes, Holding, Plan, Session, memory};
-use crate::scan::Progress;
+use crate::scan::{Frame, Progress};
 use crate::trace::AnyTracer;
 use crate::trace::{Cast, Hit, Rays, TraversalStats};
 
@@ -52,6 +52,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let mut effort = None;
     let progress = Progress::default();
     terminal.with_progress(plan.rays.saturating_mul(repeat as u64), &progress, || {
+        // A run of many frames casts them into the same memory, and so does this.
+        let mut frame = Frame::default();
         for _ in 0..repeat {
             let start = Instant::now();
             let tracer = AnyTracer::build(&scene, job.kernel);
@@ -60,7 +62,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             let session = Session::new(Arc::clone(&job), tracer.clone());
             let start = Instant::now();
             for item in &plan.items {
-                session.cast(item, &progress);
+                session.cast_into(&mut frame, item, &progress);
             }
             casts.push(start.elapsed().as_secs_f64());
             if effort.is_none() {

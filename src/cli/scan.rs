@@ -14,6 +14,7 @@ use crate::config::Job;
 use crate::error::Error;
 use crate::output::WrittenFile;
 use crate::run::{Bytes, Holding, Journal, Plan, Session, Statistics, memory, paths};
+use crate::scan::Frame;
 use crate::scene::Scene;
 use crate::trace::AnyTracer;
 
@@ -113,13 +114,15 @@ fn cast_and_write(
     journal: &mut Journal,
     interrupt: &Interrupt,
 ) -> Result<(Vec<Statistics>, Duration, Duration), Error> {
-    let mut seen = Vec::new();
+    let (mut seen, mut frame) = (Vec::new(), Frame::default());
     let (mut casting, mut writing) = (Duration::ZERO, Duration::ZERO);
     for item in &plan.items {
-        let (frame, time) = timed(|| session.cast(item, interrupt.progress()));
+        let (whole, time) = timed(|| session.cast_into(&mut frame, item, interrupt.progress()));
         casting += time;
         interrupt.check()?;
-        let Some(frame) = frame else { continue };
+        if !whole {
+            continue;
+        }
         seen.push(Statistics::of(&frame));
         let sensor_frame = session.sensor_frame(item, &frame);
         let start = Instant::now();

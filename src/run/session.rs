@@ -75,6 +75,12 @@ impl Session {
         self.cast_with(&self.tracer, item, progress)
     }
 
+    /// Casts a frame into the memory of an earlier one, which it replaces. Returns false when `progress` was cancelled; the
+    /// frame is then of no use.
+    pub fn cast_into(&self, frame: &mut Frame, item: &Item, progress: &Progress) -> bool {
+        scan::scan_into(frame, self.scene(), &self.tracer, &self.capture(item), progress)
+    }
+
     /// Casts a frame with another tracer over the job's scene. `None` when `progress` was cancelled.
     pub fn cast_with(&self, tracer: &impl Cast, item: &Item, progress: &Progress) -> Option<Frame> {
         scan::scan(self.scene(), tracer, &self.capture(item), progress)

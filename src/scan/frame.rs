@@ -37,9 +37,14 @@ macro_rules! columns {
         }
 
         impl Returns {
-            /// Columns with all slots zero. Their memory is not touched yet.
-            fn zeroed(slots: usize) -> Self {
-                Self { $($name: vec![Default::default(); slots],)* }
+            /// Gives each column so many slots, whose values are unspecified. Memory that is there is used again, and new
+            /// memory is not touched yet.
+            fn set_slots(&mut self, slots: usize) {
+                $(if self.$name.capacity() < slots {
+                    self.$name = vec![Default::default(); slots];
+                } else {
+                    self.$name.resize(slots, Default::default());
+                })*
             }
 
             /// The number of slots.
@@ -73,7 +78,7 @@ macro_rules! columns {
             }
 
             /// Writes a return to a slot.
-            #[inline]
+            #[inline(always)]
             pub fn set(&mut self, slot: usize, one: Return) {
                 $(self.$name[slot] = one.$name;)*
             }
@@ -103,7 +108,7 @@ columns! {
 ///
 /// The returns of a pixel lie in neighbouring slots of the columns of [`Returns`], in the order in which the sensor reports
 /// them. [`Frame::slots`] gives the slots of a pixel. The number of a return is its position among them, from 0.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Frame {
     rows: usize,
     columns: usize,
@@ -113,9 +118,10 @@ pub struct Frame {
 }
 
 /// The rule that assigns slots to pixels.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 enum Layout {
     /// A pixel whose cause is [`Cause::Surface`] has the slot of its own number. The slots of the other pixels are zero.
+    #[default]
     OneEach,
     /// Pixel i has the slots from entry i to entry i + 1 of this list, which has one entry more than there are pixels.
     From(Vec<usize>),
@@ -125,11 +131,12 @@ impl Frame {
     /// The memory of a pixel in a frame of at most one return a pixel, in bytes.
     pub const BYTES_A_PIXEL: usize = BYTES_A_RETURN + size_of::<Cause>();
 
-    /// A frame whose pixels have sent no pulse yet, with room for one return each.
-    pub(super) fn blank(rows: usize, columns: usize) -> Self {
-        let pixels = rows * columns;
-        let (returns, causes) = (Returns::zeroed(pixels), vec![Cause::NoPulse; pixels]);
-        Self { rows, columns, layout: Layout::OneEach, returns, causes }
+    /// Makes this a frame of so many pixels, with room for one return each. The values of all slots and causes are
+    /// unspecified until they are written.
+    pub(super) fn set_size(&mut self, rows: usize, columns: usize) {
+        (self.rows, self.columns, self.layout) = (rows, columns, Layout::OneEach);
+        self.returns.set_slots(rows * columns);
+        self.causes.resize(rows * columns, Cause::NoPulse);
     }
 
     /// A frame from pixels, row by row. Each pixel has its cause and its returns.
@@ -266,7 +273,8 @@ mod tests {
     fn a_frame_of_one_return_each_takes_less_memory_than_a_row_of_structs() {
         // A row of `Option<Return>` would take 48 bytes a pixel: 40 for the fields and their padding, and 8 for the option.
         assert_eq!(Frame::BYTES_A_PIXEL, 8 + 4 + 12 + 3 * 4 + 1);
-        let mut frame = Frame::blank(1, 3);
+        let mut frame = Frame::default();
+        frame.set_size(1, 3);
         assert_eq!((frame.return_count(), frame.blind_pixels(), frame.most_returns()), (0, 3, 0));
         let (mut returns, causes) = frame.parts();
         causes.copy_from_slice(&[Cause::Nothing, Cause::Surface, Cause::Surface]);

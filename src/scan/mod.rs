@@ -38,18 +38,30 @@ const STRIP: usize = 16 * TILE.1;
 ///
 /// The scan runs on rayon's current thread pool. The frame is the same for any number of threads.
 pub fn scan(scene: &Scene, tracer: &impl Cast, capture: &Capture, progress: &Progress) -> Option<Frame> {
+    let mut frame = Frame::default();
+    scan_into(&mut frame, scene, tracer, capture, progress).then_some(frame)
+}
+
+/// Casts every pulse of a capture as [`scan`] does, into the memory of an earlier frame, which it replaces. A run of many
+/// frames takes its memory once. Returns false if `progress.cancelled` was set before the end; the frame is then of no use.
+pub fn scan_into(
+    frame: &mut Frame,
+    scene: &Scene,
+    tracer: &impl Cast,
+    capture: &Capture,
+    progress: &Progress,
+) -> bool {
     capture.prepare();
-    let mut frame = Frame::blank(capture.rows(), capture.columns());
+    frame.set_size(capture.rows(), capture.columns());
     let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
     let scanner = Scanner { scene, tracer, capture, fixed };
-    strips(&mut frame).into_par_iter().for_each_init(Batch::default, |batch, mut strip| {
+    strips(frame).into_par_iter().for_each_init(Batch::default, |batch, mut strip| {
         if !progress.cancelled.load(Ordering::Relaxed) {
             let rays = scanner.fill(&mut strip, batch);
             progress.rays_done.fetch_add(rays as u64, Ordering::Relaxed);
         }
     });
-    let whole = !progress.cancelled.load(Ordering::Relaxed);
-    whole.then_some(frame)
+    !progress.cancelled.load(Ordering::Relaxed)
 }
 
 /// A part of the image that is cast as one batch.
@@ -133,7 +145,10 @@ impl<C: Cast> Scanner<'_, C> {
             for row in 0..strip.rows.len() {
                 for column in first..width.min(first + TILE.1) {
                     let pulse = self.capture.pulse(strip.first_row + row, strip.first_column + column);
-                    let Some(pulse) = pulse else { continue };
+                    let Some(pulse) = pulse else {
+                        strip.rows[row].set(column, None, Cause::NoPulse);
+                        continue;
+                    };
                     let pose = match &self.fixed {
                         Some(pose) => pose,
                         None => poses.push_mut(SensorPose::new(self.capture.world_from_sensor(pulse.time_s))),
@@ -156,35 +171,73 @@ impl<C: Cast> Scanner<'_, C> {
             after: None,
         };
         self.tracer.cast(&rays, hits);
+        let mut last: Option<SeenTriangle> = None;
         for (ray, (&(row, column), hit)) in pixels.iter().zip(hits.iter()).enumerate() {
-            let (row, column) = (usize::from(row), usize::from(column));
-            let Piece { returns, causes } = &mut strip.rows[row];
-            causes[column] = match hit {
-                Some(hit) => {
-                    let pose = self.fixed.as_ref().unwrap_or_else(|| &poses[ray]);
-                    returns.set(column, self.receive(&pose.sensor_from_world, directions[ray], hit));
-                    Cause::Surface
-                }
-                None => Cause::Nothing,
+            let piece = &mut strip.rows[usize::from(row)];
+            let Some(hit) = hit else {
+                piece.set(usize::from(column), None, Cause::Nothing);
+                continue;
             };
+            let pose = self.fixed.as_ref().unwrap_or_else(|| &poses[ray]);
+            // Neighbouring rays often hit the same triangle.
+            let seen = match &mut last {
+                Some(seen) if (seen.placement, seen.triangle) == (hit.placement, hit.triangle) => seen,
+                _ => last.insert(SeenTriangle::of(hit, self.scene)),
+            };
+            let one = seen.receive(&pose.sensor_from_world, directions[ray], hit);
+            piece.set(usize::from(column), Some(one), Cause::Surface);
         }
         pixels.len()
     }
+}
+
+impl Piece<'_> {
+    #[inline(always)]
+    fn set(&mut self, column: usize, one: Option<Return>, cause: Cause) {
+        // The memory may hold an earlier frame, so a pixel without a return is written too.
+        self.returns.set(column, one.unwrap_or_default());
+        self.causes[column] = cause;
+    }
+}
+
+/// The values that all returns of one triangle share.
+struct SeenTriangle {
+    placement: u32,
+    triangle: u32,
+    /// The triangle's id in the scene.
+    id: u32,
+    object: u32,
+    label: u32,
+    reflectivity: f64,
+}
+
+impl SeenTriangle {
+    fn of(hit: &Hit, scene: &Scene) -> Self {
+        let Hit { placement, triangle, .. } = *hit;
+        let surface = scene.surface(placement, triangle);
+        Self {
+            placement,
+            triangle,
+            id: scene.arrangement.placements[placement as usize].first_triangle + triangle,
+            object: surface.object,
+            label: scene.label(surface),
+            reflectivity: f64::from(scene.geometry.materials[surface.material as usize].reflectivity()),
+        }
+    }
 
     /// The return of a hit as an ideal receiver measures it from a Lambertian surface: its intensity is ρ·cos θ.
+    #[inline(always)]
     fn receive(&self, sensor_from_world: &Pose, direction: DVec3, hit: &Hit) -> Return {
-        let surface = self.scene.surface(hit.placement, hit.triangle);
         let along = hit.normal.dot(direction);
         let towards_sensor = if along > 0.0 { -hit.normal } else { hit.normal };
         let normal = sensor_from_world.direction(towards_sensor);
-        let reflectivity = f64::from(self.scene.geometry.materials[surface.material as usize].reflectivity());
         Return {
             range_m: hit.t,
             normal: normal.as_vec3().to_array(),
-            intensity: (reflectivity * along.abs().min(1.0)) as f32,
-            instance: surface.object,
-            label: self.scene.label(surface),
-            triangle: self.scene.arrangement.placements[hit.placement as usize].first_triangle + hit.triangle,
+            intensity: (self.reflectivity * along.abs().min(1.0)) as f32,
+            instance: self.object,
+            label: self.label,
+            triangle: self.id,
         }
     }
 }
@@ -203,7 +256,8 @@ mod tests {
     fn strips_cover_the_image_once() {
         for (rows, columns) in [(1, 1), (16, 1800), (7, 15), (9, 17), (480, 640)] {
             // Each pixel stores its own number and the number of times that it was visited.
-            let mut frame = Frame::blank(rows, columns);
+            let mut frame = Frame::default();
+            frame.set_size(rows, columns);
             let mut visits = 0;
             for mut strip in strips(&mut frame) {
                 for (row, piece) in strip.rows.iter_mut().enumerate() {
@@ -260,6 +314,14 @@ mod tests {
         assert!((f64::from(aside.intensity) - 0.5 * cos).abs() < 1e-6);
         // The corners lie beyond the sensor's range.
         assert!(frame.get(0, 0).is_none() && 2.0 / capture.pulse(0, 0).unwrap().direction.x > 2.2);
+
+        // The memory of a frame of another size, every pixel of which had a return, gives the same frame.
+        let other =
+            Sensor::new(Pattern::Camera(Camera::from_hfov((70, 50), Angle::deg(10.0), None).unwrap()));
+        let mut again = scan(&scene, &Tracer::build(&scene), &Capture::at_origin(&other), &progress).unwrap();
+        assert_eq!(again.return_count(), 70 * 50);
+        assert!(scan_into(&mut again, &scene, &Tracer::build(&scene), &capture, &progress));
+        assert_eq!(again, frame);
 
         progress.cancelled.store(true, Ordering::Relaxed);
         assert!(scan(&scene, &Tracer::build(&scene), &capture, &progress).is_none());

@@ -16,6 +16,8 @@ pub struct Rotating {
     rate_hz: f64,
     /// Sine and cosine of each column's azimuth, without the azimuth offset of a beam. They save a sine for each pulse.
     column_sin_cos: Vec<(f64, f64)>,
+    /// The time of each column, in seconds from the frame's start: a pulse then costs no division.
+    column_times_s: Vec<f64>,
     /// Sine and cosine of each beam's elevation and of its azimuth offset.
     beam_sin_cos: Vec<[(f64, f64); 2]>,
     /// The origin of each beam, by row, in the frame of the head at the column's own time. If the list is empty, all beams
@@ -121,12 +123,14 @@ impl Rotating {
             to,
             rate_hz,
             column_sin_cos: Vec::new(),
+            column_times_s: Vec::new(),
             beam_sin_cos,
             origins: Vec::new(),
             range_offset_m: 0.0,
             turns_before: Vec::new(),
             shifts: Vec::new(),
         };
+        pattern.column_times_s = (0..columns).map(|column| pattern.column_time_s(column)).collect();
         pattern.column_sin_cos = (0..columns).map(|column| pattern.azimuth(column).sin_cos()).collect();
         Ok(pattern)
     }
@@ -253,14 +257,12 @@ impl Rotating {
     }
 
     /// Whether the sector is a full turn.
-    #[inline]
     pub fn is_full_turn(&self) -> bool {
         (self.to - self.from).radians().abs() > std::f64::consts::TAU * (1.0 - 1e-12)
     }
 
     /// The angle from one column to the next. It is negative when the head turns clockwise seen from above, and 0 for a
     /// single column.
-    #[inline]
     pub fn azimuth_step(&self) -> Angle {
         let steps = if self.is_full_turn() { self.columns } else { self.columns - 1 };
         Angle::rad(if steps == 0 { 0.0 } else { (self.to - self.from).radians() / steps as f64 })
@@ -282,7 +284,6 @@ impl Rotating {
         self.column_time_s(self.columns - 1) + last_beam
     }
 
-    #[inline]
     fn column_time_s(&self, firing: usize) -> f64 {
         (self.azimuth_step().radians() * firing as f64).abs() / std::f64::consts::TAU / self.rate_hz
     }
@@ -318,7 +319,7 @@ impl Rotating {
         let leaves = self.origins.get(row).map_or(DVec3::ZERO, |&o| rotated_about_z(o, (sin_turn, cos_turn)));
         let origin =
             if self.range_offset_m == 0.0 { leaves } else { leaves - direction * self.range_offset_m };
-        Pulse { origin, direction, time_s: self.column_time_s(firing) + self.beams[row].time_s }
+        Pulse { origin, direction, time_s: self.column_times_s[firing] + self.beams[row].time_s }
     }
 }
 
