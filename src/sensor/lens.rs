@@ -27,6 +27,7 @@ pub enum Lens {
 impl Lens {
     /// The unit direction in the optical frame (x right, y down, z forward) that is projected to `image`. `None` if the
     /// model has none.
+    #[inline]
     pub fn unproject(&self, image: DVec2) -> Option<DVec3> {
         match self {
             Self::Ideal => Some(image.extend(1.0).normalize()),
