@@ -145,16 +145,17 @@ impl Camera {
     /// The unit direction through a pixel's centre in the optical frame (x right, y down, z forward). It is the direction
     /// that the lens projects to ((u + ½ − cx)/fx, (v + ½ − cy)/fy). Its z is the factor from range along the ray to planar
     /// depth. `None` if the lens has no ray for the pixel.
-    #[inline]
+    #[inline(always)]
     pub(super) fn optical_direction(&self, row: usize, column: usize) -> Option<DVec3> {
+        if matches!(self.lens, Lens::Ideal) {
+            return Some(Lens::ideal(self.on_image_plane(column as f64 + 0.5, row as f64 + 0.5)));
+        }
         match self.inverse.0.get() {
-            _ if matches!(self.lens, Lens::Ideal) => self.invert_pixel(row, column),
             Some(directions) => Some(directions[row * self.width + column]).filter(|d| !d.is_nan()),
             None => self.invert_pixel(row, column),
         }
     }
 
-    #[inline]
     fn invert_pixel(&self, row: usize, column: usize) -> Option<DVec3> {
         self.optical_direction_at(column as f64 + 0.5, row as f64 + 0.5)
     }
@@ -188,9 +189,14 @@ impl Camera {
     }
 
     /// The unit direction in the optical frame through any point (u, v) of the image, in pixels from its top left corner.
-    #[inline]
     pub fn optical_direction_at(&self, u: f64, v: f64) -> Option<DVec3> {
-        self.lens.unproject(DVec2::new((u - self.cx) / self.fx, (v - self.cy) / self.fy))
+        self.lens.unproject(self.on_image_plane(u, v))
+    }
+
+    /// The place (u, v) of the image, in pixels, in units of the focal length about the principal point.
+    #[inline]
+    fn on_image_plane(&self, u: f64, v: f64) -> DVec2 {
+        DVec2::new((u - self.cx) / self.fx, (v - self.cy) / self.fy)
     }
 
     /// The image point of a direction in the optical frame, in pixels from the image's top left corner. It may lie outside
@@ -201,7 +207,7 @@ impl Camera {
     }
 
     /// The direction of [`Self::optical_direction`] in the camera's body frame (x forward, y left, z up).
-    #[inline]
+    #[inline(always)]
     pub(super) fn direction(&self, row: usize, column: usize) -> Option<DVec3> {
         Some(BODY_FROM_OPTICAL.direction(self.optical_direction(row, column)?))
     }

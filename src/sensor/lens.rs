@@ -25,12 +25,17 @@ pub enum Lens {
 }
 
 impl Lens {
+    /// The unit direction of an ideal lens for a point of the image plane.
+    #[inline]
+    pub(super) fn ideal(image: DVec2) -> DVec3 {
+        image.extend(1.0).normalize()
+    }
+
     /// The unit direction in the optical frame (x right, y down, z forward) that is projected to `image`. `None` if the
     /// model has none.
-    #[inline]
     pub fn unproject(&self, image: DVec2) -> Option<DVec3> {
         match self {
-            Self::Ideal => Some(image.extend(1.0).normalize()),
+            Self::Ideal => Some(Self::ideal(image)),
             Self::BrownConrady(lens) => lens.undistort(image).map(|p| p.extend(1.0).normalize()),
             Self::KannalaBrandt(lens) => lens.unproject(image),
         }
