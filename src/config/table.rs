@@ -437,26 +437,6 @@ impl<'a> Table<'a> {
     }
 }
 
-/// Records which keys of which tables the readers asked for.
-#[cfg(test)]
-pub(super) mod asked {
-    use std::cell::RefCell;
-    use std::collections::BTreeSet;
-
-    thread_local! {
-        static ASKED: RefCell<BTreeSet<(&'static str, &'static str)>> = const { RefCell::new(BTreeSet::new()) };
-    }
-
-    pub fn note(table: &'static str, key: &'static str) {
-        ASKED.with_borrow_mut(|asked| asked.insert((table, key)));
-    }
-
-    /// All that this thread asked for since the last call, as (title of the table, name of the key).
-    pub fn take() -> BTreeSet<(&'static str, &'static str)> {
-        ASKED.take()
-    }
-}
-
 /// The units that a key's last part may name.
 const UNITS: &[(&str, &str)] = &[
     ("m", "metres"),
@@ -489,5 +469,25 @@ fn unit_and_stem(name: &str) -> (Option<&str>, &str) {
             (Some(suffix), stem)
         }
         _ => (None, name),
+    }
+}
+
+/// Records which keys of which tables the readers asked for.
+#[cfg(test)]
+pub(super) mod asked {
+    use std::cell::RefCell;
+    use std::collections::BTreeSet;
+
+    thread_local! {
+        static ASKED: RefCell<BTreeSet<(&'static str, &'static str)>> = const { RefCell::new(BTreeSet::new()) };
+    }
+
+    pub fn note(table: &'static str, key: &'static str) {
+        ASKED.with_borrow_mut(|asked| asked.insert((table, key)));
+    }
+
+    /// All that this thread asked for since the last call, as (title of the table, name of the key).
+    pub fn take() -> BTreeSet<(&'static str, &'static str)> {
+        ASKED.take()
     }
 }

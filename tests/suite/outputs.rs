@@ -456,7 +456,7 @@ fn a_channel_of_ones_own_is_one_declaration() {
         no_return: -1.0,
         sensors: Sensors::All,
         shown: None,
-        values: Values::F32(|f, at| f.frame.returns().range_m[at.slot].powi(2)),
+        values: Values::F32(|f, at| libm::pow(f.frame.returns().range_m[at.slot], 2.0)),
     };
     let sensor = lidar(2, 1);
     let frame = frame_of(2, 1, &[Some(Return { range_m: 3.0, ..Return::default() }), None]);
