@@ -491,7 +491,7 @@ fn mistakes_in_check_and_expect_are_told_all_at_once() {
     has(
         &err,
         &[
-            "`channels` is the string \"rnage\"",
+            "`channels` has the string \"rnage\"",
             "did you mean \"range\"?",
             "there is no channel `intensty`",
             "did you mean `intensity`?",

@@ -160,7 +160,7 @@ fn malformed_metadata_is_refused_with_its_place() {
         let expected = match name.as_str() {
             "complete_but_all_zeros_legacy.json" => "every beam's angles are 0",
             "incomplete_data_format_legacy.json" => "`data_format` has no `columns_per_frame`",
-            "incorrect_nbeam_angles_legacy_113.json" => "63 altitudes and 64 azimuths",
+            "incorrect_nbeam_angles_legacy_113.json" => "there are 63 altitudes and 64 azimuths",
             // The missing part, calibration_status, has no influence on the geometry.
             "incomplete_no_calref_nonlegacy.json" => {
                 check_ouster(&text);

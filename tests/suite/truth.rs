@@ -369,7 +369,7 @@ fn a_tessellated_sphere() {
 #[test]
 fn frames_do_not_depend_on_threads() {
     let mut random = Rng::new(5);
-    let places = (0..30).map(|_| (0, DAffine3::from_translation(random.point() * 4.0))).collect();
+    let places = (0..100).map(|_| (0, DAffine3::from_translation(random.point() * 4.0))).collect();
     let scene = placed(vec![sphere(0.8, DVec3::ZERO, 3)], places);
     let tracer = Tracer::build(&scene);
     for sensor in [lidar(NO_LIMITS), camera(NO_LIMITS)] {
