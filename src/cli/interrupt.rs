@@ -71,7 +71,7 @@ mod unix {
     use signal_hook::consts::{SIGINT, SIGTERM};
     use signal_hook::iterator::Signals;
 
-    use super::Shared;
+    use crate::cli::interrupt::Shared;
     use crate::error::Error;
 
     /// The time that work has to end by itself.

@@ -4,7 +4,7 @@ use super::super::super::keys::sensor::FRAME_RATE;
 use super::super::super::keys::sensor::camera as keys;
 use super::super::super::kinds::{List, Number};
 use super::super::super::table::{Key, Table};
-use super::check_rays;
+use super::limit::check_rays;
 use crate::angle::Angle;
 use crate::sensor::{BrownConrady, Camera, CameraError, KannalaBrandt, Lens, Raster};
 use crate::source::Spanned;

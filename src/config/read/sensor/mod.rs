@@ -1,6 +1,7 @@
 //! A sensor file's tables → [`Sensor`].
 
 mod camera;
+mod limit;
 mod rotating;
 mod scanner;
 
@@ -9,10 +10,6 @@ use super::super::kinds::Nested;
 use super::super::table::{Key, Table};
 use super::rays::RayFiles;
 use crate::sensor::{Pattern, RangeLimits, Sensor};
-use crate::source::{Report, Span};
-
-/// Most rays of a frame: pixels have 32-bit numbers.
-const MAX_RAYS: u64 = 1 << 32;
 
 /// The reader of a pattern's table.
 type Read = fn(&Table<'_>, &RayFiles) -> Option<Pattern>;
@@ -116,14 +113,4 @@ fn range(t: &Table<'_>) -> RangeLimits {
         t.report().error(span, message, "`max_m` must be greater than `min_m`", None);
     }
     limits
-}
-
-/// Refuses more rays than pixels can be numbered; `span` is the columns'.
-fn check_rays(report: &Report, rows: u64, columns: u64, span: Span) -> Option<()> {
-    if rows.checked_mul(columns).is_some_and(|rays| rays <= MAX_RAYS) {
-        return Some(());
-    }
-    let message = format!("{rows} rows of {columns} columns are more than {MAX_RAYS} rays a frame");
-    report.error(span, message, "expected fewer", None);
-    None
 }

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::super::super::keys::sensor::rotating as keys;
 use super::super::super::kinds::{List, Number, OneOrMany};
 use super::super::super::table::{AnyKey, Key, Table};
-use super::check_rays;
+use super::limit::check_rays;
 use crate::angle::Angle;
 use crate::sensor::{Beam, Rotating, RotatingError};
 use crate::source::tree::count;

@@ -6,7 +6,7 @@ use super::super::super::keys::sensor::{BEAMS, FRAME_RATE, NEEDED_FRAME_RATE, PU
 use super::super::super::keys::sensor::{mirror, raster, rays, risley};
 use super::super::super::table::Table;
 use super::super::rays::RayFiles;
-use super::check_rays;
+use super::limit::check_rays;
 use crate::angle::Angle;
 use crate::sensor::{
     Axis, Mirror, MirrorError, Order, Prism, Raster, RayTable, RayTableError, Risley, RisleyError, direction,
