@@ -61,7 +61,7 @@ pub(crate) struct Key<K> {
 pub(crate) struct Facts {
     /// The name. A unit at its end, such as `_m`, is the unit of its numbers.
     pub name: &'static str,
-    /// What the value says, in sentences.
+    /// The meaning of the value, in sentences.
     pub about: &'static str,
     /// The value that stands for a key that is left out, in TOML.
     pub default: Option<&'static str>,
@@ -166,7 +166,7 @@ impl<K: Kind> AnyKey for Key<K> {
 
 /// The keys of a table.
 pub(crate) struct TableKeys {
-    /// What messages call the table.
+    /// The table's name in messages.
     pub title: &'static str,
     pub keys: &'static [&'static dyn AnyKey],
     /// Keys of which exactly one must be there.
@@ -368,7 +368,7 @@ impl<'a> Table<'a> {
         self.reading.report
     }
 
-    /// What messages call the table.
+    /// The table's name in messages.
     pub fn title(&self) -> &'static str {
         self.keys.title
     }

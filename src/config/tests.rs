@@ -16,7 +16,7 @@ static REACH: Key<Number> = key("reach_m", Number::POSITIVE, "How far the arm re
 static GRIP: Key<Choice<u8>> =
     key("grip", Choice(&[("firm", 1), ("soft", 2)]), "How the hand grips.").or("\"soft\"");
 
-/// What reading a robot's arm gives, and the problems as `message | label | help`.
+/// The result of reading a robot's arm, and the problems as `message | label | help`.
 fn read(text: &str) -> (Option<f64>, Option<u8>, Vec<String>) {
     let grammar = Grammar::new(&[&ROBOT]);
     let mut report = Report::default();

@@ -8,9 +8,9 @@ use std::sync::Arc;
 /// One problem in a text that the user wrote, with the place to point at.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// Whether it stops the run.
+    /// How bad it is: an error stops the run.
     pub severity: Severity,
-    /// What is wrong: the key, the value, one sentence.
+    /// The fault in one sentence, with the key and the value.
     pub message: String,
     /// The file as the user named it, or what stands for one (`--set`).
     pub path: PathBuf,
@@ -18,9 +18,9 @@ pub struct Diagnostic {
     pub source: Arc<str>,
     /// The bytes of `source` that are meant; empty for the file as a whole.
     pub span: Range<usize>,
-    /// What stands under the marked text: short, such as `expected a number of metres`.
+    /// A short note under the marked text, such as `expected a number of metres`.
     pub label: String,
-    /// What would be right.
+    /// A sentence about the value that would be right.
     pub help: Option<String>,
 }
 

@@ -89,7 +89,7 @@ impl Cast for AnyTracer {
 mod tests {
     use super::*;
 
-    /// What a thread pool, a Python object or a worker of a cluster asks of a tracer. It fails to compile where it fails.
+    /// A thread pool, a Python object or a worker of a cluster needs these traits. The test fails by not compiling.
     #[test]
     fn tracers_own_what_they_need_and_go_to_any_thread() {
         fn check<T: Clone + Send + Sync + 'static>() {}

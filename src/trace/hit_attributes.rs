@@ -24,7 +24,7 @@ impl<'a> Surfaces<'a> {
         &self.bvhs[self.placements[placement as usize].mesh as usize]
     }
 
-    /// What of a hit decides its place in the order of hits.
+    /// The part of a hit that decides its place in the order of hits.
     pub fn candidate(&self, hit: &NearestHit) -> Candidate {
         let block = LeafBlock::at(&self.bvh(hit.placement).blocks, hit.triangle.block_offset());
         Candidate { t: hit.t, placement: hit.placement, triangle: block.id(hit.triangle.lane()) }

@@ -183,7 +183,7 @@ impl<const N: usize> PreparedRays<N> {
         let far = x[1].min(y[1]).min(z[1]).mul(S::splat(1.0 + 8.0 * U)).min(z_max);
         let is_met = far.ge(near);
         let met = is_met.bits();
-        // Which child is nearest, and whether there is any, is unpredictable, so there are no branches on it. The depths are
+        // No branch depends on which child is nearest, or on whether there is any: both are unpredictable. The depths are
         // tagged with their lanes in the last three bits, so that the least one names its lane.
         let numbered = near.and(S::splat(f32::from_bits(!7))).xor(S::load(&LANES));
         let least = S::select(is_met, numbered, S::splat(f32::INFINITY)).reduce_min();

@@ -44,7 +44,7 @@ pub enum Instructions {
     Best,
     /// At most AVX2 and FMA.
     Avx2,
-    /// Those that every processor has.
+    /// The instructions that every processor has.
     Portable,
     /// One ray, box and triangle at a time, in f64.
     Scalar,

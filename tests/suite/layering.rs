@@ -196,7 +196,7 @@ struct CodePath {
     up: Option<usize>,
     is_from_crate: bool,
     names: Vec<String>,
-    /// Whether it stands in a `pub use`.
+    /// True if it stands in a `pub use`.
     is_passed_on: bool,
 }
 

@@ -77,7 +77,7 @@ pub(crate) static EXPECTATIONS: Key<Tables> = key(
     "What the rig should see: one table an expectation.",
 );
 
-/// What only a job says of a sensor, and then what a sensor file may say, too.
+/// The keys that only a job has for a sensor, then those that a sensor file may have too.
 pub(crate) static SENSOR: TableKeys = table(
     "`[[sensor]]`",
     &[

@@ -12,7 +12,7 @@ pub(super) struct Fault {
     pub element: String,
     /// The problem.
     pub problem: String,
-    /// What would be right.
+    /// A sentence about the value that would be right.
     pub help: Option<String>,
     /// The error of the operating system that is behind it.
     pub source: Option<io::Error>,

@@ -59,7 +59,7 @@ pub(super) const VOLUME: f32 = 64.0;
 /// The error of the denominator of a depth, in units of u·G·L².
 pub(super) const SLOPE: f32 = 24.0;
 
-/// What the tests of a leaf brought about, over all rays.
+/// The effect of a leaf's tests, over all rays.
 #[derive(Clone, Copy, Default)]
 struct Outcome {
     /// A ray has a nearer hit than before.

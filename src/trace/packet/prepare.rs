@@ -132,7 +132,7 @@ pub(in crate::trace) struct RayPacket<'a, const MULTI_ORIGIN: bool> {
     pub(super) directions: &'a [DVec3],
     pub(super) t_min: f64,
     pub(super) t_max: f64,
-    /// Which of x, y, z are u, v and w.
+    /// The axes among x, y, z that are u, v and w.
     pub(super) axes: [usize; 3],
     /// Whether w is reversed.
     pub(super) reversed: bool,
