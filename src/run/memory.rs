@@ -75,17 +75,22 @@ pub fn of_frames(sensors: &[MountedSensor], formats: &[Format], holding: Holding
     all.saturating_add(largest)
 }
 
-/// The memory that the tables of rays of a rig take, in bytes. A table that sensors share counts once.
+/// The memory that the tables of a rig take, in bytes: tables of rays, and the directions of the pixels of distorted cameras. A
+/// table of rays that sensors share counts once.
 pub fn of_tables(sensors: &[MountedSensor]) -> u64 {
     let mut tables: Vec<&RayTable> = Vec::new();
+    let mut directions = 0_u64;
     for MountedSensor { sensor, .. } in sensors {
-        if let Pattern::Rays(table) = &sensor.pattern
-            && !tables.iter().any(|known| known.shares_rays_with(table))
-        {
-            tables.push(table);
+        match &sensor.pattern {
+            Pattern::Rays(table) if !tables.iter().any(|known| known.shares_rays_with(table)) => {
+                tables.push(table);
+            }
+            Pattern::Camera(camera) => directions = directions.saturating_add(camera.table_bytes()),
+            _ => {}
         }
     }
-    tables.iter().map(|table| (table.len() * size_of::<Pulse>()) as u64).sum()
+    let rays: u64 = tables.iter().map(|table| (table.len() * size_of::<Pulse>()) as u64).sum();
+    rays.saturating_add(directions)
 }
 
 /// Bytes that a stored triangle takes, with its vertices and its part of the tracer's hierarchy, roughly.
