@@ -172,7 +172,7 @@ mod tests {
     use super::*;
     use crate::angle::Angle;
     use crate::frame::Pose;
-    use crate::sensor::{Camera, RangeLimits, RingOrder};
+    use crate::sensor::{BrownConrady, Camera, Lens, RangeLimits, RingOrder};
 
     #[test]
     fn bytes_are_readable() {
@@ -219,6 +219,15 @@ mod tests {
         let other = RayTable::new(vec![pulse; 10], None).unwrap();
         let rig = [table.clone(), table, other].map(|table| mounted(Pattern::Rays(table)));
         assert_eq!(of_tables(&rig), 110 * size_of::<Pulse>() as u64);
+    }
+
+    #[test]
+    fn a_distorted_camera_holds_a_direction_a_pixel_and_an_ideal_one_none() {
+        let camera = Camera::from_hfov((30, 10), Angle::deg(60.0), None).unwrap();
+        let lens = BrownConrady::new([-0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        let distorted = camera.clone().with_lens(Lens::BrownConrady(lens));
+        let rig = [camera, distorted].map(|camera| mounted(Pattern::Camera(camera)));
+        assert_eq!(of_tables(&rig), 300 * size_of::<glam::DVec3>() as u64);
     }
 
     #[cfg(target_os = "linux")]
