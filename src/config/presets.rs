@@ -38,9 +38,12 @@ built_in![
     "robosense/rs16",
     "robosense/rs32",
     "velodyne/hdl-32e",
+    "velodyne/hdl-64e-s2",
+    "velodyne/hdl-64e-s3",
     "velodyne/puck-128",
     "velodyne/vlp-16",
     "velodyne/vlp-16-hi-res",
+    "velodyne/vlp-32a",
     "velodyne/vlp-32c",
 ];
 

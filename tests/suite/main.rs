@@ -15,6 +15,7 @@ mod mistakes;
 mod open3d;
 mod outputs;
 mod patterns;
+mod presets;
 mod scenes;
 mod selftest;
 mod shapes;
