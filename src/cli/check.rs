@@ -134,7 +134,7 @@ fn check_all(
         let scene = load_scene(job, terminal);
         interrupt.check()?;
         let scene = match scene {
-            Ok(scene) => scene,
+            Ok(loaded) => loaded.scene,
             Err(error) => {
                 // Each of the other jobs reads the scene again, and so has an error of its own.
                 jobs[group.remove(0)].fail(error.into());

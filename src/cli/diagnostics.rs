@@ -27,7 +27,8 @@ pub fn render(diagnostics: &[Diagnostic], color: bool) -> String {
         let n = diagnostics.iter().filter(|d| d.severity == severity).count();
         (n > 0).then(|| format!("{n} {noun}{}", if n == 1 { "" } else { "s" }))
     };
-    let counts = [count(Severity::Error, "error"), count(Severity::Warning, "warning")];
+    let counts =
+        [count(Severity::Error, "error"), count(Severity::Warning, "warning"), count(Severity::Note, "note")];
     let counts: Vec<String> = counts.into_iter().flatten().collect();
     if !counts.is_empty() {
         text += &counts.join(", ");
@@ -40,6 +41,7 @@ fn group(diagnostic: &Diagnostic) -> Group<'_> {
     let level = match diagnostic.severity {
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
+        Severity::Note => Level::NOTE,
     };
     let path = printable(&diagnostic.path.to_string_lossy());
     let (line, column) = diagnostic.line_column();

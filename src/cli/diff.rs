@@ -114,7 +114,7 @@ fn side(path: &Path, terminal: &Terminal, interrupt: &Interrupt) -> Result<Side,
     }
     let job = load_job(path, &[], terminal)?;
     let plan = Plan::of(&job, Holding::Images)?;
-    let scene = load_scene(&job, terminal)?;
+    let scene = load_scene(&job, terminal)?.scene;
     interrupt.check()?;
     plan.check_scene(&scene)?;
     let session = Session::open(job, &scene);

@@ -39,8 +39,12 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     if is(&["toml", "gltf", "glb"]) {
         let (file, warnings) = facts_of(path)?;
         terminal.warn_of(&warnings);
-        let json = || serde_json::to_string_pretty(&file).map_err(|e| Error::output("stdout", e));
-        return terminal.data(&if args.json { json()? + "\n" } else { facts::text(&file) });
+        if !args.json {
+            return terminal.data(&facts::text(&file));
+        }
+        let mut json = serde_json::to_value(&file).map_err(|e| Error::output("stdout", e))?;
+        json["diagnostics"] = json!(warnings);
+        return terminal.data(&format!("{json:#}\n"));
     }
     let name = path.to_string_lossy();
     let (json, text) = match Recorded::open(path)? {

@@ -7,7 +7,7 @@ use super::threads;
 use crate::config::{self, Job};
 use crate::error::{Error, SceneError};
 use crate::run::{self, Bytes};
-use crate::scene::{Scene, gltf};
+use crate::scene::gltf;
 
 /// The flags that every subcommand that runs one job has.
 #[derive(Debug, clap::Args)]
@@ -42,17 +42,15 @@ pub fn load_job(path: &Path, overrides: &[String], terminal: &Terminal) -> Resul
     Ok(job)
 }
 
-/// Reads a job's scene, and shows its warnings and, if the user wants to know, its files.
+/// Reads a job's scene, and shows its warnings and, if the user wants to know, its notes and its files.
 ///
 /// # Errors
 /// With the element of the file that is wrong.
-pub fn load_scene(job: &Job, terminal: &Terminal) -> Result<Scene, SceneError> {
-    let gltf::Loaded { scene, warnings } = run::load_scene(job)?;
-    for warning in warnings {
-        terminal.warn(warning);
-    }
-    for file in &scene.geometry.files {
+pub fn load_scene(job: &Job, terminal: &Terminal) -> Result<gltf::Loaded, SceneError> {
+    let loaded = run::load_scene(job)?;
+    terminal.notices(&loaded.notices);
+    for file in &loaded.scene.geometry.files {
         terminal.detail(format_args!("read {} ({}, BLAKE3 {})", file.name, Bytes(file.bytes), file.blake3));
     }
-    Ok(scene)
+    Ok(loaded)
 }

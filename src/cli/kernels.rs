@@ -56,10 +56,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 
 fn load(path: &Path, terminal: &Terminal) -> Result<Scene, Error> {
     let options = gltf::Options::default();
-    let gltf::Loaded { scene, warnings } = gltf::load(path, &path.to_string_lossy(), &options)?;
-    for warning in warnings {
-        terminal.warn(warning);
-    }
+    let gltf::Loaded { scene, notices } = gltf::load(path, &path.to_string_lossy(), &options)?;
+    terminal.notices(&notices);
     Ok(scene)
 }
 

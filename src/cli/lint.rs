@@ -3,13 +3,11 @@
 
 use std::path::PathBuf;
 
-use serde::Serialize;
-
 use super::facts;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::run::facts::examine;
-use crate::source::{Diagnostic, Severity};
+use crate::source::Severity;
 
 /// The arguments of `beamcast lint`.
 #[derive(clap::Args, Clone, Debug)]
@@ -29,8 +27,7 @@ pub struct Args {
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let (files, diagnostics) = examine(&args.paths);
     terminal.data(&if args.json {
-        let problems: Vec<_> = diagnostics.iter().map(Problem::from).collect();
-        let whole = serde_json::json!({ "files": files, "diagnostics": problems });
+        let whole = serde_json::json!({ "files": files, "diagnostics": diagnostics });
         format!("{whole:#}\n")
     } else {
         files.iter().map(facts::text).collect::<Vec<_>>().join("\n")
@@ -40,28 +37,4 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
     terminal.warn_of(&diagnostics);
     Ok(())
-}
-
-/// A problem as JSON tells it.
-#[derive(Serialize)]
-struct Problem<'a> {
-    severity: &'static str,
-    path: String,
-    line: usize,
-    column: usize,
-    message: &'a str,
-    label: &'a str,
-    help: Option<&'a str>,
-}
-
-impl<'a> From<&'a Diagnostic> for Problem<'a> {
-    fn from(d: &'a Diagnostic) -> Self {
-        let (line, column) = d.line_column();
-        let severity = match d.severity {
-            Severity::Error => "error",
-            Severity::Warning => "warning",
-        };
-        let path = d.path.to_string_lossy().into_owned();
-        Self { severity, path, line, column, message: &d.message, label: &d.label, help: d.help.as_deref() }
-    }
 }

@@ -15,7 +15,8 @@ use crate::error::Error;
 use crate::output::WrittenFile;
 use crate::run::{Bytes, Holding, Journal, Plan, Session, Statistics, memory, paths};
 use crate::scan::Frame;
-use crate::scene::Scene;
+use crate::scene::{Scene, gltf};
+use crate::source::Diagnostic;
 use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast scan`.
@@ -61,11 +62,13 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let mut journal = Journal::check(&job, &plan, args.overwrite)?;
 
     let (scene, load) = timed(|| load_scene(&job, terminal));
-    let scene = scene?;
+    let gltf::Loaded { scene, notices } = scene?;
+    let mut diagnostics = job.warnings.clone();
+    diagnostics.extend(notices.iter().map(|notice| notice.about(&job.scene_path)));
     interrupt.check()?;
     plan.check_scene(&scene)?;
     if args.dry_run {
-        return print_plan(args, terminal, &job, &plan, &scene, &journal);
+        return print_plan(args, terminal, &job, &plan, &scene, &diagnostics, &journal);
     }
     let (tracer, build) = timed(|| AnyTracer::build(&scene, job.kernel));
     interrupt.check()?;
@@ -89,7 +92,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let times = Times { load, build, cast, write };
     terminal.say(summary(&session.job, &seen, outputs, &times).trim_end());
     if args.json {
-        terminal.data(&format!("{:#}\n", summary_as_json(&session.job, &seen, outputs, &times)))?;
+        terminal
+            .data(&format!("{:#}\n", summary_as_json(&session.job, &seen, outputs, &times, &diagnostics)))?;
     }
     Ok(())
 }
@@ -176,7 +180,13 @@ fn summary(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], times: &Time
     text
 }
 
-fn summary_as_json(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], times: &Times) -> Value {
+fn summary_as_json(
+    job: &Job,
+    seen: &[Statistics],
+    outputs: &[WrittenFile],
+    times: &Times,
+    diagnostics: &[Diagnostic],
+) -> Value {
     let sensor = |(name, s): (&str, &Statistics)| {
         let range = |i: usize| s.range_m.map(|range| range[i]);
         json!({
@@ -195,6 +205,7 @@ fn summary_as_json(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], time
         "dir": job.output.dir.to_string_lossy(),
         "sensors": names.zip(seen).map(sensor).collect::<Vec<_>>(),
         "outputs": outputs.iter().map(output).collect::<Vec<_>>(),
+        "diagnostics": diagnostics,
         "load_s": times.load.as_secs_f64(),
         "build_s": times.build.as_secs_f64(),
         "cast_s": times.cast.as_secs_f64(),
@@ -210,6 +221,7 @@ fn print_plan(
     job: &Job,
     plan: &Plan,
     scene: &Scene,
+    diagnostics: &[Diagnostic],
     journal: &Journal,
 ) -> Result<(), Error> {
     let outputs = journal.paths().map(|path| path.to_string_lossy().into_owned());
@@ -224,6 +236,7 @@ fn print_plan(
             "memory_bytes": plan.bytes,
             "scene_memory_bytes": memory::of_scene(scene),
             "triangles": scene.triangle_count(),
+            "diagnostics": diagnostics,
             "outputs": outputs.collect::<Vec<_>>(),
         });
         return terminal.data(&format!("{plan:#}\n"));

@@ -12,8 +12,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::diagnostics;
 use crate::error::Error;
 use crate::scan::Progress;
-use crate::source::Diagnostic;
+use crate::scene::Notice;
 use crate::source::suggest::escaped;
+use crate::source::{Diagnostic, Severity};
 
 /// The flags that every subcommand has.
 #[derive(Debug, clap::Args)]
@@ -80,6 +81,17 @@ impl Terminal {
     pub fn warn(&self, warning: impl Display) {
         if !self.quiet {
             self.labelled("warning", "1;33", warning);
+        }
+    }
+
+    /// Shows what is to be known about a scene: warnings unless quiet, notes if `--verbose` asks for details.
+    pub fn notices(&self, notices: &[Notice]) {
+        for notice in notices {
+            match notice.severity {
+                Severity::Note if self.verbose => self.labelled("note", "1;32", notice),
+                Severity::Note => {}
+                Severity::Warning | Severity::Error => self.warn(notice),
+            }
         }
     }
 

@@ -79,7 +79,7 @@ fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec
     };
     terminal.warn_of(&job.warnings);
     let plan = Plan::of(&job, Holding::Views)?;
-    let scene = load_scene(&job, terminal)?;
+    let scene = load_scene(&job, terminal)?.scene;
     interrupt.check()?;
     plan.check_scene(&scene)?;
     let session = Session::open(job, &scene);

@@ -96,9 +96,7 @@ pub fn facts_of(path: &Path) -> Result<(FileFacts, Vec<Diagnostic>), Error> {
     let mut facts = Vec::new();
     examine_file(path, &mut facts, &mut diagnostics);
     match facts.pop() {
-        Some(facts) if diagnostics.iter().all(|d| d.severity == Severity::Warning) => {
-            Ok((facts, diagnostics))
-        }
+        Some(facts) if diagnostics.iter().all(|d| d.severity < Severity::Error) => Ok((facts, diagnostics)),
         _ => Err(Error::Config(diagnostics)),
     }
 }
@@ -158,9 +156,7 @@ fn open_scene(
         labels: &job.labels,
     });
     let loaded = session::open_scene(path, as_written, &options)?;
-    let warning =
-        |text| Diagnostic { severity: Severity::Warning, ..Diagnostic::about_file(path, text, None) };
-    diagnostics.extend(loaded.warnings.into_iter().map(warning));
+    diagnostics.extend(loaded.notices.iter().map(|notice| notice.about(path)));
     Ok(loaded.scene)
 }
 

@@ -16,8 +16,10 @@ mod build;
 mod geometry;
 pub mod gltf;
 mod material;
+mod notice;
 
 pub use arrangement::{Arrangement, Placement, Scene, Surface};
 pub use build::{SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 pub use geometry::{Geometry, Mesh, Object, Part, SourceFile};
 pub use material::Material;
+pub use notice::Notice;

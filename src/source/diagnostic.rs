@@ -5,6 +5,9 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
+
 /// One problem in a text that the user wrote, with the place to point at.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
@@ -25,8 +28,11 @@ pub struct Diagnostic {
 }
 
 /// How bad a [`Diagnostic`] is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Severity {
+    /// The run goes on as it should; a part of the input is of no use to it.
+    Note,
     /// The run goes on, its result is probably not what was meant.
     Warning,
     /// Nothing can be run.
@@ -53,6 +59,22 @@ impl Diagnostic {
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
         (line, column)
+    }
+}
+
+impl Serialize for Diagnostic {
+    /// The problem and its place, without the text that it is in.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let (line, column) = self.line_column();
+        let mut object = serializer.serialize_struct("Diagnostic", 7)?;
+        object.serialize_field("severity", &self.severity)?;
+        object.serialize_field("path", &self.path.to_string_lossy())?;
+        object.serialize_field("line", &line)?;
+        object.serialize_field("column", &column)?;
+        object.serialize_field("message", &self.message)?;
+        object.serialize_field("label", &self.label)?;
+        object.serialize_field("help", &self.help)?;
+        object.end()
     }
 }
 

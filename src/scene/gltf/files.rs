@@ -4,6 +4,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::fault::{Fault, quoted};
 use crate::scene::geometry::SourceFile;
+use crate::scene::notice::Notice;
 use crate::source::{Unreadable, read_file};
 
 /// The most bytes by which a buffer's file may be longer than the buffer. The file is read whole for its hash.
@@ -21,8 +22,8 @@ pub(super) fn source_file(name: &str, bytes: &[u8]) -> SourceFile {
 /// The JSON of a GLB and its binary chunk.
 type Chunks<'a> = (&'a [u8], Option<&'a [u8]>);
 
-/// Splits a GLB into its chunks; `None` if `file` is no GLB. Oddities that do not keep it from being read go to `warnings`.
-pub(super) fn split_glb<'a>(file: &'a [u8], warnings: &mut Vec<String>) -> Result<Option<Chunks<'a>>, Fault> {
+/// Splits a GLB into its chunks; `None` if `file` is no GLB. Oddities that do not keep it from being read go to `notices`.
+pub(super) fn split_glb<'a>(file: &'a [u8], notices: &mut Vec<Notice>) -> Result<Option<Chunks<'a>>, Fault> {
     const JSON: u32 = 0x4e4f_534a;
     const BIN: u32 = 0x004e_4942;
     if !file.starts_with(b"glTF") {
@@ -48,7 +49,8 @@ pub(super) fn split_glb<'a>(file: &'a [u8], warnings: &mut Vec<String>) -> Resul
         };
     };
     if file.len() > length as usize {
-        warnings.push(format!("GLB: {} bytes after its end are ignored", file.len() - length as usize));
+        let problem = format!("{} bytes after its end are ignored", file.len() - length as usize);
+        notices.push(Notice::warning("GLB", problem));
     }
     let mut chunks = Vec::new();
     // The JSON and the binary chunk come first; later chunks belong to extensions.
@@ -301,6 +303,6 @@ mod tests {
         }
         let longer = [&whole[..], b"tail"].concat();
         assert!(split_glb(&longer, &mut warnings).is_ok());
-        assert_eq!(warnings, ["GLB: 4 bytes after its end are ignored"]);
+        assert_eq!(warnings, [Notice::warning("GLB", "4 bytes after its end are ignored")]);
     }
 }

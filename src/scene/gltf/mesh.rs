@@ -12,6 +12,7 @@ use super::data::{Data, Elements, Layout};
 use super::document::{DRACO, Document};
 use super::fault::{Fault, counted, missing};
 use crate::scene::build::{SourceMesh, SourcePart};
+use crate::scene::notice::Notice;
 
 use ComponentType::{F32, I8, I16, U8, U16, U32};
 
@@ -442,13 +443,15 @@ impl Vertices<'_> {
 
 impl LeftOut {
     /// The warnings for the user.
-    pub fn warnings(&self) -> Vec<String> {
+    pub fn notices(&self) -> Vec<Notice> {
         let warnings = [
             (self.points_and_lines, "beams do not hit points and lines, which are left out"),
             (self.without_positions, "a primitive without POSITION is left out"),
             (self.incomplete, "one or two indices after the last triangle are left out"),
         ];
         let warnings = warnings.into_iter().filter(|(count, _)| *count > 0);
-        warnings.map(|(count, what)| format!("{what} ({})", counted(count, "primitive"))).collect()
+        warnings
+            .map(|(count, what)| Notice::warning("", format!("{what} ({})", counted(count, "primitive"))))
+            .collect()
     }
 }

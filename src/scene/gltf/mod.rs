@@ -38,17 +38,18 @@ pub use options::Options;
 use super::arrangement::Scene;
 use super::build::{SceneBuildError, SceneBuilder};
 use super::material::Material;
+use super::notice::Notice;
 use crate::error::SceneError;
 use crate::source::suggest::nearest;
 use crate::source::{Unreadable, read_file};
 
-/// A scene, and warnings about how it was read.
+/// A scene, and what is to be known about how it was read.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
-    /// One sentence each. The scene can be used in spite of them.
-    pub warnings: Vec<String>,
+    /// Everything that its user should know. The scene can be used in spite of it.
+    pub notices: Vec<Notice>,
 }
 
 /// Loads a `.gltf` or `.glb` file with the buffers that it names. [`Geometry::files`](super::Geometry::files) calls the file
@@ -77,8 +78,8 @@ pub fn load(path: &Path, display_name: &str, options: &Options) -> Result<Loaded
 }
 
 fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<Loaded, Fault> {
-    let mut warnings = Vec::new();
-    let Read { builder, instance_elements, left_out } = read(path, display_name, options, &mut warnings)?;
+    let mut notices = Vec::new();
+    let Read { builder, instance_elements, left_out } = read(path, display_name, options, &mut notices)?;
     let scene = builder.build().map_err(|error| match &error {
         SceneBuildError::TooFar { instance, .. } => {
             let element = instance_elements(*instance);
@@ -91,8 +92,8 @@ fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<
         }
         SceneBuildError::TooManyTriangles { .. } => Fault::new("", error.to_string()),
     })?;
-    warnings.extend(left_out);
-    Ok(Loaded { scene, warnings })
+    notices.extend(left_out);
+    Ok(Loaded { scene, notices })
 }
 
 /// The content of a file, which no longer needs its bytes.
@@ -101,14 +102,14 @@ struct Read<F> {
     /// Names the node of an instance.
     instance_elements: F,
     /// Warnings about the primitives that were left out.
-    left_out: Vec<String>,
+    left_out: Vec<Notice>,
 }
 
 fn read(
     path: &Path,
     display_name: &str,
     options: &Options,
-    warnings: &mut Vec<String>,
+    notices: &mut Vec<Notice>,
 ) -> Result<Read<impl Fn(usize) -> String + use<>>, Fault> {
     let file = read_file(path, u64::MAX)?;
     let canonical = path.canonicalize().map_err(Unreadable::from)?;
@@ -116,23 +117,23 @@ fn read(
     if file.is_empty() {
         return Err(Fault::new("", "the file is empty"));
     }
-    let (text, chunk) = files::split_glb(&file, warnings)?.unwrap_or((&file, None));
+    let (text, chunk) = files::split_glb(&file, notices)?.unwrap_or((&file, None));
     let document = Document::parse(text)?;
 
     let data = Data::new(&document, chunk, folder, file.len() as u64);
-    let hierarchy = Hierarchy::new(&document, warnings)?;
+    let hierarchy = Hierarchy::new(&document, notices)?;
     let scene = nodes::choose_scene(&document, options.scene_name)?;
-    let placed = nodes::place(&document, &data, &hierarchy, scene, options, warnings)?;
+    let placed = nodes::place(&document, &data, &hierarchy, scene, options, notices)?;
     if placed.instances.is_empty() {
         return Err(nothing_to_hit(&document, scene, &placed));
     }
-    warn_of_unknown_labels(&document, options.labels, warnings);
+    warn_of_unknown_labels(&document, options.labels, notices);
 
     let mut materials: Vec<_> = document.materials.iter().map(|m| material(m, options)).collect();
     if placed.uses_default_material {
         materials.push(Material::default());
     }
-    let left_out = placed.left_out.warnings();
+    let left_out = placed.left_out.notices();
     let mut sources = vec![files::source_file(display_name, &file)];
     sources.extend(data.into_files());
     let builder =
@@ -187,7 +188,7 @@ fn nothing_to_hit(document: &Document, scene: Option<u32>, placed: &PlacedMeshes
 }
 
 /// Warns of the job's labels that no node, material or `extras.label` has.
-fn warn_of_unknown_labels(document: &Document, labels: &BTreeMap<String, u32>, warnings: &mut Vec<String>) {
+fn warn_of_unknown_labels(document: &Document, labels: &BTreeMap<String, u32>, notices: &mut Vec<Notice>) {
     let nodes = document.nodes.iter().filter_map(|node| node.name.as_deref());
     let names: BTreeSet<&str> =
         nodes.chain(document.materials.iter().filter_map(|material| material.name.as_deref())).collect();
@@ -201,6 +202,7 @@ fn warn_of_unknown_labels(document: &Document, labels: &BTreeMap<String, u32>, w
         }
         let meant = nearest(name, names.iter().copied());
         let meant = meant.map_or(String::new(), |meant| format!("; did you mean {}?", quoted(meant)));
-        warnings.push(format!("labels: no node or material is called {}{meant}", quoted(name)));
+        let problem = format!("no node or material is called {}{meant}", quoted(name));
+        notices.push(Notice::warning("labels", problem));
     }
 }

@@ -13,6 +13,7 @@ use super::options::Options;
 use crate::scene::arrangement::{crushes_to_a_line, is_invertible};
 use crate::scene::build::{SourceInstance, SourceMesh};
 use crate::scene::geometry::Object;
+use crate::scene::notice::Notice;
 use crate::source::suggest::nearest;
 
 use ComponentType::{F32, I8, I16};
@@ -37,7 +38,7 @@ pub(super) struct Hierarchy {
 impl Hierarchy {
     /// Checks that the nodes form trees and composes their transforms. It takes time in proportion to the number of nodes,
     /// however deep the trees are.
-    pub fn new(document: &Document, warnings: &mut Vec<String>) -> Result<Self, Fault> {
+    pub fn new(document: &Document, notices: &mut Vec<Notice>) -> Result<Self, Fault> {
         let nodes = &document.nodes;
         let mut parents: Vec<Option<u32>> = vec![None; nodes.len()];
         for (index, node) in nodes.iter().enumerate() {
@@ -88,9 +89,12 @@ impl Hierarchy {
             return Err(Fault::new(document.node_label(at), problem).help("nodes form trees"));
         }
         if odd_rotations > 0 {
-            warnings.push(format!(
-                "the length of the quaternion of {} is not 1; it was normalised",
-                counted(odd_rotations, "rotation")
+            notices.push(Notice::warning(
+                "",
+                format!(
+                    "the length of the quaternion of {} is not 1; it was normalised",
+                    counted(odd_rotations, "rotation")
+                ),
             ));
         }
         Ok(hierarchy)
@@ -193,7 +197,7 @@ struct Traversal<'d, 'a, 'o> {
     data: &'d Data<'a>,
     hierarchy: &'d Hierarchy,
     options: &'d Options<'o>,
-    warnings: &'d mut Vec<String>,
+    notices: &'d mut Vec<Notice>,
     reader: MeshReader<'d, 'a>,
     meshes: Vec<SourceMesh>,
     instances: Vec<SourceInstance>,
@@ -212,14 +216,14 @@ pub(super) fn place(
     hierarchy: &Hierarchy,
     scene: Option<u32>,
     options: &Options,
-    warnings: &mut Vec<String>,
+    notices: &mut Vec<Notice>,
 ) -> Result<PlacedMeshes, Fault> {
     let mut traversal = Traversal {
         document,
         data,
         hierarchy,
         options,
-        warnings,
+        notices,
         reader: MeshReader::new(document, data),
         meshes: Vec::new(),
         instances: Vec::new(),
@@ -263,8 +267,11 @@ impl Traversal<'_, '_, '_> {
         }
         if hidden > 0 {
             let nodes = counted(hidden, "node");
-            self.warnings.push(format!(
-                "KHR_node_visibility hides {nodes}; a hidden node and all nodes below it are left out"
+            self.notices.push(Notice::note(
+                "",
+                format!(
+                    "KHR_node_visibility hides {nodes}; a hidden node and all nodes below it are left out"
+                ),
             ));
         }
         Ok(())
@@ -307,15 +314,16 @@ impl Traversal<'_, '_, '_> {
         };
         if found.is_none() && self.strange_labels.insert(label.to_string()) {
             let node = self.document.node_label(index);
-            self.warnings.push(match label.as_str() {
-                Some(name) => format!("{node}: extras.label {} is not among the job's labels", quoted(name)),
+            let problem = match label.as_str() {
+                Some(name) => format!("extras.label {} is not among the job's labels", quoted(name)),
                 None => format!(
-                    "{node}: extras.label {} is ignored: a label is an integer from 0 to {}, or a name in the \
-                     job's labels",
+                    "extras.label {} is ignored: a label is an integer from 0 to {}, or a name in the job's \
+                     labels",
                     quoted(&label.to_string()),
                     u32::MAX
                 ),
-            });
+            };
+            self.notices.push(Notice::warning(node, problem));
         }
         found
     }

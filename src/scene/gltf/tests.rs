@@ -115,6 +115,11 @@ fn load_bytes(bytes: &[u8], options: &Options) -> Result<Loaded, SceneError> {
     load(&path, "scene.gltf", options)
 }
 
+/// The notices as people read them.
+fn told(loaded: &Loaded) -> Vec<String> {
+    loaded.notices.iter().map(ToString::to_string).collect()
+}
+
 /// The corners of all triangles in the world, in the order of their ids.
 fn world(loaded: &Loaded) -> Vec<[DVec3; 3]> {
     let scene = &loaded.scene;
@@ -150,7 +155,7 @@ fn unit_at(x: f64, y: f64, z: f64) -> [[f64; 3]; 3] {
 fn a_triangle_in_both_frames() {
     let loaded = Asset::triangle().load();
     close(&world(&loaded), &[UNIT], 0.0);
-    assert!(loaded.warnings.is_empty());
+    assert!(loaded.notices.is_empty());
     let z_up = Asset::triangle().load_with(&Options { up: UpAxis::Z, ..plain() }).unwrap();
     close(&world(&z_up), &[[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]], 0.0);
 }
@@ -173,7 +178,7 @@ fn modes_and_their_winding() {
         for [a, b, c] in triangles {
             assert!((b - a).cross(c - a).z > 0.0, "mode {mode}");
         }
-        let warned = loaded.warnings.iter().any(|w| w.contains("after the last triangle"));
+        let warned = told(&loaded).iter().any(|w| w.contains("after the last triangle"));
         assert_eq!(warned, mode == 4, "two of five corners are left over");
     }
 }
@@ -186,7 +191,7 @@ fn points_and_lines_are_counted() {
         asset.push("nodes", json!({ "mesh": mesh }));
     }
     let loaded = asset.load();
-    assert_eq!(loaded.warnings, ["beams do not hit points and lines, which are left out (4 primitives)"]);
+    assert_eq!(told(&loaded), ["beams do not hit points and lines, which are left out (4 primitives)"]);
     assert_eq!(loaded.scene.geometry.objects.len(), 1);
     asset.json["nodes"].as_array_mut().unwrap().remove(0);
     assert!(asset.error().starts_with("the file has only points and lines (beams hit triangles"));
@@ -382,7 +387,7 @@ fn broken_transforms() {
     asset.json["nodes"][0]["rotation"] = json!([0, 0, 2, 0]);
     let loaded = asset.load();
     close(&world(&loaded), &[[[0.0; 3], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]], 0.0);
-    assert_eq!(loaded.warnings, ["the length of the quaternion of 1 rotation is not 1; it was normalised"]);
+    assert_eq!(told(&loaded), ["the length of the quaternion of 1 rotation is not 1; it was normalised"]);
 }
 
 #[test]
@@ -476,7 +481,7 @@ fn hidden_nodes() {
     let loaded = asset.load();
     assert_eq!(loaded.scene.geometry.objects.len(), 1);
     assert_eq!(
-        loaded.warnings,
+        told(&loaded),
         ["KHR_node_visibility hides 1 node; a hidden node and all nodes below it are left out"]
     );
 }
@@ -608,7 +613,7 @@ fn labels_of_file_and_job() {
     );
     assert_eq!(loaded.scene.geometry.materials[0].job_label, Some(3));
     assert_eq!(
-        loaded.warnings,
+        told(&loaded),
         [
             "node 3: extras.label \"-1\" is ignored: a label is an integer from 0 to 4294967295, or a name in the job's \
          labels",
@@ -619,11 +624,11 @@ fn labels_of_file_and_job() {
     let close = BTreeMap::from([("steet".to_owned(), 1)]);
     let loaded = asset.load_with(&Options { labels: &close, ..plain() }).unwrap();
     assert!(
-        loaded.warnings.contains(
+        told(&loaded).contains(
             &"labels: no node or material is called \"steet\"; did you mean \"street\"?".to_owned()
         ),
         "{:?}",
-        loaded.warnings
+        told(&loaded)
     );
 }
 
