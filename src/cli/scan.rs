@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::output::WrittenFile;
 use crate::run::{Bytes, Holding, Journal, Plan, Session, Statistics, memory, paths};
 use crate::scan::Frame;
-use crate::scene::{Scene, gltf};
+use crate::scene::Scene;
 use crate::source::Diagnostic;
 use crate::trace::AnyTracer;
 
@@ -62,9 +62,10 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let mut journal = Journal::check(&job, &plan, args.overwrite)?;
 
     let (scene, load) = timed(|| load_scene(&job, terminal));
-    let gltf::Loaded { scene, notices } = scene?;
+    let loaded = scene?;
     let mut diagnostics = job.warnings.clone();
-    diagnostics.extend(notices.iter().map(|notice| notice.about(&job.scene_path)));
+    diagnostics.extend(loaded.diagnostics(&job.scene_path));
+    let scene = loaded.scene;
     interrupt.check()?;
     plan.check_scene(&scene)?;
     if args.dry_run {

@@ -156,7 +156,7 @@ fn open_scene(
         labels: &job.labels,
     });
     let loaded = session::open_scene(path, as_written, &options)?;
-    diagnostics.extend(loaded.notices.iter().map(|notice| notice.about(path)));
+    diagnostics.extend(loaded.diagnostics(path));
     Ok(loaded.scene)
 }
 

@@ -1,11 +1,10 @@
 //! What a scene's user should know about how it was read.
 
 use std::fmt;
-use std::path::Path;
 
 use serde::Serialize;
 
-use crate::source::{Diagnostic, Severity};
+use crate::source::Severity;
 
 /// Something about a scene that its user should know, though the scene can be used.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -36,13 +35,6 @@ impl Notice {
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
-    }
-
-    /// The notice as a diagnostic about the scene's file.
-    pub fn about(&self, path: &Path) -> Diagnostic {
-        let separator = if self.place.is_empty() { "" } else { ": " };
-        let message = format!("{}{separator}{}", self.place, self.message);
-        Diagnostic { severity: self.severity, ..Diagnostic::about_file(path, message, self.help.clone()) }
     }
 }
 

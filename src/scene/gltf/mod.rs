@@ -41,7 +41,7 @@ use super::material::Material;
 use super::notice::Notice;
 use crate::error::SceneError;
 use crate::source::suggest::nearest;
-use crate::source::{Unreadable, read_file};
+use crate::source::{Diagnostic, Unreadable, read_file};
 
 /// A scene, and what is to be known about how it was read.
 #[derive(Clone, Debug)]
@@ -50,6 +50,17 @@ pub struct Loaded {
     pub scene: Scene,
     /// Everything that its user should know. The scene can be used in spite of it.
     pub notices: Vec<Notice>,
+}
+
+impl Loaded {
+    /// The notices as diagnostics about the scene's file.
+    pub fn diagnostics<'s>(&'s self, path: &'s Path) -> impl Iterator<Item = Diagnostic> + 's {
+        self.notices.iter().map(move |Notice { severity, place, message, help }| {
+            let separator = if place.is_empty() { "" } else { ": " };
+            let message = format!("{place}{separator}{message}");
+            Diagnostic { severity: *severity, ..Diagnostic::about_file(path, message, help.clone()) }
+        })
+    }
 }
 
 /// Loads a `.gltf` or `.glb` file with the buffers that it names. [`Geometry::files`](super::Geometry::files) calls the file
