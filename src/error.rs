@@ -45,7 +45,7 @@ pub enum Error {
     /// A signal asked the program to stop. No file is half-written.
     #[error("stopped by signal {signal}")]
     Interrupted {
-        /// The signal's number: 2 for SIGINT, 15 for SIGTERM.
+        /// The signal's number: 1 for SIGHUP, 2 for SIGINT, 15 for SIGTERM.
         signal: i32,
     },
 }

@@ -1,12 +1,11 @@
 //! `beamcast import`: makes a sensor file of a unit's calibration.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::import::{self, Format, MAX_FILE_BYTES, Source};
-use crate::output::write_file;
+use crate::output::{check_file, write_file};
 use crate::run::paths::seen_from;
 use crate::source::read_file;
 
@@ -66,7 +65,7 @@ impl From<As> for Format {
 /// [`Error::Output`] if the sensor file is there already or can't be written.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     if let Some(output) = &args.output {
-        refuse_to_replace(output, args.overwrite)?;
+        check_file(output, args.overwrite)?;
     }
     let text = read(&args.file)?;
     let format = match args.format {
@@ -98,17 +97,6 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         output.display()
     ));
     Ok(())
-}
-
-/// Refuses a file that is to be written and is there already.
-///
-/// # Errors
-/// [`Error::Output`] if it is.
-pub fn refuse_to_replace(path: &Path, overwrite: bool) -> Result<(), Error> {
-    match fs::symlink_metadata(path) {
-        Ok(_) if !overwrite => Err(Error::output(path, "is there already (--overwrite replaces it)")),
-        _ => Ok(()),
-    }
 }
 
 /// Reads a file as a text.

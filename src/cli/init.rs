@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::import::refuse_to_replace;
 use super::terminal::Terminal;
 use crate::config::starter_job;
 use crate::error::Error;
-use crate::output::write_file;
+use crate::output::{check_file, write_file};
 use crate::run::paths::seen_from;
 
 /// The arguments of `beamcast init`.
@@ -31,7 +30,7 @@ pub struct Args {
 /// # Errors
 /// [`Error::Output`] if the job is there already or can't be written.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
-    refuse_to_replace(&args.output, args.overwrite)?;
+    check_file(&args.output, args.overwrite)?;
     let folder = args.output.parent().unwrap_or(Path::new(""));
     let scene = seen_from(folder, &args.scene);
     let preset = match args.preset.ends_with(".toml") {

@@ -1,4 +1,4 @@
-//! Stopping on SIGINT and SIGTERM, with nothing half-written.
+//! Stopping on SIGINT, SIGTERM and SIGHUP, with nothing half-written.
 
 use std::sync::atomic::{AtomicI32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,7 +10,7 @@ use crate::scan::Progress;
 ///
 /// Work stops in two ways. A scan looks at [`Progress::cancelled`] all the time, and all other work calls
 /// [`check`](Self::check) between its steps. The process ends during a step that takes too long for that, such as loading a
-/// large scene, but never while a file is being written: files are written through [`uncut`](Self::uncut).
+/// large scene, but not while a file is being written: files are written through [`uncut`](Self::uncut).
 #[derive(Clone, Debug, Default)]
 pub struct Interrupt {
     shared: Arc<Shared>,
@@ -53,7 +53,7 @@ impl Interrupt {
         }
     }
 
-    /// Does work during which the process must not end.
+    /// Does work during which the process should not end: a signal waits for it, but not for ever.
     pub fn uncut<T>(&self, work: impl FnOnce() -> T) -> T {
         let _held = self.shared.uncut.lock().unwrap_or_else(PoisonError::into_inner);
         work()
@@ -64,11 +64,11 @@ impl Interrupt {
 mod unix {
     use std::io::{self, Write};
     use std::sync::atomic::Ordering;
-    use std::sync::{Arc, PoisonError};
+    use std::sync::{Arc, TryLockError};
     use std::thread;
     use std::time::Duration;
 
-    use signal_hook::consts::{SIGINT, SIGTERM};
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     use signal_hook::iterator::Signals;
 
     use crate::cli::interrupt::Shared;
@@ -77,18 +77,53 @@ mod unix {
     /// The time that work has to end by itself.
     const GRACE: Duration = Duration::from_millis(700);
 
+    /// The steps of waiting for a file that is being written, and their number.
+    const STEP: Duration = Duration::from_millis(20);
+    const PATIENCE: usize = 50;
+
     pub fn watch(shared: Arc<Shared>) -> io::Result<()> {
-        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        // A signal that is watched is no longer ignored, and whoever started the process with `nohup` wants it to go on.
+        let hangup = (!is_ignored(SIGHUP)).then_some(SIGHUP);
+        let mut signals = Signals::new([SIGINT, SIGTERM].into_iter().chain(hangup))?;
         thread::Builder::new().name("signals".into()).spawn(move || {
             let Some(signal) = signals.forever().next() else { return };
             shared.signal.store(signal, Ordering::SeqCst);
             shared.progress.cancelled.store(true, Ordering::Relaxed);
             thread::sleep(GRACE);
-            let _held = shared.uncut.lock().unwrap_or_else(PoisonError::into_inner);
+            // A file that is being written is finished first. One that takes longer, such as a pipe that nobody reads,
+            // is given up; it has no name yet.
+            for _ in 0..PATIENCE {
+                match shared.uncut.try_lock() {
+                    Err(TryLockError::WouldBlock) => thread::sleep(STEP),
+                    _ => break,
+                }
+            }
             let error = Error::Interrupted { signal };
             let _ = writeln!(io::stderr(), "error: {error}");
             std::process::exit(error.exit_code().into());
         })?;
         Ok(())
     }
+
+    /// Whether the process was started with a signal ignored. Linux tells; elsewhere no signal is known to be.
+    fn is_ignored(signal: i32) -> bool {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+        let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+        mask >> (signal - 1) & 1 == 1
+    }
+
+    /// Lets a write beyond the limit of file sizes (`ulimit -f`) fail with an error, where the signal for it would end the
+    /// process without a word.
+    pub fn outlive_file_limits() {
+        // A signal that has an action does nothing but set the flag. If the system refuses, all is as it would be.
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
+    }
 }
+
+#[cfg(unix)]
+pub use unix::outlive_file_limits;
+
+/// Does nothing where files have no such limit.
+#[cfg(not(unix))]
+pub fn outlive_file_limits() {}

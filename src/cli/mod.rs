@@ -31,7 +31,7 @@ use terminal::Terminal;
 #[derive(Debug, Parser)]
 #[command(name = "beamcast", version, about, arg_required_else_help = true)]
 #[command(after_help = "Exit codes: 0 fine, 1 a difference, 2 usage or configuration, 3 scene, 4 output, \
-                        130 and 143 stopped by a signal.")]
+                        129, 130 and 143 stopped by a signal.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -75,6 +75,7 @@ enum Command {
 
 /// Runs the tool on the process's arguments.
 pub fn main() -> ExitCode {
+    interrupt::outlive_file_limits();
     let cli = Cli::parse();
     let terminal = Terminal::new(&cli.terminal);
     match run(&cli.command, &terminal) {

@@ -8,8 +8,8 @@ use super::facts::{grouped, tidy};
 use super::terminal::Terminal;
 use crate::config::{self, SensorFile, presets};
 use crate::error::Error;
-use crate::output::Destination;
 use crate::output::plot::{Dot, colour_of, scatter};
+use crate::output::{check_file, write_file};
 use crate::run::facts::SensorSizes;
 use crate::sensor::facts::SensorFacts;
 use crate::sensor::{Capture, Sensor, azimuth_elevation};
@@ -79,9 +79,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             let file = config::load_preset(name)?;
             let sensor = sensor_in(&file, name, mode.as_deref())?;
             let plot = plot(sensor, *frames).map_err(|e| Error::output(path, e))?;
-            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(".".as_ref());
-            let written = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            Destination::check(folder, vec![written.clone()], *overwrite)?.write(&written, &plot.0)?;
+            check_file(path, *overwrite)?;
+            write_file(path, &plot.0)?;
             terminal.say(plot.1.trim_end());
             Ok(())
         }

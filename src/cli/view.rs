@@ -7,7 +7,7 @@ use super::job::load_scene;
 use super::terminal::Terminal;
 use crate::config::{self, Config, MountedSensor};
 use crate::error::Error;
-use crate::output::{Destination, write_file};
+use crate::output::{check_file, write_file};
 use crate::run::{Bytes, Holding, Plan, Session};
 use crate::view::{View, of_recording, page};
 
@@ -33,12 +33,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
     let to_stdout = args.output.as_deref() == Some(Path::new("-"));
     let target = args.output.clone().unwrap_or_else(|| default_name(&args.path));
-    let folder = target.parent().unwrap_or(Path::new(""));
-    let Some(name) = target.file_name().and_then(|name| name.to_str()).map(str::to_owned) else {
-        return Err(Error::output(&target, "is no name for a page"));
-    };
     if !to_stdout {
-        Destination::check(folder, vec![name], args.overwrite)?;
+        check_file(&target, args.overwrite)?;
     }
     let is_job = args.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     let (views, note) = match is_job {

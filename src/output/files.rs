@@ -5,16 +5,22 @@ use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use super::whole::{
+    Claim, check_folder, give_name, kind_of, remove_leftovers, temporary_in, unwritable, write_complete,
+};
 use crate::error::Error;
 
 /// The output folder of a run, and the files that the run will write there.
 ///
 /// A file gets its final name only when it is complete: it is written under a temporary name in the same folder, flushed to
 /// the disk and renamed. The temporary file is removed if anything fails.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Destination {
     folder: PathBuf,
     names: Vec<String>,
+    overwrite: bool,
+    /// The claims on the folders, from [`Destination::prepare`] on.
+    claims: Vec<Claim>,
 }
 
 /// An output file, as the manifest lists it.
@@ -66,9 +72,7 @@ impl GrowingFile {
         let Self { name, path, file, hasher, bytes } = self;
         let persist = || {
             let file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
-            file.as_file().sync_all()?;
-            file.persist(&path).map_err(|e| e.error)?;
-            Ok(())
+            give_name(file, &path)
         };
         persist().map_err(|e: io::Error| unwritable(&path, e))?;
         Ok(WrittenFile { path: name, bytes, blake3: hasher.finalize().to_hex().to_string() })
@@ -82,16 +86,24 @@ impl Destination {
     /// # Errors
     /// [`Error::Output`] about the first folder or file that is in the way.
     pub fn check(folder: &Path, names: Vec<String>, overwrite: bool) -> Result<Self, Error> {
-        let destination = Self { folder: folder.to_path_buf(), names };
+        let destination = Self { folder: folder.to_path_buf(), names, overwrite, claims: Vec::new() };
         for folder in destination.folders() {
+            destination.check_inside(&folder)?;
             check_folder(&folder)?;
         }
-        for path in destination.paths() {
+        destination.check_files()?;
+        Ok(destination)
+    }
+
+    /// Checks that the files do not exist yet or may be replaced. A link in place of an output is replaced, too.
+    fn check_files(&self) -> Result<(), Error> {
+        for path in self.paths() {
             match fs::symlink_metadata(&path) {
-                Ok(found) if found.is_dir() => {
-                    return Err(Error::output(&path, "is a folder, where a file is to be written"));
+                Ok(found) if !found.is_file() && !found.is_symlink() => {
+                    let problem = format!("is {}, where a file is to be written", kind_of(&found));
+                    return Err(Error::output(&path, problem));
                 }
-                Ok(_) if !overwrite => {
+                Ok(_) if !self.overwrite => {
                     return Err(Error::output(
                         &path,
                         "exists already; --overwrite replaces it, --out DIR writes elsewhere",
@@ -101,7 +113,17 @@ impl Destination {
                 _ => {}
             }
         }
-        Ok(destination)
+        Ok(())
+    }
+
+    /// Checks that a folder of outputs is no link that leads out of the output folder.
+    fn check_inside(&self, folder: &Path) -> Result<(), Error> {
+        match (fs::canonicalize(folder), fs::canonicalize(&self.folder)) {
+            (Ok(real), Ok(root)) if !real.starts_with(&root) => {
+                Err(Error::output(folder, "is a link that leads out of the output folder"))
+            }
+            _ => Ok(()), // what does not exist yet is made by `prepare`
+        }
     }
 
     /// The files that will be written, in the order of their names in [`Destination::check`].
@@ -109,15 +131,21 @@ impl Destination {
         self.names.iter().map(|name| self.folder.join(name))
     }
 
-    /// Makes the folders, and removes an old `manifest`, which would be wrong as soon as the first file is replaced.
+    /// Makes the folders and claims them for as long as the destination lives, removes what killed runs left in them, and
+    /// removes an old `manifest`, which would be wrong as soon as the first file is replaced.
     ///
     /// # Errors
-    /// [`Error::Output`] about the folder or the manifest.
-    pub fn prepare(&self, manifest: &str) -> Result<(), Error> {
+    /// [`Error::Output`] about the folder or the manifest, or if another run writes to the folder, or has written to it since
+    /// [`Destination::check`] and its files may not be replaced.
+    pub fn prepare(&mut self, manifest: &str) -> Result<(), Error> {
         for folder in self.folders() {
             fs::create_dir_all(&folder).map_err(|e| unwritable(&folder, e))?;
+            self.check_inside(&folder)?;
+            self.claims.push(Claim::on(&folder)?);
             check_folder(&folder)?;
+            remove_leftovers(&folder);
         }
+        self.check_files()?;
         let manifest = self.folder.join(manifest);
         match fs::remove_file(&manifest) {
             Err(e) if e.kind() != io::ErrorKind::NotFound => Err(unwritable(&manifest, e)),
@@ -157,83 +185,6 @@ impl Destination {
         let of_files = self.paths().filter_map(|path| path.parent().map(Path::to_path_buf));
         of_files.chain([self.folder.clone()]).collect()
     }
-}
-
-/// Writes a file that belongs to no run, such as a report, completely or not at all. It makes the file's folder if
-/// necessary.
-///
-/// # Errors
-/// [`Error::Output`] about the file. An older file of the same name is kept then.
-pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Error> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    fs::create_dir_all(here_if_empty(folder)).map_err(|e| unwritable(folder, e))?;
-    write_complete(path, content).map_err(|e| unwritable(path, e))
-}
-
-fn write_complete(path: &Path, content: &[u8]) -> io::Result<()> {
-    let mut file = temporary_in(path.parent().unwrap_or(Path::new("")))?;
-    file.write_all(content)?;
-    file.as_file().sync_all()?;
-    file.persist(path).map_err(|e| e.error)?;
-    Ok(())
-}
-
-/// Checks that `folder`, or its nearest existing ancestor, is a folder that can be written to.
-fn check_folder(folder: &Path) -> Result<(), Error> {
-    for ancestor in folder.ancestors() {
-        match fs::metadata(here_if_empty(ancestor)) {
-            Ok(found) if !found.is_dir() => {
-                return Err(Error::output(ancestor, "is a file, where a folder is needed"));
-            }
-            Ok(_) => return temporary_in(ancestor).map(drop).map_err(|e| unwritable(ancestor, e)),
-            Err(e) if e.kind() == io::ErrorKind::NotFound => {}
-            // The loop goes on to the ancestor that is no folder, and the error names that one.
-            Err(e) if e.kind() == io::ErrorKind::NotADirectory => {}
-            Err(e) => return Err(unwritable(ancestor, e)),
-        }
-    }
-    Err(Error::output(folder, "does not exist, and neither does any folder above it"))
-}
-
-/// An empty file that removes itself unless it gets its final name.
-fn temporary_in(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".beamcast-").suffix(".tmp");
-    #[cfg(unix)]
-    {
-        // By default a temporary file is readable by its owner only. This one becomes an output, whose permissions follow
-        // the umask.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    builder.tempfile_in(here_if_empty(folder))
-}
-
-/// The current folder for an empty path, which is the parent of a relative path with one component.
-fn here_if_empty(path: &Path) -> &Path {
-    if path.as_os_str().is_empty() { Path::new(".") } else { path }
-}
-
-/// The reason why a file cannot be written, in plain words, with the operating system's error as its source.
-#[derive(Debug, thiserror::Error)]
-#[error("{words}")]
-struct Unwritable {
-    words: String,
-    source: io::Error,
-}
-
-fn unwritable(path: &Path, source: io::Error) -> Error {
-    use io::ErrorKind as Kind;
-    let words = match source.kind() {
-        Kind::StorageFull => "can't be written: the disk is full".into(),
-        Kind::QuotaExceeded => "can't be written: the disk quota is used up".into(),
-        Kind::PermissionDenied => "can't be written: permission denied".into(),
-        Kind::ReadOnlyFilesystem => "can't be written: the file system is read-only".into(),
-        Kind::AlreadyExists | Kind::NotADirectory => "can't be made a folder: a file is in the way".into(),
-        Kind::NotFound => "can't be written: the folder takes no files, or is gone".into(),
-        _ => format!("can't be written: {source}"),
-    };
-    Error::output(here_if_empty(path), Unwritable { words, source })
 }
 
 #[cfg(test)]
@@ -277,7 +228,7 @@ mod tests {
     #[test]
     fn written_files_are_complete_and_hashed() {
         let tmp = tempfile::tempdir().unwrap();
-        let destination = check(&tmp.path().join("out"), false).unwrap();
+        let mut destination = check(&tmp.path().join("out"), false).unwrap();
         destination.prepare(MANIFEST).unwrap();
         let written = destination.write("top/000000.exr", b"pixels").unwrap();
         assert_eq!(fs::read(tmp.path().join("out/top/000000.exr")).unwrap(), b"pixels");
@@ -289,7 +240,7 @@ mod tests {
     #[test]
     fn a_growing_file_has_its_name_when_it_is_finished() {
         let tmp = tempfile::tempdir().unwrap();
-        let destination = check(tmp.path(), false).unwrap();
+        let mut destination = check(tmp.path(), false).unwrap();
         destination.prepare(MANIFEST).unwrap();
         let mut growing = destination.open("top/000000.exr").unwrap();
         growing.write_all(b"pix").unwrap();
@@ -307,7 +258,7 @@ mod tests {
     fn outputs_are_as_readable_as_any_new_file() {
         use std::os::unix::fs::PermissionsExt;
         let tmp = tempfile::tempdir().unwrap();
-        let destination = check(tmp.path(), false).unwrap();
+        let mut destination = check(tmp.path(), false).unwrap();
         destination.prepare(MANIFEST).unwrap();
         destination.write(MANIFEST, b"{}").unwrap();
         fs::write(tmp.path().join("plain"), b"").unwrap();
@@ -318,10 +269,12 @@ mod tests {
     #[test]
     fn existing_files_are_refused_or_overwritten() {
         let tmp = tempfile::tempdir().unwrap();
-        let destination = check(tmp.path(), false).unwrap();
+        let mut destination = check(tmp.path(), false).unwrap();
         destination.prepare(MANIFEST).unwrap();
         destination.write("top/000000.exr", b"old").unwrap();
         destination.write(MANIFEST, b"old").unwrap();
+
+        drop(destination);
 
         let error = check(tmp.path(), false).unwrap_err();
         assert_eq!(error.exit_code(), 4);
@@ -332,7 +285,7 @@ mod tests {
             "{message}"
         );
 
-        let destination = check(tmp.path(), true).unwrap();
+        let mut destination = check(tmp.path(), true).unwrap();
         destination.prepare(MANIFEST).unwrap();
         assert_eq!(
             files_under(tmp.path()),
@@ -364,7 +317,7 @@ mod tests {
     #[test]
     fn a_write_that_fails_leaves_nothing() {
         let tmp = tempfile::tempdir().unwrap();
-        let destination = check(tmp.path(), false).unwrap();
+        let mut destination = check(tmp.path(), false).unwrap();
         destination.prepare(MANIFEST).unwrap();
         // A folder takes the file's name after the check, so the last step, the renaming, fails.
         fs::create_dir(tmp.path().join("top/000000.exr")).unwrap();
@@ -384,5 +337,69 @@ mod tests {
         let tmp = tempfile::tempdir().unwrap();
         std::os::unix::fs::symlink("nowhere", tmp.path().join(MANIFEST)).unwrap();
         assert!(check(tmp.path(), false).is_err());
+    }
+
+    /// The case two-scans-one-folder, in one process.
+    #[cfg(unix)]
+    #[test]
+    fn a_run_that_began_later_does_not_write_between_the_files_of_another() {
+        let tmp = tempfile::tempdir().unwrap();
+        let mut first = check(tmp.path(), false).unwrap();
+        let mut second = check(tmp.path(), false).unwrap();
+        first.prepare(MANIFEST).unwrap();
+        let message = second.prepare(MANIFEST).unwrap_err().to_string();
+        assert!(message.contains("another run is writing to this folder"), "{message}");
+        first.write(MANIFEST, b"{}").unwrap();
+        drop(first);
+        // It may not replace what the first has written since it looked.
+        let message = second.prepare(MANIFEST).unwrap_err().to_string();
+        assert!(message.contains("manifest.json: exists already"), "{message}");
+        assert_eq!(files_under(tmp.path()), [MANIFEST]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_of_outputs_that_leads_elsewhere_is_refused() {
+        use std::os::unix::fs::symlink;
+        let tmp = tempfile::tempdir().unwrap();
+        fs::create_dir_all(tmp.path().join("out/inside")).unwrap();
+        fs::create_dir(tmp.path().join("elsewhere")).unwrap();
+        let link = tmp.path().join("out/top");
+        symlink("../elsewhere", &link).unwrap();
+        let message = check(&tmp.path().join("out"), true).unwrap_err().to_string();
+        assert!(message.ends_with("top: is a link that leads out of the output folder"), "{message}");
+        fs::remove_file(&link).unwrap();
+        let mut destination = check(&tmp.path().join("out"), true).unwrap();
+        symlink("../elsewhere", &link).unwrap();
+        destination.prepare(MANIFEST).unwrap_err();
+        drop(destination);
+        // A link within the output folder, and a link to the output folder itself, lead where the user wants.
+        fs::remove_file(&link).unwrap();
+        symlink("inside", &link).unwrap();
+        symlink("out", tmp.path().join("way")).unwrap();
+        check(&tmp.path().join("way"), true).unwrap();
+        assert_eq!(fs::read_dir(tmp.path().join("elsewhere")).unwrap().count(), 0);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_output_that_is_no_file_is_not_replaced() {
+        let tmp = tempfile::tempdir().unwrap();
+        let _listener = std::os::unix::net::UnixListener::bind(tmp.path().join(MANIFEST)).unwrap();
+        let message = check(tmp.path(), true).unwrap_err().to_string();
+        assert!(message.ends_with("is a socket, where a file is to be written"), "{message}");
+    }
+
+    /// The case temporary-files-stay.
+    #[test]
+    fn what_a_killed_run_left_is_removed_by_the_next() {
+        let tmp = tempfile::tempdir().unwrap();
+        fs::create_dir(tmp.path().join("top")).unwrap();
+        for name in [".beamcast-a1B2c3.tmp", "top/.beamcast-d4E5f6.tmp", "top/.beamcast-note", "top/mine.tmp"]
+        {
+            fs::write(tmp.path().join(name), b"half").unwrap();
+        }
+        check(tmp.path(), true).unwrap().prepare(MANIFEST).unwrap();
+        assert_eq!(files_under(tmp.path()), ["top/.beamcast-note", "top/mine.tmp"]);
     }
 }

@@ -11,6 +11,7 @@
 //! plot           directions as dots, for previews of patterns that are no picture
 //! picture        pictures as PNG files
 //! files          the output folder of a run, whose files are complete or absent
+//! whole          single files that are complete or absent, and claims on folders
 //! manifest       the record of a run
 //! ```
 
@@ -27,15 +28,17 @@ mod png;
 pub mod recorded;
 mod registry;
 mod sensor_frame;
+mod whole;
 
 pub use channel::{
     BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, NO_RETURN_M, Place, Scale,
     Sensors, Shown, Values, channel, no_return,
 };
-pub use files::{Destination, GrowingFile, WrittenFile, write_file};
+pub use files::{Destination, GrowingFile, WrittenFile};
 pub use format::{EncodeError, FormatSpec, Kind, Stream};
 pub use image::{Channel, Image, Samples};
 pub use manifest::Manifest;
 pub use picture::encode_png;
 pub use registry::{FORMATS, Format};
 pub use sensor_frame::{CloudFrame, SensorFrame};
+pub use whole::{check_file, write_file};

@@ -121,7 +121,7 @@ impl Acceptance {
     /// [`Error::Output`] about a file that can't be written.
     pub fn write(&self) -> Result<(), Error> {
         let names = self.files.iter().map(|(name, _)| name.clone()).collect();
-        let destination = Destination::check(&self.folder, names, true)?;
+        let mut destination = Destination::check(&self.folder, names, true)?;
         destination.prepare(Baseline::NAME)?;
         for (name, content) in &self.files {
             destination.write(name, content)?;

@@ -46,7 +46,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
 const CONFINED: &[(&str, &[&str], &str)] = &[
     (
         "std::fs",
-        &["source/", "output/files.rs", "output/recorded/folder.rs", "run/", "cli/"],
+        &["source/", "output/files.rs", "output/whole.rs", "output/recorded/folder.rs", "run/", "cli/"],
         "files are opened at the edges only",
     ),
     (
@@ -57,6 +57,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
             "config/",
             "scene/gltf/",
             "output/files.rs",
+            "output/whole.rs",
             "output/recorded/folder.rs",
             "view/recorded.rs",
             "run/",

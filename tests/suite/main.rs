@@ -7,6 +7,7 @@ mod corpus;
 mod docs;
 mod examples;
 mod first_steps;
+mod guards;
 mod hostile_scenes;
 mod import;
 mod kernels;
