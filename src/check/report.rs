@@ -8,6 +8,7 @@ use super::compare::ChannelDifference;
 use super::judge::MOST_REASONS;
 use super::outcome::{ExpectationOutcome, Outcome, SensorOutcome, Verdict};
 use super::phrasing::counted;
+use crate::source::suggest::on_one_line;
 
 impl Verdict {
     /// The verdict in a word.
@@ -59,14 +60,14 @@ pub fn summary(outcomes: &[Outcome]) -> String {
 pub fn text(outcomes: &[Outcome]) -> String {
     let mut text = String::new();
     for outcome in outcomes {
-        let _ = write!(text, "{}: {}", outcome.job, outcome.verdict.word());
+        let _ = write!(text, "{}: {}", on_one_line(&outcome.job), outcome.verdict.word());
         let met = outcome.expectations.iter().filter(|e| e.met).count();
         if met > 0 {
             let _ = write!(text, ", {} met", counted(met, "expectation"));
         }
         text.push('\n');
         for failure in outcome.failures() {
-            let _ = writeln!(text, "  {failure}");
+            let _ = writeln!(text, "  {}", on_one_line(&failure));
         }
         // A few changes were already named with the differences that they caused.
         if outcome.changes.len() > MOST_REASONS || outcome.sensors.iter().all(|s| s.differences.is_empty()) {
@@ -76,7 +77,7 @@ pub fn text(outcomes: &[Outcome]) -> String {
                 "  changed since the baseline was accepted:\n"
             });
             for change in &outcome.changes {
-                let _ = writeln!(text, "    {change}");
+                let _ = writeln!(text, "    {}", on_one_line(&change.to_string()));
             }
         }
     }
@@ -105,25 +106,27 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
     text
 }
 
-/// The text with Markdown's special characters escaped. Names can hold any character, and must not become markup.
+/// The text with Markdown's special characters escaped. Names can hold any character, and must not become markup, nor what
+/// GitHub makes of bare text: mentions, references to issues, and links. An empty comment takes these apart.
 fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
-    for c in text.chars() {
+    for c in on_one_line(text).chars() {
         match c {
-            '\\' | '`' | '*' | '_' | '|' | '[' | ']' | '#' | '~' => escaped.extend(['\\', c]),
+            '\\' | '`' | '*' | '_' | '|' | '[' | ']' | '~' => escaped.extend(['\\', c]),
+            '#' => escaped.push_str("\\#<!-- -->"),
+            '@' => escaped.push_str("@<!-- -->"),
             '<' => escaped.push_str("&lt;"),
             '>' => escaped.push_str("&gt;"),
             '&' => escaped.push_str("&amp;"),
-            '\n' | '\r' => escaped.push(' '),
             c => escaped.push(c),
         }
     }
-    escaped
+    escaped.replace("://", ":<!-- -->//").replace("www.", "www<!-- -->.")
 }
 
 /// The report as GitHub's workflow commands: an annotation for each failure, at the job's file.
 pub fn github(outcomes: &[Outcome]) -> String {
-    let data = |text: &str| text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A");
+    let data = |text: &str| on_one_line(text).replace('%', "%25");
     let property = |text: &str| data(text).replace(':', "%3A").replace(',', "%2C");
     let mut text = String::new();
     for outcome in outcomes {
@@ -230,6 +233,15 @@ mod tests {
         assert!(text.contains("2 jobs: 1 passed, 1 failed"), "{text}");
         assert!(text.contains("| good.toml | ✅ passed |"), "{text}");
         assert!(text.contains("x\\|y") && text.contains("&lt;&amp;&gt;"), "{text}");
+    }
+
+    #[test]
+    fn markdown_mentions_nobody_and_links_nowhere() {
+        let shown = escaped("@all #12 https://a.b WWW.c www.d \u{202e}\u{1b}[m\n# e");
+        assert_eq!(
+            shown,
+            "@<!-- -->all \\#<!-- -->12 https:<!-- -->//a.b WWW.c www<!-- -->.d \\\\u{202e}\\\\u{1b}\\[m\\\\n\\#<!-- --> e"
+        );
     }
 
     #[test]

@@ -100,7 +100,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
                 "exactly": e.exactly,
             })),
         });
-        return terminal.data(&format!("{report:#}\n"));
+        return terminal.json(&report);
     }
     let peak = peak_rss_bytes.map_or_else(|| "unknown".to_owned(), |bytes| Bytes(bytes).to_string());
     terminal.data(&format!(

@@ -203,14 +203,14 @@ fn check_job(
 }
 
 fn write_reports(args: &Args, terminal: &Terminal, outcomes: &[Outcome]) -> Result<(), Error> {
-    let json = args.json.as_ref().map(|_| format!("{:#}\n", report::json(outcomes)));
+    let json = args.json.as_ref().map(|_| report::json(outcomes));
     let to_stdout = args.json.as_ref().is_some_and(|path| path.as_os_str() == "-");
     match (&args.json, json) {
         (Some(_), Some(json)) if to_stdout => {
-            terminal.say(report::text(outcomes).trim_end());
-            terminal.data(&json)?;
+            terminal.say_lines(&report::text(outcomes));
+            terminal.json(&json)?;
         }
-        (Some(path), Some(json)) => write_file(path, json.as_bytes())?,
+        (Some(path), Some(json)) => write_file(path, format!("{json:#}\n").as_bytes())?,
         _ => {}
     }
     if !to_stdout {
@@ -225,10 +225,7 @@ fn write_reports(args: &Args, terminal: &Terminal, outcomes: &[Outcome]) -> Resu
     }
     if std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true") {
         // GitHub looks for these on either stream.
-        match to_stdout {
-            true => terminal.say(report::github(outcomes).trim_end()),
-            false => terminal.print(&report::github(outcomes))?,
-        }
+        terminal.commands(&report::github(outcomes), to_stdout)?;
         if let Some(path) = std::env::var_os("GITHUB_STEP_SUMMARY").map(PathBuf::from) {
             let appended = fs::OpenOptions::new()
                 .append(true)

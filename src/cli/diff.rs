@@ -17,6 +17,7 @@ use crate::output::recorded::Cloud;
 use crate::output::{CHANNEL_NAMES, Image, encode_png, write_file};
 use crate::run::sides::{Content, Side};
 use crate::run::{Holding, Plan, Session};
+use crate::source::suggest::on_one_line;
 
 /// The arguments of `beamcast diff`.
 #[derive(Debug, clap::Args)]
@@ -97,7 +98,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let is_same = found.iter().all(|pair| pair.within);
     if args.json {
         let pairs: Vec<&Value> = found.iter().map(|pair| &pair.json).collect();
-        terminal.data(&format!("{:#}\n", json!({ "same": is_same, "pairs": pairs })))?;
+        terminal.json(&json!({ "same": is_same, "pairs": pairs }))?;
     } else {
         terminal.print(&found.iter().map(|pair| pair.text.as_str()).collect::<String>())?;
     }
@@ -150,7 +151,7 @@ fn compare_items(args: &Args, name: &str, a: &Content, b: &Content) -> Result<Fo
 }
 
 fn compare_images(args: &Args, name: &str, a: &Image, b: &Image) -> Result<Found, Error> {
-    let prefix = if name.is_empty() { String::new() } else { format!("{name}: ") };
+    let prefix = if name.is_empty() { String::new() } else { format!("{}: ", on_one_line(name)) };
     if (a.rows, a.columns) != (b.rows, b.columns) {
         let text = format!("{prefix}{} × {} and {} × {} pixels\n", a.rows, a.columns, b.rows, b.columns);
         let sizes = json!({ "name": name, "sizes": [[a.rows, a.columns], [b.rows, b.columns]] });
@@ -233,7 +234,7 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
     );
     for (which, names) in [("first", &difference.missing), ("second", &difference.added)] {
         if !names.is_empty() {
-            let _ = writeln!(text, "  only the {which} has {}", phrasing::list(names));
+            let _ = writeln!(text, "  only the {which} has {}", on_one_line(&phrasing::list(names)));
         }
     }
     if !differing.is_empty() {
@@ -252,7 +253,7 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
         let _ = writeln!(
             text,
             "  {:<12} {:>10} {:>12} {:>12} {:>12} {:>12}  {region}{}",
-            c.channel,
+            on_one_line(&c.channel),
             c.differing.count,
             number(s.map(|s| s.max)),
             number(s.map(|s| s.mean)),
@@ -280,7 +281,7 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
         given.map_or(0.0, |(_, tolerance)| tolerance.absolute)
     };
     let difference = compare_clouds(a, b, &tolerance).map_err(|e| Error::input(&args.b, e))?;
-    let prefix = if name.is_empty() { String::new() } else { format!("{name}: ") };
+    let prefix = if name.is_empty() { String::new() } else { format!("{}: ", on_one_line(name)) };
     let mut text = String::new();
     Ok(match difference {
         CloudDifference::SameLayout { fields } => {
@@ -296,7 +297,7 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
                 let _ = writeln!(
                     text,
                     "  {:<12} {} differ, max {}, mean {}",
-                    field.field,
+                    on_one_line(&field.field),
                     field.differing,
                     phrasing::digits(field.max),
                     phrasing::digits(field.mean)

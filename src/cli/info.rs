@@ -14,7 +14,7 @@ use crate::output::Samples;
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
 use crate::run::Bytes;
 use crate::run::facts::facts_of;
-use crate::source::suggest::{escaped, quoted};
+use crate::source::suggest::{on_one_line, quoted};
 
 /// The arguments of `beamcast info`.
 #[derive(Debug, clap::Args)]
@@ -40,11 +40,11 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         let (file, warnings) = facts_of(path)?;
         terminal.warn_of(&warnings);
         if !args.json {
-            return terminal.data(&facts::text(&file));
+            return terminal.print(&facts::text(&file));
         }
         let mut json = serde_json::to_value(&file).map_err(|e| Error::output("stdout", e))?;
         json["diagnostics"] = json!(warnings);
-        return terminal.data(&format!("{json:#}\n"));
+        return terminal.json(&json);
     }
     let name = path.to_string_lossy();
     let (json, text) = match Recorded::open(path)? {
@@ -61,10 +61,10 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         Recorded::Folder(folder) => folder_facts(&name, &folder),
     };
     if args.json {
-        return terminal.data(&format!("{json:#}\n"));
+        return terminal.json(&json);
     }
     let kind = json.get("kind").and_then(Value::as_str).unwrap_or_default();
-    terminal.data(&escaped(&format!("{}: {kind}\n{text}", plain(&name))))
+    terminal.print(&format!("{}: {kind}\n{text}", plain(&name)))
 }
 
 /// A name without the quotes that messages put around it.
@@ -127,7 +127,8 @@ impl PartFacts {
 
     fn to_text(&self) -> String {
         let mut text = String::new();
-        let name = if self.name.is_empty() { String::new() } else { format!("part {}: ", self.name) };
+        let name =
+            if self.name.is_empty() { String::new() } else { format!("part {}: ", on_one_line(&self.name)) };
         let pixels = self.rows * self.columns;
         let _ = write!(text, "  {name}{} rows × {} columns", self.rows, self.columns);
         if let Some(returns) = self.returns {
@@ -135,7 +136,7 @@ impl PartFacts {
         }
         text.push('\n');
         for c in &self.channels {
-            let _ = write!(text, "    {:<14}{:<6}", c.name, c.kind);
+            let _ = write!(text, "    {:<14}{:<6}", on_one_line(&c.name), c.kind);
             let _ = write!(text, "{}", span(c.min, c.max));
             // The range of a miss is infinite. Other values that are not finite are worth a word.
             if self.returns.is_none_or(|returns| c.finite < returns) && c.finite < pixels {
@@ -144,7 +145,7 @@ impl PartFacts {
             text.push('\n');
         }
         for (name, value) in &self.attributes {
-            let _ = writeln!(text, "    {name} = {value}");
+            let _ = writeln!(text, "    {} = {}", on_one_line(name), on_one_line(value));
         }
         text
     }
@@ -191,10 +192,10 @@ impl CloudFacts {
             let _ = writeln!(text, "    extent        x {x}, y {y}, z {z}");
         }
         for f in &self.fields {
-            let _ = writeln!(text, "    {:<14}{:<7}{}", f.name, f.kind, span(f.min, f.max));
+            let _ = writeln!(text, "    {:<14}{:<7}{}", on_one_line(&f.name), f.kind, span(f.min, f.max));
         }
         for comment in &self.comments {
-            let _ = writeln!(text, "    {comment}");
+            let _ = writeln!(text, "    {}", on_one_line(comment));
         }
         text
     }
@@ -225,7 +226,7 @@ fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
         "outputs": get("/outputs"),
     });
     let say = |pointer: &str| match get(pointer) {
-        Value::String(text) => text,
+        Value::String(text) => on_one_line(&text),
         Value::Null => "?".to_owned(),
         other => other.to_string(),
     };
@@ -246,10 +247,10 @@ fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
         count("/scene/materials")
     );
     let names: Vec<&str> = sensors.iter().filter_map(Value::as_str).collect();
-    let _ = writeln!(text, "    sensors       {}", names.join(", "));
+    let _ = writeln!(text, "    sensors       {}", on_one_line(&names.join(", ")));
     for (label, list, key) in [("input", "/inputs", "name"), ("output", "/outputs", "path")] {
         for file in get(list).as_array().into_iter().flatten() {
-            let word = |key: &str| file.get(key).and_then(Value::as_str).unwrap_or("?").to_owned();
+            let word = |key: &str| on_one_line(file.get(key).and_then(Value::as_str).unwrap_or("?"));
             let bytes = Bytes(file.get("bytes").and_then(Value::as_u64).unwrap_or(0));
             let hash: String = word("blake3").chars().take(16).collect();
             let _ = writeln!(text, "    {label:<14}{} ({bytes}, BLAKE3 {hash}…)", word(key));

@@ -40,18 +40,15 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         None => kernels::test_scene::yard(),
     };
     let all = kernels::measure(&scene, args.rays, &stopwatch)?;
-    let text = if args.json {
+    if args.json {
         let kernels: Vec<_> = all.iter().map(|f| Value::Object(columns(f).into_iter().collect())).collect();
-        format!(
-            "{:#}\n",
-            json!({ "rays": args.rays, "triangles": scene.triangle_count(), "kernels": kernels })
-        )
+        let triangles = scene.triangle_count();
+        terminal.json(&json!({ "rays": args.rays, "triangles": triangles, "kernels": kernels }))
     } else if args.csv {
-        csv(&all)
+        terminal.data(&csv(&all))
     } else {
-        table(&all, scene.triangle_count())
-    };
-    terminal.data(&text)
+        terminal.data(&table(&all, scene.triangle_count()))
+    }
 }
 
 fn load(path: &Path, terminal: &Terminal) -> Result<Scene, Error> {

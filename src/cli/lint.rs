@@ -26,12 +26,11 @@ pub struct Args {
 /// [`Error::Config`] with everything that is wrong in any of the paths; [`Error::Output`] if stdout can't be written to.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let (files, diagnostics) = examine(&args.paths);
-    terminal.data(&if args.json {
-        let whole = serde_json::json!({ "files": files, "diagnostics": diagnostics });
-        format!("{whole:#}\n")
+    if args.json {
+        terminal.json(&serde_json::json!({ "files": files, "diagnostics": diagnostics }))?;
     } else {
-        files.iter().map(facts::text).collect::<Vec<_>>().join("\n")
-    })?;
+        terminal.print(&files.iter().map(facts::text).collect::<Vec<_>>().join("\n"))?;
+    }
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {
         return Err(Error::Config(diagnostics));
     }

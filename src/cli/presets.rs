@@ -81,7 +81,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             let plot = plot(sensor, *frames).map_err(|e| Error::output(path, e))?;
             check_file(path, *overwrite)?;
             write_file(path, &plot.0)?;
-            terminal.say(plot.1.trim_end());
+            terminal.say_lines(&plot.1);
             Ok(())
         }
     }

@@ -17,6 +17,7 @@ use crate::run::{Bytes, Holding, Journal, Plan, Session, Statistics, memory, pat
 use crate::scan::Frame;
 use crate::scene::Scene;
 use crate::source::Diagnostic;
+use crate::source::suggest::on_one_line;
 use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast scan`.
@@ -91,10 +92,9 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         ));
     }
     let times = Times { load, build, cast, write };
-    terminal.say(summary(&session.job, &seen, outputs, &times).trim_end());
+    terminal.say_lines(&summary(&session.job, &seen, outputs, &times));
     if args.json {
-        terminal
-            .data(&format!("{:#}\n", summary_as_json(&session.job, &seen, outputs, &times, &diagnostics)))?;
+        terminal.json(&summary_as_json(&session.job, &seen, outputs, &times, &diagnostics))?;
     }
     Ok(())
 }
@@ -170,7 +170,8 @@ fn summary(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], times: &Time
     }
     let written: u64 = outputs.iter().map(|o| o.bytes).sum();
     let count = outputs.len() + 1;
-    let _ = writeln!(text, "wrote {count} files, {}, to {}", Bytes(written), job.output.dir.display());
+    let folder = on_one_line(&job.output.dir.to_string_lossy());
+    let _ = writeln!(text, "wrote {count} files, {}, to {folder}", Bytes(written));
     let [load, build, cast, write] =
         [times.load, times.build, times.cast, times.write].map(|t| t.as_secs_f64());
     let speed = rays_per_s(seen, times.cast) / 1e6;
@@ -240,7 +241,7 @@ fn print_plan(
             "diagnostics": diagnostics,
             "outputs": outputs.collect::<Vec<_>>(),
         });
-        return terminal.data(&format!("{plan:#}\n"));
+        return terminal.json(&plan);
     }
     let mut text = String::new();
     for s in &job.sensors {
@@ -254,7 +255,7 @@ fn print_plan(
     let _ = writeln!(text, "memory for the scene: about {}", Bytes(memory::of_scene(scene)));
     let _ = writeln!(text, "would write:");
     for output in outputs {
-        let _ = writeln!(text, "  {output}");
+        let _ = writeln!(text, "  {}", on_one_line(&output));
     }
     terminal.print(&text)
 }

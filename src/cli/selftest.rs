@@ -15,6 +15,7 @@ use crate::frame::Pose;
 use crate::run::memory;
 use crate::selftest::{self, CASTS, Check, SelftestReport, ShapeResult, Wrong};
 use crate::sensor::Sensor;
+use crate::source::suggest::on_one_line;
 use crate::trace::methods::Method;
 
 /// The arguments of `beamcast selftest`.
@@ -64,10 +65,10 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 
     if args.json {
         let all: Vec<Value> = subjects.iter().zip(&reports).map(|(s, r)| as_json(s, r)).collect();
-        terminal.data(&format!("{:#}\n", json!({ "sensors": all })))?;
+        terminal.json(&json!({ "sensors": all }))?;
     } else {
         let all: Vec<String> = subjects.iter().zip(&reports).map(|(s, r)| as_text(s, r)).collect();
-        terminal.data(&all.join("\n"))?;
+        terminal.print(&all.join("\n"))?;
     }
     let failed: Vec<&str> = subjects
         .iter()
@@ -120,7 +121,8 @@ fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Erro
 
 fn as_text(subject: &Subject, report: &SelftestReport) -> String {
     let pattern = &subject.sensor.pattern;
-    let mut text = format!("{}: {} × {} rays", subject.name, pattern.rows(), pattern.columns());
+    let name = on_one_line(&subject.name);
+    let mut text = format!("{name}: {} × {} rays", pattern.rows(), pattern.columns());
     if let Some(method) = subject.method {
         let _ = write!(text, ", by the method {}", method.about.name);
     }

@@ -8,12 +8,13 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::Value;
 
 use super::diagnostics;
 use crate::error::Error;
 use crate::scan::Progress;
 use crate::scene::Notice;
-use crate::source::suggest::escaped;
+use crate::source::suggest::{escaped, harmless_json, on_one_line, without_commands};
 use crate::source::{Diagnostic, Severity};
 
 /// The flags that every subcommand has.
@@ -65,7 +66,7 @@ impl Terminal {
     /// Shows the error that ends the run.
     pub fn error(&self, error: &Error) {
         match error {
-            Error::Config(problems) => to_stderr(diagnostics::render(problems, self.color).trim_end()),
+            Error::Config(problems) => self.problems(problems),
             other => self.labelled("error", "1;31", other),
         }
     }
@@ -73,8 +74,12 @@ impl Terminal {
     /// Shows problems of a file that do not stop the run, unless quiet.
     pub fn warn_of(&self, problems: &[Diagnostic]) {
         if !self.quiet && !problems.is_empty() {
-            to_stderr(diagnostics::render(problems, self.color).trim_end());
+            self.problems(problems);
         }
+    }
+
+    fn problems(&self, problems: &[Diagnostic]) {
+        to_stderr(&without_commands(diagnostics::render(problems, self.color).trim_end()));
     }
 
     /// Shows a warning, unless quiet.
@@ -98,19 +103,26 @@ impl Terminal {
     /// Shows a message, unless quiet.
     pub fn say(&self, text: impl Display) {
         if !self.quiet {
-            to_stderr(&escaped(&text.to_string()));
+            to_stderr(&on_one_line(&text.to_string()));
+        }
+    }
+
+    /// Shows lines in which no name has a line feed, unless quiet.
+    pub fn say_lines(&self, lines: &str) {
+        if !self.quiet {
+            to_stderr(&escaped(lines.trim_end()));
         }
     }
 
     /// Shows a detail, if `--verbose` asks for details.
     pub fn detail(&self, text: impl Display) {
         if self.verbose {
-            to_stderr(&escaped(&text.to_string()));
+            to_stderr(&on_one_line(&text.to_string()));
         }
     }
 
     fn labelled(&self, label: &str, ansi: &str, text: impl Display) {
-        let text = escaped(&text.to_string());
+        let text = on_one_line(&text.to_string());
         if self.color {
             to_stderr(&format!("\x1b[{ansi}m{label}\x1b[0m: {text}"));
         } else {
@@ -118,7 +130,7 @@ impl Terminal {
         }
     }
 
-    /// Prints data. It is no error if the reader has gone away: it has read enough.
+    /// Prints data as it is, in which no text is from elsewhere. It is no error if the reader has gone away: it has read enough.
     ///
     /// # Errors
     /// [`Error::Output`] when stdout can't be written to for another reason.
@@ -130,12 +142,33 @@ impl Terminal {
         }
     }
 
-    /// Prints text on stdout that has names from files in it. Characters that a terminal acts on are escaped.
+    /// Prints lines on stdout in which no name from elsewhere has a line feed. Characters that a terminal acts on are
+    /// escaped, and so is what a CI server takes for a command.
     ///
     /// # Errors
     /// As [`Terminal::data`].
     pub fn print(&self, text: &str) -> Result<(), Error> {
         self.data(&escaped(text))
+    }
+
+    /// Prints JSON on stdout.
+    ///
+    /// # Errors
+    /// As [`Terminal::data`].
+    pub fn json(&self, value: &Value) -> Result<(), Error> {
+        self.data(&harmless_json(&format!("{value:#}\n")))
+    }
+
+    /// Gives GitHub the commands of a report, on stdout unless that is taken.
+    ///
+    /// # Errors
+    /// As [`Terminal::data`].
+    pub fn commands(&self, commands: &str, is_stdout_taken: bool) -> Result<(), Error> {
+        if is_stdout_taken {
+            let _ = io::stderr().lock().write_all(commands.as_bytes());
+            return Ok(());
+        }
+        self.data(commands)
     }
 
     /// Works, with a progress bar over `rays` rays if stderr is a terminal.

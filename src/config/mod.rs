@@ -29,7 +29,7 @@ mod tests;
 use std::path::Path;
 
 use crate::error::Error;
-use crate::source::suggest::{missing_file_help, quoted};
+use crate::source::suggest::{harmless_json, missing_file_help, quoted};
 use crate::source::tree::Entries;
 use crate::source::{Diagnostic, Layer, Report, Unreadable};
 
@@ -125,9 +125,10 @@ pub fn starter_job(scene: &str, preset: &str) -> String {
     format!("{}{}", starter::INTRODUCTION, starter::text(&JOB, &values))
 }
 
-/// A text as TOML writes it, with its quotes.
+/// A text as TOML writes it, with its quotes, on one line.
 pub(crate) fn toml_string(text: &str) -> String {
-    toml::Value::from(text).to_string()
+    // The escapes of JSON are TOML's.
+    harmless_json(&serde_json::Value::from(text).to_string())
 }
 
 fn is_sensor_file(entries: &Entries) -> bool {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::table::{Starter, TableKeys};
-use crate::source::suggest::printable;
+use crate::source::suggest::{printable, without_commands};
 
 /// The longest line of a comment, in characters.
 const WIDTH: usize = 110;
@@ -87,5 +87,5 @@ pub(crate) fn comment(text: &str) -> String {
         }
         comment.push_str(if width == 0 { "#\n" } else { "\n" });
     }
-    comment
+    without_commands(&comment)
 }

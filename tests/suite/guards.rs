@@ -134,3 +134,138 @@ fn case_manifest_of_another_job() {
     assert_eq!(manifest["inputs"][0]["bytes"], job.len());
     assert_eq!(manifest["inputs"][0]["blake3"], blake3::hash(job.as_bytes()).to_hex().as_str());
 }
+
+/// Text that a terminal or a CI server would act on, if it came there as it is.
+const HOSTILE: &str =
+    "x\n::add-mask::y\r##[group]z ##vso[task.setvariable]\u{1b}]0;t\u{7}\u{9b}2J\u{202e}\u{2028}";
+
+/// Checks that what a command printed has nothing that a terminal or a CI server acts on. `commands` are lines that it may
+/// have given the server.
+fn assert_harmless(output: &std::process::Output, commands: &[&str]) {
+    for stream in [&output.stdout, &output.stderr] {
+        let text = std::str::from_utf8(stream).unwrap();
+        let is_harmful = |c: char| {
+            c != '\n'
+                && (c.is_control()
+                    || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}'))
+        };
+        assert!(!text.contains(is_harmful), "{text:?}");
+        assert!(!text.contains("##[") && !text.to_lowercase().contains("##vso["), "{text}");
+        for line in text.lines().map(str::trim_start).filter(|line| line.starts_with("::")) {
+            assert!(commands.iter().any(|command| line.starts_with(command)), "{line}");
+        }
+    }
+}
+
+#[test]
+fn case_github_command_injection() {
+    let work = Workplace::new();
+    let quoted = serde_json::to_string(HOSTILE).unwrap();
+    let name =
+        |i: usize| if i == 0 { quoted.clone() } else { "\"::error file=README.md,line=1::pwned\"".into() };
+    let expectation = |i: usize| {
+        format!(
+            "[[expect]]\nname = {}\npoints = {{ at_least = 100000, on = [{quoted}, \"ground\"] }}\n\
+             [[expect]]\nname = {}\nreturns = {{ at_least = 0.99 }}\n",
+            name(i),
+            name(i)
+        )
+    };
+    let scene = fs::read_to_string(work.path("ground.gltf")).unwrap();
+    fs::write(work.path("ground.gltf"), scene.replace("\"name\":\"ground\"", &format!("\"name\":{quoted}")))
+        .unwrap();
+    let job = fs::read_to_string(work.path("job.toml")).unwrap();
+    fs::write(work.path("job.toml"), format!("{job}\n{}{}", expectation(0), expectation(1))).unwrap();
+    let commands = ["::error file=", "::warning file=", "::notice file="];
+    for args in [&["check"][..], &["check", "--json", "-"]] {
+        let mut check = work.command(args[0], &args[1..]);
+        let output = check.env("GITHUB_ACTIONS", "true").env_remove("GITHUB_STEP_SUMMARY").output().unwrap();
+        assert_harmless(&output, &commands);
+        assert!(String::from_utf8_lossy(&output.stdout).contains("pwned"), "{}", stderr(&output));
+    }
+    for args in
+        [&["lint"][..], &["lint", "--json"], &["scan", "--dry-run"], &["scan", "-v", "--json"], &["selftest"]]
+    {
+        assert_harmless(&work.command(args[0], &args[1..]).output().unwrap(), &[]);
+    }
+    // A job that has the name itself, in a folder and with outputs that have it.
+    #[cfg(unix)]
+    {
+        let folder = work.path(HOSTILE);
+        fs::create_dir(&folder).unwrap();
+        for file in ["job.toml", "ground.gltf", "ground.bin"] {
+            fs::copy(work.path(file), folder.join(file)).unwrap();
+        }
+        let hostile = folder.join(format!("{HOSTILE}.toml"));
+        fs::rename(folder.join("job.toml"), &hostile).unwrap();
+        let out = work.path(&format!("{HOSTILE} out"));
+        let (hostile, out) = (hostile.to_str().unwrap(), out.to_str().unwrap());
+        let exr = format!("{out}/top/000000.exr");
+        for args in [
+            &["lint", hostile][..],
+            &["lint", folder.to_str().unwrap()],
+            &["scan", hostile, "--out", out, "-v"],
+            &["scan", hostile, "--out", out, "--dry-run", "--overwrite"],
+            &["scan", hostile, "--out", out],
+            &["check", hostile, "-v"],
+            &["selftest", hostile],
+            &["info", hostile],
+            &["info", out],
+            &["info", out, "--json"],
+            &["info", &exr],
+            &["diff", out, hostile],
+            &["diff", out, "/nowhere\n::error::x"],
+            &["view", out, "-o", &format!("{out}/page.html")],
+            &["lint", &exr],
+            &["import", &exr],
+        ] {
+            let output = super::cli::command(args).env("GITHUB_ACTIONS", "true").output().unwrap();
+            assert_harmless(&output, &commands);
+        }
+    }
+}
+
+/// Files that others made reach the terminal as `info`, `diff` and `import` tell of them.
+#[test]
+fn recorded_files_and_calibrations_print_nothing_raw() {
+    let work = Workplace::new();
+    let path = |name: &str| work.path(name).to_str().unwrap().to_owned();
+    let name = HOSTILE.replace(['\n', '\r'], "\u{85}");
+    let ply = |label: &str| {
+        format!(
+            "ply\nformat ascii 1.0\ncomment {name}\ncomment ::error::x\ncomment ##[error]x\nelement vertex 1\n\
+             property float x\nproperty float {label}\nend_header\n1 2\n"
+        )
+    };
+    let field = name.replace(char::is_whitespace, "_");
+    fs::write(work.path("a.ply"), ply(&field)).unwrap();
+    fs::write(work.path("b.ply"), ply(&field).replace("1 2", "1 3")).unwrap();
+    fs::create_dir(work.path("scan")).unwrap();
+    let manifest = serde_json::json!({
+        "tool": { "name": HOSTILE, "version": HOSTILE },
+        "seed": 1,
+        "job": { "scene": HOSTILE, "sensor": [{ "name": HOSTILE }] },
+        "inputs": [{ "name": HOSTILE, "bytes": 1, "blake3": HOSTILE }],
+        "scene": { "triangles": 1, "instances": [{ "id": 0, "name": HOSTILE }], "materials": [] },
+        "outputs": [{ "path": HOSTILE, "bytes": 1, "blake3": HOSTILE }],
+    });
+    fs::write(work.path("scan/manifest.json"), manifest.to_string()).unwrap();
+    let yaml = format!("camera_name: {}\nimage_width: x\n", serde_json::to_string(HOSTILE).unwrap());
+    fs::write(work.path("camera.yaml"), yaml).unwrap();
+    let (a, b, scan, camera) = (path("a.ply"), path("b.ply"), path("scan"), path("camera.yaml"));
+    for args in [
+        &["info", &a][..],
+        &["info", &a, "--json"],
+        &["diff", &a, &b],
+        &["diff", &a, &b, "--json"],
+        &["diff", &scan, &a],
+        &["info", &scan],
+        &["info", &scan, "--json"],
+        &["view", &scan],
+        &["import", &camera],
+    ] {
+        let output = super::cli::command(args).output().unwrap();
+        assert_harmless(&output, &[]);
+        assert!(!output.stdout.is_empty() || !output.stderr.is_empty(), "{args:?}");
+    }
+}
