@@ -32,6 +32,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
 fn check(sensor: &Sensor) -> Result<(), EncodeError> {
     int("column", sensor.pattern.columns() as u64)?;
     int("ring", sensor.pattern.rows() as u64)?;
+    nanoseconds(sensor.pattern.first_pulse_s())?;
     nanoseconds(sensor.pattern.last_pulse_s())?;
     Ok(())
 }

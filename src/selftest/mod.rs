@@ -459,7 +459,7 @@ fn angles(
                 let beam = &lidar.beams()[row];
                 let level = libm::hypot(p.x, p.y);
                 elevation.add((libm::atan2(p.z, level) - beam.elevation.radians()).abs(), at);
-                let head = lidar.azimuth(lidar.firing(row, column)) + lidar.turn_before(row);
+                let head = lidar.azimuth(lidar.firing(row, column)) + lidar.turn_before(row, column);
                 let expected = (head + beam.azimuth_offset).radians();
                 let off = libm::remainder(libm::atan2(p.y, p.x) - expected, std::f64::consts::TAU);
                 // Straight up there is no azimuth, so the distance sideways counts.

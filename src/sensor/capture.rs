@@ -63,7 +63,8 @@ impl<'a> Capture<'a> {
     /// The pulse of a pixel of the range image, in the sensor's body frame at the pulse's own time. Row 0 is the top, and
     /// column 0 is the first firing (or the left).
     ///
-    /// `None` if the pixel has no ray: the lens's model has none for it, or a prism reflects the beam inward.
+    /// `None` if the pixel has no ray: the lens's model has none for it, a prism reflects the beam inward, or the beam does
+    /// not fire in that column.
     #[inline]
     pub fn pulse(&self, row: usize, column: usize) -> Option<Pulse> {
         self.sensor.pattern.pulse(row, column, self.start_s)
@@ -102,6 +103,7 @@ impl<'a> Capture<'a> {
     /// pulse.
     pub fn blind_pixels(&self) -> usize {
         let can_be_blind = match &self.sensor.pattern {
+            Pattern::Rotating(rotating) => return rotating.silent_pixels(),
             Pattern::Camera(camera) => !matches!(camera.lens(), Lens::Ideal),
             Pattern::Risley(_) => true,
             _ => false,

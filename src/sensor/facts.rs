@@ -35,7 +35,8 @@ pub struct SensorFacts {
     pub max_range_m: Option<f64>,
     /// The time from the first pulse of a frame to the last, in seconds.
     pub frame_s: f64,
-    /// The number of pixels for which the model of the lens or of the prisms has no ray. In frames of more than
+    /// The number of pixels without a ray: the model of the lens or of the prisms has none, or the beam does not fire in every
+    /// column. In frames of more than
     /// [`MOST_RAYS_TO_ASK`] rays it is 0, because they are not counted.
     pub blind_pixels: usize,
 }
@@ -69,7 +70,7 @@ impl SensorFacts {
             points_per_second: pattern.rate_hz().map(|rate| rate * (rays - blind) as f64),
             min_range_m: sensor.range.min_m,
             max_range_m: limit.is_finite().then_some(limit),
-            frame_s: pattern.last_pulse_s(),
+            frame_s: pattern.last_pulse_s() - pattern.first_pulse_s(),
             blind_pixels: blind,
         }
     }

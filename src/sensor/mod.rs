@@ -22,7 +22,7 @@ pub use mirror::{Axis, Mirror, MirrorError, Motion};
 pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};
 pub use risley::{Prism, Risley, RisleyError, Tilted};
-pub use rotating::{Beam, Rotating, RotatingError};
+pub use rotating::{Beam, Phase, Rotating, RotatingError};
 
 /// A LiDAR or a depth camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,7 +95,7 @@ pub struct Pulse {
     pub origin: DVec3,
     /// Unit direction in the sensor's body frame (x forward, y left, z up).
     pub direction: DVec3,
-    /// The time in seconds from the frame's start.
+    /// The time in seconds from the frame's start. It is negative if a beam fires before the first column's own time.
     pub time_s: f64,
 }
 
@@ -165,7 +165,7 @@ impl Pattern {
     #[inline]
     fn pulse(&self, row: usize, column: usize, start_s: f64) -> Option<Pulse> {
         match self {
-            Self::Rotating(p) => Some(p.pulse(row, column)),
+            Self::Rotating(p) => p.pulse(row, column),
             Self::Raster(p) => Some(p.pulse(row, column)),
             Self::Mirror(p) => Some(p.pulse(row, column, start_s)),
             Self::Risley(p) => p.pulse(row, column, start_s),
@@ -215,10 +215,19 @@ impl Pattern {
         }
     }
 
+    /// The time of a frame's first pulse, in seconds from the frame's start. It is negative if the head fires some beams
+    /// before a column's own time, and 0 in every other pattern.
+    pub fn first_pulse_s(&self) -> f64 {
+        match self {
+            Self::Rotating(p) => p.pulse_times_s().0,
+            _ => 0.0,
+        }
+    }
+
     /// The time of a frame's last pulse, in seconds from the frame's start.
     pub fn last_pulse_s(&self) -> f64 {
         match self {
-            Self::Rotating(p) => p.last_pulse_s(),
+            Self::Rotating(p) => p.pulse_times_s().1,
             Self::Raster(p) => p.last_pulse_s(),
             Self::Mirror(p) => p.last_pulse_s(),
             Self::Risley(p) => p.last_pulse_s(),

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::Pulse;
 use crate::angle::Angle;
 
-/// A rotating head with beams at fixed elevations. All beams fire once in each column.
+/// A rotating head with beams at fixed elevations. Each beam fires once in each column, unless a cycle says otherwise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rotating {
     /// The beams, highest first.
@@ -18,15 +18,14 @@ pub struct Rotating {
     column_sin_cos: Vec<(f64, f64)>,
     /// The time of each column, in seconds from the frame's start: a pulse then costs no division.
     column_times_s: Vec<f64>,
-    /// Sine and cosine of each beam's elevation and of its azimuth offset.
-    beam_sin_cos: Vec<[(f64, f64); 2]>,
-    /// The origin of each beam, by row, in the frame of the head at the column's own time. If the list is empty, all beams
-    /// leave from the sensor's origin.
+    /// The origin of each beam, by row, in the frame of the head when the beam fires. If the list is empty, all beams leave
+    /// from the sensor's origin.
     origins: Vec<DVec3>,
     range_offset_m: f64,
-    /// The angle by which the head has turned when each beam fires, by row. If the list is empty, the head does not turn
-    /// meanwhile.
-    turns_before: Vec<Angle>,
+    /// Whether the head turns on between the column's own time and the firing of a beam.
+    turns: bool,
+    /// The phases of the cycle of columns, at least one. Column k is in phase k modulo their number.
+    phases: Vec<Vec<Firing>>,
     /// The number of columns by which each row of the image is moved to the right. If the list is empty, no row is moved.
     shifts: Vec<usize>,
 }
@@ -38,10 +37,38 @@ pub struct Beam {
     pub elevation: Angle,
     /// The angle that is added to the column's azimuth.
     pub azimuth_offset: Angle,
-    /// The time of the beam's pulse, in seconds after the column's own time.
+    /// The time of the beam's pulse, in seconds after the column's own time. It is negative if the beam fires before that.
     pub time_s: f64,
     /// The beam's index in the beam table of the sensor file, from 0.
     pub file_index: usize,
+}
+
+/// The firing of one beam in the columns of one phase.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Firing {
+    /// Whether the beam fires at all.
+    fires: bool,
+    /// The time of the pulse, in seconds after the column's own time.
+    time_s: f64,
+    /// The angle by which the head turns from the column's own time on until the beam fires.
+    turn: Angle,
+    /// Sine and cosine of the elevation.
+    elevation: (f64, f64),
+    /// Sine and cosine of the azimuth offset and the turn together.
+    azimuth: (f64, f64),
+    /// The origin in the frame of the head at the column's own time.
+    origin: DVec3,
+}
+
+/// What differs in one column of a cycle. A unit whose beams fire in turns repeats a few columns over and over: Hesai's
+/// Pandar128 and OT128 go through two or four azimuth states, and QT128 through two loops.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Phase {
+    /// The times of the beams in seconds after the column's own time, in the order of the sensor file. `None` stands for the
+    /// beams' own times.
+    pub times_s: Option<Vec<f64>>,
+    /// The beams that do not fire, by their index in the sensor file.
+    pub silent: Vec<usize>,
 }
 
 /// The reason why a rotating pattern is impossible.
@@ -67,6 +94,9 @@ pub enum RotatingError {
     /// A list has another length than the list of beams.
     #[error("there must be one for each beam")]
     Count,
+    /// A cycle has no column, or one in which there is no such beam.
+    #[error("a cycle needs at least one column, and its silent beams must be beams of the sensor")]
+    Cycle,
     /// The sector is no full turn. Only the columns of a full turn wrap around, so only its rows can be moved.
     #[error("only a full turn can be destaggered, because its columns wrap around")]
     NotFullTurn,
@@ -114,8 +144,6 @@ impl Rotating {
             beam.file_index = index;
         }
         beams.sort_by(|a, b| b.elevation.radians().total_cmp(&a.elevation.radians()));
-        let beam_sin_cos =
-            beams.iter().map(|b| [b.elevation.sin_cos(), b.azimuth_offset.sin_cos()]).collect();
         let mut pattern = Self {
             beams,
             columns,
@@ -124,12 +152,13 @@ impl Rotating {
             rate_hz,
             column_sin_cos: Vec::new(),
             column_times_s: Vec::new(),
-            beam_sin_cos,
             origins: Vec::new(),
             range_offset_m: 0.0,
-            turns_before: Vec::new(),
+            turns: false,
+            phases: Vec::new(),
             shifts: Vec::new(),
         };
+        pattern.phases = vec![pattern.firings(&Phase::default())];
         pattern.column_times_s = (0..columns).map(|column| pattern.column_time_s(column)).collect();
         pattern.column_sin_cos = (0..columns).map(|column| pattern.azimuth(column).sin_cos()).collect();
         Ok(pattern)
@@ -153,7 +182,7 @@ impl Rotating {
             return Err(RotatingError::Beam(bad));
         }
         self.origins = self.beams.iter().map(|beam| origins_m[beam.file_index]).collect();
-        Ok(self)
+        Ok(self.aimed())
     }
 
     /// The same pattern with ranges that begin `metres` before the beam's origin, as the unit reports them.
@@ -175,18 +204,68 @@ impl Rotating {
 
     /// The same pattern with a head that keeps turning while the beams of a column fire one after the other. A beam that
     /// fires t seconds later has its direction and its origin rotated further by 2π·rate·t. Without this, all beams of a
-    /// column fire at the column's azimuth, whatever their times. Call it once only, and after [`Self::with_origins`].
+    /// column fire at the column's azimuth, whatever their times.
     #[must_use]
-    pub fn turning_while_firing(mut self) -> Self {
-        let turn = std::f64::consts::TAU * self.rate_hz * (self.to - self.from).radians().signum();
-        for (row, beam) in self.beams.iter().enumerate() {
-            let further = Angle::rad(turn * beam.time_s);
-            self.turns_before.push(further);
-            self.beam_sin_cos[row][1] = (beam.azimuth_offset + further).sin_cos();
-            if let Some(origin) = self.origins.get_mut(row) {
-                *origin = rotated_about_z(*origin, further.sin_cos());
+    pub fn turning_while_firing(self) -> Self {
+        Self { turns: true, ..self }.aimed()
+    }
+
+    /// The same pattern with columns that differ, in a cycle that begins anew after its last column and with every frame.
+    ///
+    /// # Errors
+    /// [`RotatingError::Cycle`] if there is no column, or if a silent beam does not exist; [`RotatingError::Count`] if a
+    /// list of times has not one for each beam; [`RotatingError::Beam`] if a time is not finite.
+    pub fn with_cycle(mut self, cycle: &[Phase]) -> Result<Self, RotatingError> {
+        let beams = self.beams.len();
+        if cycle.is_empty() || cycle.iter().flat_map(|phase| &phase.silent).any(|&beam| beam >= beams) {
+            return Err(RotatingError::Cycle);
+        }
+        for times in cycle.iter().filter_map(|phase| phase.times_s.as_ref()) {
+            if times.len() != beams {
+                return Err(RotatingError::Count);
+            }
+            if let Some(bad) = times.iter().position(|time| !time.is_finite()) {
+                return Err(RotatingError::Beam(bad));
             }
         }
+        self.phases = cycle.iter().map(|phase| self.firings(phase)).collect();
+        Ok(self)
+    }
+
+    /// The firings of the beams in a phase, by row.
+    fn firings(&self, phase: &Phase) -> Vec<Firing> {
+        let mut fires = vec![true; self.beams.len()];
+        phase.silent.iter().for_each(|&beam| fires[beam] = false);
+        let of_row = |(row, beam): (usize, &Beam)| {
+            let time_s = phase.times_s.as_ref().map_or(beam.time_s, |times| times[beam.file_index]);
+            self.firing_of(row, fires[beam.file_index], time_s)
+        };
+        self.beams.iter().enumerate().map(of_row).collect()
+    }
+
+    /// The firing of a row's beam at a time.
+    fn firing_of(&self, row: usize, fires: bool, time_s: f64) -> Firing {
+        let beam = &self.beams[row];
+        let sense = (self.to - self.from).radians().signum();
+        let turn =
+            Angle::rad(if self.turns { std::f64::consts::TAU * self.rate_hz * sense * time_s } else { 0.0 });
+        let origin = self.origins.get(row).copied().unwrap_or_default();
+        Firing {
+            fires,
+            time_s,
+            turn,
+            elevation: beam.elevation.sin_cos(),
+            azimuth: (beam.azimuth_offset + turn).sin_cos(),
+            origin: if self.turns { rotated_about_z(origin, turn.sin_cos()) } else { origin },
+        }
+    }
+
+    /// The same pattern with firings that follow its origins and its turning.
+    fn aimed(mut self) -> Self {
+        let aim = |phase: &Vec<Firing>| {
+            phase.iter().enumerate().map(|(row, f)| self.firing_of(row, f.fires, f.time_s)).collect()
+        };
+        self.phases = self.phases.iter().map(aim).collect();
         self
     }
 
@@ -278,19 +357,43 @@ impl Rotating {
         self.azimuth_step().radians().abs() / std::f64::consts::TAU / self.rate_hz
     }
 
-    /// The time of the last pulse, in seconds from the first column's own time.
-    pub fn last_pulse_s(&self) -> f64 {
-        let last_beam = self.beams.iter().map(|beam| beam.time_s).fold(0.0, f64::max);
-        self.column_time_s(self.columns - 1) + last_beam
+    /// The times of the first and the last pulse, in seconds from the first column's own time. The first one is negative if
+    /// a beam fires before its column's time.
+    pub fn pulse_times_s(&self) -> (f64, f64) {
+        // The first pulse is in the first cycle, the last one in the last.
+        let at_an_end =
+            |column: &usize| *column < self.phases.len() || column + self.phases.len() >= self.columns;
+        let times = (0..self.columns).filter(at_an_end).flat_map(|column| {
+            self.phase(column).iter().filter(|f| f.fires).map(move |f| self.column_times_s[column] + f.time_s)
+        });
+        let (first, last) =
+            times.fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), t| (first.min(t), last.max(t)));
+        if first > last { (0.0, 0.0) } else { (first, last) }
+    }
+
+    /// The number of pixels whose beam does not fire in their column.
+    pub fn silent_pixels(&self) -> usize {
+        let silent = |phase: &Vec<Firing>| phase.iter().filter(|firing| !firing.fires).count();
+        let columns_in = |phase: usize| (self.columns + self.phases.len() - 1 - phase) / self.phases.len();
+        self.phases.iter().enumerate().map(|(phase, firings)| silent(firings) * columns_in(phase)).sum()
+    }
+
+    /// The firings of a column, by row.
+    #[inline]
+    fn phase(&self, firing: usize) -> &[Firing] {
+        match &self.phases[..] {
+            [only] => only,
+            phases => &phases[firing % phases.len()],
+        }
     }
 
     fn column_time_s(&self, firing: usize) -> f64 {
         (self.azimuth_step().radians() * firing as f64).abs() / std::f64::consts::TAU / self.rate_hz
     }
 
-    /// The angle by which the head turns between a column's own time and the firing of a row's beam.
-    pub fn turn_before(&self, row: usize) -> Angle {
-        self.turns_before.get(row).copied().unwrap_or_default()
+    /// The angle by which the head turns between a column's own time and the firing of a pixel's beam.
+    pub fn turn_before(&self, row: usize, column: usize) -> Angle {
+        self.phase(self.firing(row, column))[row].turn
     }
 
     /// The firing that fills a pixel of the image.
@@ -303,23 +406,31 @@ impl Rotating {
     }
 
     /// The pulse of beam `row` (highest first) in column `column` of the image. The column is the firing unless the image
-    /// is destaggered.
+    /// is destaggered. `None` if the beam does not fire in that column.
     ///
     /// The direction is (cos ε · cos α, cos ε · sin α, sin ε) with elevation ε and azimuth α. The time is the part of the
     /// turn since the sector's start, over the rate, plus the beam's own time. The sine and the cosine of α come from those
     /// of the column's azimuth and of the beam's offset by the angle sum identities. The result is accurate to a few 10⁻¹⁶.
     #[inline]
-    pub(super) fn pulse(&self, row: usize, column: usize) -> Pulse {
-        let firing = self.firing(row, column);
-        let [(sin_el, cos_el), (sin_offset, cos_offset)] = self.beam_sin_cos[row];
-        let (sin_turn, cos_turn) = self.column_sin_cos[firing];
+    pub(super) fn pulse(&self, row: usize, column: usize) -> Option<Pulse> {
+        let column = self.firing(row, column);
+        let firing = &self.phase(column)[row];
+        if !firing.fires {
+            return None;
+        }
+        let ((sin_el, cos_el), (sin_offset, cos_offset)) = (firing.elevation, firing.azimuth);
+        let (sin_turn, cos_turn) = self.column_sin_cos[column];
         let sin_az = sin_turn * cos_offset + cos_turn * sin_offset;
         let cos_az = cos_turn * cos_offset - sin_turn * sin_offset;
         let direction = DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el);
-        let leaves = self.origins.get(row).map_or(DVec3::ZERO, |&o| rotated_about_z(o, (sin_turn, cos_turn)));
+        let leaves = if self.origins.is_empty() {
+            DVec3::ZERO
+        } else {
+            rotated_about_z(firing.origin, (sin_turn, cos_turn))
+        };
         let origin =
             if self.range_offset_m == 0.0 { leaves } else { leaves - direction * self.range_offset_m };
-        Pulse { origin, direction, time_s: self.column_times_s[firing] + self.beams[row].time_s }
+        Some(Pulse { origin, direction, time_s: self.column_times_s[column] + firing.time_s })
     }
 }
 
@@ -350,18 +461,20 @@ mod tests {
         let p = Rotating::new(vec![beam(-5.0), beam(15.0), beam(1.0)], 4, full_turn(), 10.0).unwrap();
         let files: Vec<_> = p.beams().iter().map(|b| b.file_index).collect();
         assert_eq!(files, [1, 2, 0]);
-        assert!(p.pulse(0, 0).direction.z > p.pulse(2, 0).direction.z);
+        assert!(p.pulse(0, 0).unwrap().direction.z > p.pulse(2, 0).unwrap().direction.z);
     }
 
     #[test]
     fn a_full_turn_starts_behind_turns_clockwise_and_looks_forward_in_the_middle() {
         let p = Rotating::new(vec![beam(0.0)], 4, full_turn(), 10.0).unwrap();
-        let near = |c: usize, d: DVec3| assert!(p.pulse(0, c).direction.abs_diff_eq(d, 1e-15), "column {c}");
+        let near = |c: usize, d: DVec3| {
+            assert!(p.pulse(0, c).unwrap().direction.abs_diff_eq(d, 1e-15), "column {c}")
+        };
         near(0, DVec3::NEG_X);
         near(1, DVec3::Y); // 90° is to the left, because the head comes clockwise from behind
         near(2, DVec3::X);
         near(3, DVec3::NEG_Y);
-        assert!((p.pulse(0, 3).time_s - 0.075).abs() < 1e-15);
+        assert!((p.pulse(0, 3).unwrap().time_s - 0.075).abs() < 1e-15);
     }
 
     #[test]
@@ -371,7 +484,7 @@ mod tests {
         assert!((p.azimuth(6).degrees() - 30.0).abs() < 1e-12);
         assert!((p.azimuth_step().degrees() - 10.0).abs() < 1e-12);
         // The column lies a sixth of a turn after the start, at 5 Hz.
-        assert!((p.pulse(0, 6).time_s - 1.0 / 30.0).abs() < 1e-15);
+        assert!((p.pulse(0, 6).unwrap().time_s - 1.0 / 30.0).abs() < 1e-15);
         assert_eq!(Rotating::new(vec![beam(0.0)], 1, sector, 5.0).unwrap().azimuth(0), sector.0);
     }
 
@@ -381,7 +494,7 @@ mod tests {
         b.azimuth_offset = Angle::deg(3.0);
         b.time_s = 2e-6;
         let p = Rotating::new(vec![b], 360, full_turn(), 10.0).unwrap();
-        let pulse = p.pulse(0, 100);
+        let pulse = p.pulse(0, 100).unwrap();
         let (sin, cos) = (libm::sin(83.0_f64.to_radians()), libm::cos(83.0_f64.to_radians()));
         let c = libm::cos(10.0_f64.to_radians());
         assert!(
@@ -403,5 +516,61 @@ mod tests {
         assert_eq!(new(vec![beam(0.0)], 1, (over.0, over.0), 1.0), RotatingError::Sector);
         assert_eq!(new(vec![beam(0.0)], 1, full_turn(), f64::NAN), RotatingError::Rate);
         assert_eq!(new(vec![beam(0.0), beam(91.0)], 1, full_turn(), 1.0), RotatingError::Beam(1));
+    }
+
+    /// A beam that fires before its column's time looks where the head was then.
+    #[test]
+    fn negative_times_turn_the_head_back() {
+        let mut early = beam(0.0);
+        early.time_s = -40e-6;
+        let origin = DVec3::new(0.03, 0.01, 0.02);
+        let p = Rotating::new(vec![early], 360, full_turn(), 10.0).unwrap().turning_while_firing();
+        let p = p.with_origins(&[origin]).unwrap();
+        let pulse = p.pulse(0, 0).unwrap();
+        // The head turns clockwise by 0.144° in 40 µs.
+        let azimuth = (180.0 + 0.144_f64).to_radians();
+        let expected = DVec3::new(libm::cos(azimuth), libm::sin(azimuth), 0.0);
+        assert!(pulse.direction.abs_diff_eq(expected, 1e-15));
+        assert!(pulse.origin.abs_diff_eq(rotated_about_z(origin, (expected.y, expected.x)), 1e-15));
+        assert_eq!(pulse.time_s, -40e-6);
+        let (first, last) = p.pulse_times_s();
+        assert_eq!(first, -40e-6);
+        assert!((last - (0.1 * 359.0 / 360.0 - 40e-6)).abs() < 1e-15);
+    }
+
+    #[test]
+    fn columns_of_a_cycle_differ_in_beams_and_times() {
+        let phases = [
+            Phase { times_s: Some(vec![3e-6, 1e-6]), silent: vec![] },
+            Phase { times_s: None, silent: vec![0] },
+            Phase::default(),
+        ];
+        let p = Rotating::new(vec![beam(-5.0), beam(5.0)], 7, full_turn(), 10.0).unwrap();
+        let p = p.turning_while_firing().with_cycle(&phases).unwrap();
+        // The beam of index 0 is the lower one, row 1. It is silent in columns 1 and 4.
+        let fires: Vec<bool> = (0..7).map(|column| p.pulse(1, column).is_some()).collect();
+        assert_eq!(fires, [true, false, true, true, false, true, true]);
+        assert!((0..7).all(|column| p.pulse(0, column).is_some()));
+        assert_eq!(p.silent_pixels(), 2);
+        let after = |row, column| p.pulse(row, column).unwrap().time_s - column as f64 / 70.0;
+        assert!((after(1, 0) - 3e-6).abs() < 1e-15 && (after(0, 3) - 1e-6).abs() < 1e-15);
+        assert!(after(1, 2).abs() < 1e-15);
+        // The head has turned by 3 µs of a turn in 100 ms, clockwise.
+        let turned =
+            p.pulse(1, 0).unwrap().direction.angle_between(p.pulse(1, 0).unwrap().direction.with_y(0.0));
+        assert!(
+            (turned - libm::asin(libm::sin(std::f64::consts::TAU * 3e-5) * libm::cos(5_f64.to_radians())))
+                .abs()
+                < 1e-12
+        );
+        assert_eq!(p.turn_before(1, 3).radians(), -std::f64::consts::TAU * 3e-5);
+        assert_eq!(p.turn_before(1, 2).radians(), 0.0);
+
+        let new = || Rotating::new(vec![beam(0.0)], 4, full_turn(), 1.0).unwrap();
+        let with = |times_s, silent| new().with_cycle(&[Phase { times_s, silent }]).unwrap_err();
+        assert_eq!(new().with_cycle(&[]).unwrap_err(), RotatingError::Cycle);
+        assert_eq!(with(None, vec![1]), RotatingError::Cycle);
+        assert_eq!(with(Some(vec![]), vec![]), RotatingError::Count);
+        assert_eq!(with(Some(vec![f64::NAN]), vec![]), RotatingError::Beam(0));
     }
 }

@@ -8,6 +8,7 @@ use beamcast::config::{self, presets};
 use beamcast::error::Error;
 use beamcast::frame::Pose;
 use beamcast::scene::gltf;
+use beamcast::sensor::facts::SensorFacts;
 use beamcast::sensor::{Capture, Sensor, azimuth_elevation};
 use beamcast::source::Severity;
 use beamcast::trace::Tracer;
@@ -231,6 +232,17 @@ fn common_pitfalls_are_warned_of() {
         ]
     );
     assert_eq!(told(&rotating.replace("[0, 2]", "[0, 2.5]"), ""), [""; 0]);
+    let early = "[rotating]\nelevations_deg = [1, 2]\ncolumns = 360\nrate_hz = 10\nbeam_times_us = [-300, 0]\n\
+                 cycle = [{ beam_times_us = [0, 301] }]\n";
+    assert_eq!(
+        told(early, ""),
+        [
+            "sensor.toml:5:18: a beam fires 300 µs before its column, the column before by 277.778 µs | earlier than the \
+             column before | beam times are microseconds from the column's own time, not from the frame's start",
+            "sensor.toml:6:32: a beam fires 301 µs after its column, the next column after 277.778 µs | later than the next \
+             column | beam times are microseconds from the column's own time, not from the frame's start",
+        ]
+    );
     let prisms = "[risley]\nprisms = [{ rate_hz = 1, wedge_deg = 9, index = 1.5 }]\npulse_rate_hz = 1e6\nrate_hz = 10\n\
                   [range]\nmax_m = 200\n";
     assert_eq!(
@@ -257,6 +269,31 @@ fn pixels_past_a_lenss_fold_have_no_ray() {
     }
     let blind = capture.blind_pixels();
     assert!((6000..6600).contains(&blind), "{blind}");
+}
+
+/// Beams that fire in turns: their other pixels send no pulse, and times before a column's own are in every output.
+#[test]
+fn beams_that_fire_in_turns_leave_pixels_without_a_pulse() {
+    let text = "[rotating]\nelevations_deg = [1, 0, -1]\nbeam_times_us = [-40, -20, 0]\nturns_while_firing = true\n\
+                columns = 9\nrate_hz = 10\ncycle = [{ silent_beams = [2] }, { beam_times_us = [-30, -20, -10] }]\n";
+    let sensor = sensor(text);
+    let capture = Capture::at_origin(&sensor);
+    let fires = |row, column| capture.pulse(row, column).is_some();
+    assert!((0..9).all(|column| fires(0, column) && fires(2, column) == (column % 2 == 1)));
+    assert_eq!(capture.blind_pixels(), 5);
+    let facts = SensorFacts::of(&sensor);
+    assert_eq!((facts.blind_pixels, facts.points_per_second), (5, Some(220.0)));
+    assert!((facts.frame_s - (8.0 / 90.0 + 20e-6)).abs() < 1e-12);
+    let time_us = |row, column| capture.time_s(row, column).map(|time| (time * 1e6).round());
+    assert_eq!((time_us(0, 0), time_us(2, 0), time_us(2, 1)), (Some(-40.0), None, Some(11_101.0)));
+
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/room.glb");
+    let scene = gltf::load(&path, "room.glb", &gltf::Options::default()).unwrap().scene;
+    let pose = Pose { translation: DVec3::new(0.5, 0.5, 1.0), ..Pose::IDENTITY };
+    let frame = seen_from(&scene, &Tracer::build(&scene), &sensor, &pose);
+    assert_eq!(frame.blind_pixels(), 5);
+    assert_eq!(frame.causes()[2 * 9], beamcast::scan::Cause::NoPulse);
+    assert_ne!(frame.causes()[2 * 9 + 1], beamcast::scan::Cause::NoPulse);
 }
 
 fn preset(name: &str) -> config::SensorFile {
@@ -311,7 +348,8 @@ const DATA_SHEETS: &[(&str, usize, usize, f64, f64, f64)] = &[
     ("hesai/pandar128", 128, 1800, 360.0, 40.0, 2_304_000.0),
     ("robosense/rs16", 16, 1800, 360.0, 30.0, 288e3),
     ("robosense/rs32", 32, 1800, 360.0, 40.0, 576e3),
-    ("robosense/helios", 32, 1800, 360.0, 70.0, 576e3),
+    ("robosense/helios", 32, 1800, 360.0, 70.0, 576e3), ("robosense/bpearl", 32, 1800, 360.0, 87.2, 576e3),
+    ("robosense/ruby-plus", 128, 1800, 360.0, 40.0, 2.304e6),
     ("livox/mid-40", 1, 10_000, 38.4, 38.4, 100e3),
     ("livox/mid-70", 1, 10_000, 70.4, 70.4, 100e3),
     ("livox/avia", 6, 4000, 70.4, 77.2, 240e3),
@@ -335,7 +373,8 @@ fn extents(sensor: &Sensor, frames: u64) -> (f64, f64) {
             if pattern.is_camera() && row != rows / 2 && column != columns / 2 {
                 continue;
             }
-            let (azimuth, elevation) = azimuth_elevation(capture.pulse(row, column).unwrap().direction);
+            let Some(pulse) = capture.pulse(row, column) else { continue };
+            let (azimuth, elevation) = azimuth_elevation(pulse.direction);
             let keep = |is_there: bool, angle: f64| if is_there { angle } else { 0.0 };
             let is_camera = pattern.is_camera();
             pulses.push([

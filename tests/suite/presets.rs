@@ -4,6 +4,7 @@
 //! `tests/presets/`, a file a model, as the source prints them; no code here reads a preset to know what is right. The test
 //! prints a row a preset: the source, the largest errors against it, and what no source gives.
 
+mod robosense;
 mod velodyne;
 
 use std::collections::BTreeMap;
@@ -46,18 +47,21 @@ struct TruePulse {
     time_s: Option<f64>,
     /// The number that the maker's driver gives to the beam, if it numbers beams.
     ring: Option<usize>,
-    /// The maker's formula: the point at a reported range in metres, in the sensor's body frame.
-    point: Box<dyn Fn(f64) -> DVec3>,
+    /// The maker's formula.
+    point: Place,
 }
+
+/// The point at a reported range in metres, in the sensor's body frame.
+type Place = Box<dyn Fn(f64) -> DVec3>;
 
 /// The presets whose makers publish no table, each with the reason.
 const WITHOUT_A_TABLE: &[(&str, &str)] = &[("ideal/camera", "no maker")];
 
 /// The makers whose tables are not here yet.
-const MAKERS_TO_COME: &[&str] = &["azure", "hesai", "kinect", "livox", "ouster", "realsense", "robosense"];
+const MAKERS_TO_COME: &[&str] = &["azure", "hesai", "kinect", "livox", "ouster", "realsense"];
 
 fn truths() -> Vec<Truth> {
-    velodyne::truths()
+    [robosense::truths(), velodyne::truths()].into_iter().flatten().collect()
 }
 
 #[test]
@@ -128,7 +132,7 @@ fn compare(sensor: &Sensor, truth: &Truth) -> Errors {
     worst
 }
 
-/// A table of `tests/presets/`: its columns by name. Lines that begin with `#` are its sources.
+/// A table of `tests/presets/`: its columns by name. Lines that begin with `#` are its sources, and `-` is a NaN.
 fn table(name: &str) -> BTreeMap<String, Vec<f64>> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/presets").join(name).with_extension("csv");
     let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
@@ -137,16 +141,67 @@ fn table(name: &str) -> BTreeMap<String, Vec<f64>> {
     let mut columns: BTreeMap<String, Vec<f64>> =
         names.iter().map(|column| ((*column).to_owned(), Vec::new())).collect();
     for line in lines {
-        let cells: Vec<f64> = line
-            .split(',')
-            .map(|cell| cell.parse().unwrap_or_else(|e| panic!("{name}: {line}: {e}")))
-            .collect();
+        let number = |cell: &str| match cell {
+            "-" => f64::NAN,
+            number => number.parse().unwrap_or_else(|e| panic!("{name}: {line}: {e}")),
+        };
+        let cells: Vec<f64> = line.split(',').map(number).collect();
         assert_eq!(cells.len(), names.len(), "{name}: {line}");
         for (column, cell) in names.iter().zip(cells) {
             columns.get_mut(*column).unwrap().push(cell);
         }
     }
     columns
+}
+
+/// The numbers of one beam, by the names of a table's columns.
+type Row<'a> = &'a dyn Fn(&str) -> f64;
+
+/// The table of a turning head, with a line a beam in the order of the preset's own list.
+///
+/// Its firing times are in the column `fires_us`, or in `fires_us_0`, `fires_us_1`, … if columns take turns; a beam without
+/// a time does not fire.
+struct Beams<'a> {
+    preset: &'static str,
+    /// The name of the column with the elevations in degrees.
+    elevations: &'static str,
+    /// The number that the driver gives to a beam, of the number of beams below it and of its place in the table.
+    ring_of: &'a dyn Fn(usize, usize) -> usize,
+}
+
+impl Beams<'_> {
+    /// What the table says of some columns of a turn. `formula` gives the place of a beam's point from the beam's numbers and
+    /// from the head's azimuth when the beam fires, in degrees, clockwise from forward.
+    fn truth(
+        &self,
+        source: &'static str,
+        nominal: &'static str,
+        allowed: Errors,
+        formula: &dyn Fn(Row, f64) -> Place,
+    ) -> Truth {
+        let preset = self.preset;
+        let sensor = config::load_preset(preset).unwrap().sensor;
+        let (head, rows, table) = (Head::of(&sensor), rows_of_channels(&sensor), table(preset));
+        let elevations = &table[self.elevations];
+        assert_eq!(rows.len(), elevations.len(), "{preset}");
+        let phases: Vec<&Vec<f64>> =
+            table.iter().filter(|(name, _)| name.starts_with("fires_us")).map(|(_, times)| times).collect();
+        let mut shots = Vec::new();
+        for beam in 0..rows.len() {
+            let below = elevations.iter().filter(|e| **e < elevations[beam]).count();
+            let ring = Some((self.ring_of)(below, beam));
+            for column in head.some_columns() {
+                let fires_us = phases[column % phases.len()][beam];
+                let pulse = (!fires_us.is_nan()).then(|| {
+                    let time_s = head.time_s(column) + fires_us * 1e-6;
+                    let point = formula(&|name| table[name][beam], head.clockwise_deg(time_s));
+                    TruePulse { time_s: Some(time_s), ring, point }
+                });
+                shots.push(Shot { row: rows[beam], column, pulse });
+            }
+        }
+        Truth { preset, source, nominal, allowed, shots }
+    }
 }
 
 /// The rows of a rotating sensor's image by the number of the channel in its file.

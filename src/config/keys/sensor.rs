@@ -92,6 +92,7 @@ pub(crate) mod rotating {
             &ELEVATIONS,
             &AZIMUTH_OFFSETS,
             &BEAM_TIMES,
+            &CYCLE,
             &BEAM_ORIGINS,
             &RANGE_OFFSET,
             &TURNS_WHILE_FIRING,
@@ -116,8 +117,15 @@ pub(crate) mod rotating {
     );
     pub static BEAM_TIMES: Key<List<Number>> = key(
         "beam_times_us",
-        List { of: Number::NOT_NEGATIVE, least: 0 },
-        "One a beam, microseconds after the column's own time, 0 or more; left out: 0.",
+        List { of: Number::ANY, least: 0 },
+        "One a beam, microseconds after the column's own time, negative before it; left out: 0.",
+    );
+    /// Units have two or four; the bound keeps a small file from asking for much memory.
+    const MOST_PHASES: usize = 16;
+    pub static CYCLE: Key<Tables> = key(
+        "cycle",
+        Tables::in_braces(&PHASE, 1).at_most(MOST_PHASES),
+        "What differs from column to column, if beams fire in turns: one table a column, over and over.",
     );
     pub static BEAM_ORIGINS: Key<OneOrEach<Vector<3>>> = key(
         "beam_origins_m",
@@ -159,6 +167,18 @@ pub(crate) mod rotating {
     .or("{ from = 180.0, to = -180.0 }");
     pub static RATE: Key<Number> =
         key("rate_hz", Number::POSITIVE, "Turns a second.").required("`rate_hz = 10.0`, the turns a second");
+
+    pub static PHASE: TableKeys = table("a column of `cycle`", &[&PHASE_TIMES, &SILENT_BEAMS]);
+    pub static PHASE_TIMES: Key<List<Number>> = key(
+        "beam_times_us",
+        List { of: Number::ANY, least: 0 },
+        "One a beam, as above; left out: the times above.",
+    );
+    pub static SILENT_BEAMS: Key<List<Integer<usize>>> = key(
+        "silent_beams",
+        List { of: Integer::within(0, MAX_SIDE), least: 0 },
+        "The beams that don't fire in this column, by their place in the list of elevations, from 0.",
+    );
 
     pub static SECTOR_KEYS: TableKeys = table("`sector_deg`", &[&FROM, &TO]);
     pub static FROM: Key<Number> = key("from", Number::ANY, "The azimuth of the first column in degrees.")

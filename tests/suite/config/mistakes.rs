@@ -170,8 +170,28 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     ),
     (
         "[0.0, 2.0, 4.0]",
-        "[0.0, -2.0, 4.0]",
-        "sensor.toml:4:23: `beam_times_us` has -2 | expected a number of microseconds, 0 or more | ",
+        "[0.0, \"early\", 4.0]",
+        "sensor.toml:4:23: `beam_times_us` has the string \"early\" | expected a number of microseconds | ",
+    ),
+    (
+        "columns = 1800",
+        "columns = 1800\ncycle = []",
+        "sensor.toml:6:9: `cycle` is an empty list | expected at least one | ",
+    ),
+    (
+        "columns = 1800",
+        "columns = 1800\ncycle = [{ beam_times_us = [0, 1] }]",
+        "sensor.toml:6:28: `beam_times_us` has 2 values for 3 elevations | expected 3: one a beam | ",
+    ),
+    (
+        "columns = 1800",
+        "columns = 1800\ncycle = [{}, { silent_beams = [0, 3] }]",
+        "sensor.toml:6:35: there is no beam 3: 3 beams count from 0 | expected at most 2 | ",
+    ),
+    (
+        "columns = 1800",
+        "columns = 1800\ncycle = [{ silent_beam = [0] }]",
+        "sensor.toml:6:12: unknown key `silent_beam` in a column of `cycle` |  | did you mean `silent_beams`?",
     ),
     (
         "[sensor.range]\nmax_m = 50",

@@ -7,7 +7,7 @@ use super::super::super::kinds::{List, Number, OneOrMany};
 use super::super::super::table::{AnyKey, Key, Table};
 use super::limit::check_rays;
 use crate::angle::Angle;
-use crate::sensor::{Beam, Rotating, RotatingError};
+use crate::sensor::{Beam, Phase, Rotating, RotatingError};
 use crate::source::tree::count;
 use crate::source::{Report, Span, Spanned};
 
@@ -23,6 +23,7 @@ pub(super) fn pattern(t: &Table<'_>) -> Option<Rotating> {
     let beams = elevations.as_ref().map(|e| e.value.len());
     let offsets = per_beam(t, &keys::AZIMUTH_OFFSETS, beams);
     let times = per_beam(t, &keys::BEAM_TIMES, beams);
+    let cycle = cycle(t, beams);
     let origins = origins(t, beams);
     let range_offset = t.value(&keys::RANGE_OFFSET);
     let turns = t.value(&keys::TURNS_WHILE_FIRING);
@@ -44,7 +45,7 @@ pub(super) fn pattern(t: &Table<'_>) -> Option<Rotating> {
 
     // Up to here, each key is checked by itself. From here on, all of them are needed.
     let (elevations, columns, sector, rate) = (elevations?, columns?, sector?, rate?);
-    let (origins, shifts) = (origins?, shifts?);
+    let (cycle, origins, shifts) = (cycle?, origins?, shifts?);
     let at = |list: &Option<Numbers>, beam: usize| {
         list.as_ref().and_then(|list| list.value.get(beam)).map_or(0.0, |at| at.value)
     };
@@ -61,6 +62,7 @@ pub(super) fn pattern(t: &Table<'_>) -> Option<Rotating> {
         .and_then(|pattern| if origins.is_empty() { Ok(pattern) } else { pattern.with_origins(&origins) })
         .and_then(|pattern| pattern.with_range_offset(range_offset))
         .map(|pattern| if turns { pattern.turning_while_firing() } else { pattern })
+        .and_then(|pattern| if cycle.is_empty() { Ok(pattern) } else { pattern.with_cycle(&cycle) })
         .and_then(|pattern| match (is_destaggered, shifts.is_empty()) {
             (false, _) => Ok(pattern),
             (true, true) => pattern.destaggered(),
@@ -70,6 +72,11 @@ pub(super) fn pattern(t: &Table<'_>) -> Option<Rotating> {
         Ok(pattern) => {
             if let Some(times) = &times {
                 warn_of_late_beams(report, times, &pattern);
+            }
+            for phase in t.read(&keys::CYCLE).into_iter().flat_map(|cycle| cycle.value) {
+                if let Some(times) = phase.read(&keys::PHASE_TIMES) {
+                    warn_of_late_beams(report, &times, &pattern);
+                }
             }
             warn_of_aliases(report, &elevations, &pattern);
             Some(pattern)
@@ -116,6 +123,44 @@ fn origins(t: &Table<'_>, beams: Option<usize>) -> Option<Vec<DVec3>> {
             Some(list.iter().map(|origin| DVec3::from_array(origin.value)).collect())
         }
     }
+}
+
+/// The columns of the cycle. Empty if it is left out.
+fn cycle(t: &Table<'_>, beams: Option<usize>) -> Option<Vec<Phase>> {
+    if !t.has(&keys::CYCLE) {
+        return Some(Vec::new());
+    }
+    let columns = t.read(&keys::CYCLE)?;
+    let phases: Vec<Option<Phase>> = columns.value.iter().map(|column| phase(column, beams)).collect();
+    phases.into_iter().collect()
+}
+
+/// A column of the cycle.
+fn phase(t: &Table<'_>, beams: Option<usize>) -> Option<Phase> {
+    let times_s = if t.has(&keys::PHASE_TIMES) {
+        let times = t.read(&keys::PHASE_TIMES)?;
+        let (beams, found) = (beams?, times.value.len());
+        if found != beams {
+            let message =
+                format!("`beam_times_us` has {} for {}", count(found, "value"), count(beams, "elevation"));
+            t.report().error(times.span, message, format!("expected {beams}: one a beam"), None);
+            return None;
+        }
+        Some(times.value.iter().map(|time| time.value * 1e-6).collect())
+    } else {
+        None
+    };
+    let mut silent = Vec::new();
+    if t.has(&keys::SILENT_BEAMS) {
+        let (list, beams) = (t.read(&keys::SILENT_BEAMS)?, beams?);
+        if let Some(bad) = list.value.iter().find(|beam| beam.value >= beams) {
+            let message = format!("there is no beam {}: {} count from 0", bad.value, count(beams, "beam"));
+            t.report().error(bad.span, message, format!("expected at most {}", beams - 1), None);
+            return None;
+        }
+        silent = list.value.iter().map(|beam| beam.value).collect();
+    }
+    Some(Phase { times_s, silent })
 }
 
 /// The number of columns that each row of the image is moved by, one a beam. Empty if they are left out.
@@ -229,15 +274,25 @@ fn warn_of_aliases(report: &Report, elevations: &Numbers, pattern: &Rotating) {
     }
 }
 
+/// Warns of beams that fire in the time of another column.
 fn warn_of_late_beams(report: &Report, times: &Numbers, pattern: &Rotating) {
     let period_us = pattern.column_s() * 1e6;
-    let late = times.value.iter().find(|t| t.value > period_us);
-    if let Some(late) = late.filter(|_| period_us > 0.0) {
-        let message = format!(
-            "a beam fires {} µs after its column, the next column after {period_us:.3} µs",
-            late.value
-        );
+    let far = times.value.iter().find(|t| t.value.abs() > period_us);
+    if let Some(far) = far.filter(|_| period_us > 0.0) {
+        let (message, label) = if far.value > 0.0 {
+            let late = far.value;
+            (
+                format!("a beam fires {late} µs after its column, the next column after {period_us:.3} µs"),
+                "later than the next column",
+            )
+        } else {
+            let early = -far.value;
+            (
+                format!("a beam fires {early} µs before its column, the column before by {period_us:.3} µs"),
+                "earlier than the column before",
+            )
+        };
         let help = "beam times are microseconds from the column's own time, not from the frame's start";
-        report.warning(late.span, message, "later than the next column", Some(help.into()));
+        report.warning(far.span, message, label, Some(help.into()));
     }
 }
