@@ -15,6 +15,10 @@ pub enum Error {
     /// A job or a sensor file is wrong. The list holds every problem that was found, at least one.
     #[error("{}", .0.iter().map(Diagnostic::to_string).collect::<Vec<_>>().join("\n"))]
     Config(Vec<Diagnostic>),
+    /// A scene, or another input that was to be looked at, cannot be read. The list holds every problem that was found in all
+    /// the inputs.
+    #[error("{}", .0.iter().map(Diagnostic::to_string).collect::<Vec<_>>().join("\n"))]
+    Inputs(Vec<Diagnostic>),
     /// The command line asks for something that is impossible.
     #[error("{0}")]
     Usage(String),
@@ -67,7 +71,7 @@ impl Error {
         match self {
             Self::Difference(_) => 1,
             Self::Config(_) | Self::Usage(_) => 2,
-            Self::Scene(_) | Self::Input { .. } => 3,
+            Self::Inputs(_) | Self::Scene(_) | Self::Input { .. } => 3,
             Self::Output { .. } => 4,
             Self::Interrupted { signal } => 128 + *signal as u8,
         }

@@ -17,6 +17,7 @@ use crate::output::recorded::Cloud;
 use crate::output::{CHANNEL_NAMES, Image, encode_png, write_file};
 use crate::run::sides::{Content, Side};
 use crate::run::{Holding, Plan, Session};
+use crate::source::is_config;
 use crate::source::suggest::on_one_line;
 
 /// The arguments of `beamcast diff`.
@@ -110,7 +111,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 
 /// Reads a side, or runs it if it is a job.
 fn side(path: &Path, terminal: &Terminal, interrupt: &Interrupt) -> Result<Side, Error> {
-    if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+    if !is_config(path) {
         return Side::of_recording(path);
     }
     let job = load_job(path, &[], terminal)?;

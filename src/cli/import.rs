@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::import::{self, Format, MAX_FILE_BYTES, Source};
 use crate::output::{check_file, write_file};
 use crate::run::paths::seen_from;
-use crate::source::read_file;
+use crate::source::{FileKind, Wanted, read_file, recognise};
 
 /// The arguments of `beamcast import`.
 #[derive(Debug, clap::Args)]
@@ -70,12 +70,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let text = read(&args.file)?;
     let format = match args.format {
         Some(format) => format.into(),
-        None => Format::of(&text).ok_or_else(|| {
-            let known: Vec<_> = Format::ALL.map(Format::name).into();
-            let problem =
-                format!("this is no known calibration ({}); --as gives the format", known.join(", "));
-            Error::input(&args.file, problem)
-        })?,
+        None => Format::of(&text).ok_or_else(|| Error::input(&args.file, no_calibration(&text)))?,
     };
     // The sensor file names the table of rays by its path as seen from the sensor file.
     let name = match (&args.output, format) {
@@ -99,10 +94,30 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     Ok(())
 }
 
+/// The sentence about a text that is of no format that can be imported.
+fn no_calibration(text: &str) -> String {
+    let known: Vec<_> = Format::ALL.map(Format::name).into();
+    let known = format!("known are {}; --as gives the format", known.join(", "));
+    let kind = FileKind::of(text.as_bytes(), text.len() as u64);
+    if kind.is_unknown() {
+        return format!("this is no known calibration ({known})");
+    }
+    let (problem, help) = kind.instead_of(Wanted::Calibration);
+    format!("{problem} ({})", help.unwrap_or(known))
+}
+
 /// Reads a file as a text.
 fn read(path: &Path) -> Result<String, Error> {
-    let bytes = read_file(path, MAX_FILE_BYTES).map_err(|e| Error::input(path, e))?;
-    String::from_utf8(bytes).map_err(|e| {
+    let bytes = read_file(path, MAX_FILE_BYTES);
+    // What is no text, or too large for a calibration, is probably another kind of file.
+    let is_text = bytes.as_ref().is_ok_and(|bytes| std::str::from_utf8(bytes).is_ok());
+    if !is_text
+        && let Ok(kind) = recognise(path)
+        && !kind.is_unknown()
+    {
+        return Err(Error::input(path, kind.text_instead_of(Wanted::Calibration)));
+    }
+    String::from_utf8(bytes.map_err(|e| Error::input(path, e))?).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
         let line = e.as_bytes()[..at].iter().filter(|b| **b == b'\n').count() + 1;
         Error::input(path, format!("this is not UTF-8 text: byte 0x{:02x} in line {line}", e.as_bytes()[at]))

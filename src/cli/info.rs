@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -14,7 +14,8 @@ use crate::output::Samples;
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
 use crate::run::Bytes;
 use crate::run::facts::facts_of;
-use crate::source::suggest::{on_one_line, quoted};
+use crate::source::suggest::{missing_file_help, on_one_line, quoted};
+use crate::source::{FileKind, Wanted, is_config, recognise};
 
 /// The arguments of `beamcast info`.
 #[derive(Debug, clap::Args)]
@@ -30,13 +31,11 @@ pub struct Args {
 /// Prints the content of a file on stdout, in short.
 ///
 /// # Errors
-/// [`Error::Config`] if a job or sensor file is wrong, [`Error::Scene`] or [`Error::Input`] if another file can't be read.
+/// [`Error::Config`] if a job or sensor file is wrong, [`Error::Inputs`] or [`Error::Input`] if another file can't be read.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let path = &args.path;
-    let is = |endings: &[&str]| {
-        endings.iter().any(|e| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e)))
-    };
-    if is(&["toml", "gltf", "glb"]) {
+    let kind = if path.is_dir() { FileKind::Manifest } else { kind_of(path)? };
+    if !kind.is_recorded() {
         let (file, warnings) = facts_of(path)?;
         terminal.warn_of(&warnings);
         if !args.json {
@@ -65,6 +64,21 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
     let kind = json.get("kind").and_then(Value::as_str).unwrap_or_default();
     terminal.print(&format!("{}: {kind}\n{text}", plain(&name)))
+}
+
+/// What a file is.
+///
+/// # Errors
+/// [`Error::Input`] if it can't be read, or if it is nothing that can be shown.
+fn kind_of(path: &Path) -> Result<FileKind, Error> {
+    let kind = recognise(path).map_err(|problem| {
+        let help = missing_file_help(&path.to_string_lossy(), path).filter(|_| !path.exists());
+        Error::input(path, problem.to_string() + &help.map_or(String::new(), |help| format!(" ({help})")))
+    })?;
+    if kind.is_recorded() || kind.is_scene() || is_config(path) {
+        return Ok(kind);
+    }
+    Err(Error::input(path, kind.text_instead_of(Wanted::Shown)))
 }
 
 /// A name without the quotes that messages put around it.

@@ -7,7 +7,6 @@ use super::facts;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::run::facts::examine;
-use crate::source::Severity;
 
 /// The arguments of `beamcast lint`.
 #[derive(clap::Args, Clone, Debug)]
@@ -23,17 +22,16 @@ pub struct Args {
 /// Reads every path. Facts go to stdout and warnings to stderr; errors are returned, together with the warnings.
 ///
 /// # Errors
-/// [`Error::Config`] with everything that is wrong in any of the paths; [`Error::Output`] if stdout can't be written to.
+/// [`Error::Config`] with everything that is wrong in any of the paths, or [`Error::Inputs`] if it is all about scenes;
+/// [`Error::Output`] if stdout can't be written to.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
-    let (files, diagnostics) = examine(&args.paths);
+    let examined = examine(&args.paths);
     if args.json {
-        terminal.json(&serde_json::json!({ "files": files, "diagnostics": diagnostics }))?;
+        terminal.json(&serde_json::json!({ "files": examined.facts, "diagnostics": examined.problems }))?;
     } else {
-        terminal.print(&files.iter().map(facts::text).collect::<Vec<_>>().join("\n"))?;
+        terminal.print(&examined.facts.iter().map(facts::text).collect::<Vec<_>>().join("\n"))?;
     }
-    if diagnostics.iter().any(|d| d.severity == Severity::Error) {
-        return Err(Error::Config(diagnostics));
-    }
-    terminal.warn_of(&diagnostics);
+    let (_, warnings) = examined.into_result()?;
+    terminal.warn_of(&warnings);
     Ok(())
 }

@@ -66,7 +66,7 @@ impl Terminal {
     /// Shows the error that ends the run.
     pub fn error(&self, error: &Error) {
         match error {
-            Error::Config(problems) => self.problems(problems),
+            Error::Config(problems) | Error::Inputs(problems) => self.problems(problems),
             other => self.labelled("error", "1;31", other),
         }
     }

@@ -9,6 +9,7 @@ use crate::config::{self, Config, MountedSensor};
 use crate::error::Error;
 use crate::output::{check_file, write_file};
 use crate::run::{Bytes, Holding, Plan, Session};
+use crate::source::is_config;
 use crate::view::{View, of_recording, page};
 
 /// The arguments of `beamcast view`.
@@ -36,8 +37,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     if !to_stdout {
         check_file(&target, args.overwrite)?;
     }
-    let is_job = args.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let (views, note) = match is_job {
+    let (views, note) = match is_config(&args.path) {
         true => (of_job(&args.path, &interrupt, terminal)?, String::new()),
         false => of_recording(&args.path)?,
     };

@@ -31,7 +31,7 @@ use std::path::Path;
 use crate::error::Error;
 use crate::source::suggest::{harmless_json, missing_file_help, quoted};
 use crate::source::tree::Entries;
-use crate::source::{Diagnostic, Layer, Report, Unreadable};
+use crate::source::{Diagnostic, FileKind, Layer, Report, Unreadable, Wanted, recognise};
 
 pub use job::{Config, InputFile, Job, MountedSensor, OutputSettings, SensorFile};
 use keys::GRAMMAR;
@@ -141,26 +141,41 @@ fn misplaced(path: &Path, message: &str, help: String) -> Error {
 }
 
 fn open(path: &Path) -> Result<(Report, Entries), Error> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf")) {
-        let help =
-            "a job is a TOML file that names it as its `scene`, and the sensors that look at it".to_owned();
-        return Err(misplaced(path, "this is a scene, not a job or a sensor file", help));
-    }
     let mut report = Report::default();
     match report.open(path, Layer::Main) {
         Ok(source) => match parse::parse(&report, source) {
-            Some(entries) => Ok((report, entries)),
-            None => Err(Error::Config(report.into_diagnostics())),
+            Some(entries) if !entries.is_empty() => Ok((report, entries)),
+            parsed => {
+                let text = report.text(source);
+                match (other_kind(FileKind::of(text.as_bytes(), text.len() as u64), path), parsed) {
+                    (Some(error), _) => Err(error),
+                    (None, Some(entries)) => Ok((report, entries)),
+                    (None, None) => Err(Error::Config(report.into_diagnostics())),
+                }
+            }
         },
-        Err(Unreadable::Reported) => Err(Error::Config(report.into_diagnostics())),
         Err(problem) => {
+            // What is no text, or too large for a job, is probably another kind of file.
+            if let Some(error) = recognise(path).ok().and_then(|kind| other_kind(kind, path)) {
+                return Err(error);
+            }
             let help = match problem {
+                Unreadable::Reported => return Err(Error::Config(report.into_diagnostics())),
                 Unreadable::Missing => missing_file_help(&path.to_string_lossy(), path),
                 _ => None,
             };
             Err(Error::Config(vec![Diagnostic::about_file(path, problem.to_string(), help)]))
         }
     }
+}
+
+/// The error that a file is of another kind than TOML, if its content says of which.
+fn other_kind(kind: FileKind, path: &Path) -> Option<Error> {
+    let is_known = !kind.is_config() && !kind.is_unknown();
+    is_known.then(|| {
+        let (message, help) = kind.instead_of(Wanted::Config);
+        Error::Config(vec![Diagnostic::about_file(path, message, help)])
+    })
 }
 
 fn into_job(mut report: Report, path: &Path, entries: Entries, overrides: &[String]) -> Result<Job, Error> {

@@ -24,7 +24,7 @@ mod writer;
 
 use crate::source::csv::rows;
 use crate::source::suggest::quoted;
-use crate::source::{Diagnostic, Layer, Report};
+use crate::source::{Diagnostic, FileKind, Layer, Report, Unit};
 use file::File;
 use writer::Toml;
 
@@ -68,8 +68,11 @@ impl Format {
     /// The format of a file, by its content. `None` if no format is recognised.
     pub fn of(text: &str) -> Option<Self> {
         let text = text.trim_start_matches('\u{feff}').trim_start();
-        if text.starts_with('{') {
-            return Some(Self::Ouster);
+        match FileKind::of(text.as_bytes(), text.len() as u64) {
+            FileKind::Calibration(Unit::Ouster) => return Some(Self::Ouster),
+            FileKind::Calibration(Unit::Camera) => return Some(Self::Camera),
+            _ if text.starts_with('{') => return None,
+            _ => {}
         }
         let has_key = |key: &str| {
             text.lines().any(|line| {

@@ -43,7 +43,9 @@ impl Checked {
     /// The outcome of a job that can't be run.
     pub fn broken(name: String, error: Error) -> Self {
         let problems = match &error {
-            Error::Config(problems) => problems.iter().map(ToString::to_string).collect(),
+            Error::Config(problems) | Error::Inputs(problems) => {
+                problems.iter().map(ToString::to_string).collect()
+            }
             other => vec![other.to_string()],
         };
         let outcome = Outcome { job: name, verdict: Verdict::Broken, problems, ..Outcome::default() };

@@ -13,7 +13,7 @@ use crate::output::Format;
 use crate::scene::{Mesh, Scene, gltf};
 use crate::sensor::Sensor;
 use crate::sensor::facts::SensorFacts;
-use crate::source::{Diagnostic, Severity};
+use crate::source::{Diagnostic, FileKind, Severity, Wanted, is_config, recognise};
 
 /// The facts about a job, a sensor file or a scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -60,86 +60,114 @@ impl SensorSizes {
     }
 }
 
+/// Everything that was found in files.
+#[derive(Debug, Default)]
+pub struct Examined {
+    /// The facts about the good ones.
+    pub facts: Vec<FileFacts>,
+    /// The problems of all of them.
+    pub problems: Vec<Diagnostic>,
+    /// Whether a job or a sensor file is wrong. Otherwise all errors are about scenes, or about files that are neither.
+    is_config_wrong: bool,
+}
+
+impl Examined {
+    /// The facts and the problems, if nothing is wrong.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if a job or a sensor file is wrong, else [`Error::Inputs`] if another file is; both with all problems.
+    pub fn into_result(self) -> Result<(Vec<FileFacts>, Vec<Diagnostic>), Error> {
+        let is_wrong = self.problems.iter().any(|problem| problem.severity == Severity::Error);
+        match (is_wrong, self.is_config_wrong) {
+            (false, _) => Ok((self.facts, self.problems)),
+            (true, true) => Err(Error::Config(self.problems)),
+            (true, false) => Err(Error::Inputs(self.problems)),
+        }
+    }
+}
+
 /// Reads every path: jobs, sensor files, scenes, and folders of jobs and sensor files. Returns the facts about the good
 /// ones, and everything that is wrong with the others.
-pub fn examine(paths: &[PathBuf]) -> (Vec<FileFacts>, Vec<Diagnostic>) {
-    let mut facts = Vec::new();
-    let mut diagnostics = Vec::new();
+pub fn examine(paths: &[PathBuf]) -> Examined {
+    let mut examined = Examined::default();
     for path in paths {
         let files = if path.is_dir() { configs_in(path) } else { vec![path.clone()] };
         if files.is_empty() {
             let help = "name a folder that has some, or a file";
-            diagnostics.push(Diagnostic::about_file(
-                path,
-                "the folder has no *.toml files".into(),
-                Some(help.into()),
-            ));
+            let problem =
+                Diagnostic::about_file(path, "the folder has no *.toml files".into(), Some(help.into()));
+            examined.problems.push(problem);
+            examined.is_config_wrong = true;
         }
         for file in &files {
-            examine_file(file, &mut facts, &mut diagnostics);
+            examine_file(file, &mut examined);
         }
     }
-    (facts, diagnostics)
+    examined
 }
 
 /// Reads one job, sensor file or scene. Returns its facts and its warnings.
 ///
 /// # Errors
-/// [`Error::Scene`] if it is a scene that can't be read, else [`Error::Config`] with everything that is wrong.
+/// [`Error::Config`] if a job or a sensor file is wrong, [`Error::Inputs`] if a scene or another file is.
 pub fn facts_of(path: &Path) -> Result<(FileFacts, Vec<Diagnostic>), Error> {
-    let mut diagnostics = Vec::new();
-    if is_scene(path) {
-        let name = path.to_string_lossy();
-        let scene = open_scene(path, &name, None, &mut diagnostics)?;
-        return Ok((FileFacts::of_scene(&name, &scene), diagnostics));
-    }
-    let mut facts = Vec::new();
-    examine_file(path, &mut facts, &mut diagnostics);
+    let mut examined = Examined::default();
+    examine_file(path, &mut examined);
+    let (mut facts, problems) = examined.into_result()?;
     match facts.pop() {
-        Some(facts) if diagnostics.iter().all(|d| d.severity < Severity::Error) => Ok((facts, diagnostics)),
-        _ => Err(Error::Config(diagnostics)),
+        Some(facts) => Ok((facts, problems)),
+        None => Err(Error::Config(problems)),
     }
 }
 
-fn is_scene(path: &Path) -> bool {
-    path.extension().map(|e| e.to_ascii_lowercase()).is_some_and(|e| e == "gltf" || e == "glb")
-}
-
-fn examine_file(path: &Path, facts: &mut Vec<FileFacts>, diagnostics: &mut Vec<Diagnostic>) {
+fn examine_file(path: &Path, examined: &mut Examined) {
     let name = path.to_string_lossy();
-    if is_scene(path) {
-        match open_scene(path, &name, None, diagnostics) {
-            Ok(scene) => facts.push(FileFacts::of_scene(&name, &scene)),
-            Err(error) => diagnostics.push(about_scene(error)),
+    if !is_config(path)
+        && let Ok(kind) = recognise(path)
+        && kind != FileKind::Text
+    {
+        if !kind.is_scene() {
+            let (message, help) = kind.instead_of(Wanted::Linted);
+            examined.problems.push(Diagnostic::about_file(path, message, help));
+            return;
+        }
+        match open_scene(path, &name, None, &mut examined.problems) {
+            Ok(scene) => examined.facts.push(FileFacts::of_scene(&name, &scene)),
+            Err(error) => examined.problems.push(about_scene(error)),
         }
         return;
     }
     match config::load(path, &[]) {
         Ok(Config::Sensor(file)) => {
-            diagnostics.extend(file.warnings);
+            examined.problems.extend(file.warnings);
             let sensors = vec![SensorSizes::of(None, &file.sensor, &Format::all().collect::<Vec<_>>())];
-            facts.push(FileFacts { path: name.into_owned(), kind: "sensor", sensors, scene: None });
+            examined.facts.push(FileFacts { path: name.into_owned(), kind: "sensor", sensors, scene: None });
         }
         Ok(Config::Job(job)) => {
-            match open_scene(&job.scene_path, &job.scene_as_written, Some(&job), diagnostics) {
+            match open_scene(&job.scene_path, &job.scene_as_written, Some(&job), &mut examined.problems) {
                 Ok(scene) => {
                     let sizes = |mounted: &config::MountedSensor| {
                         SensorSizes::of(Some(&mounted.name), &mounted.sensor, &job.output.formats)
                     };
                     let sensors = job.sensors.iter().map(sizes).collect();
                     let scene = Some(SceneFacts::of(&job.scene_as_written, &scene));
-                    facts.push(FileFacts { path: name.into_owned(), kind: "job", sensors, scene });
+                    examined.facts.push(FileFacts { path: name.into_owned(), kind: "job", sensors, scene });
                 }
                 Err(error) => {
                     let mut problem = about_scene(error);
                     problem.message = format!("the scene of {name}: {}", problem.message);
-                    diagnostics.push(problem);
+                    examined.problems.push(problem);
                 }
             }
-            diagnostics.extend(job.warnings);
+            examined.problems.extend(job.warnings);
         }
-        Err(Error::Config(found)) => diagnostics.extend(found),
-        Err(other) => diagnostics.push(Diagnostic::about_file(path, other.to_string(), None)),
+        Err(error) => {
+            examined.is_config_wrong = true;
+            match error {
+                Error::Config(found) => examined.problems.extend(found),
+                other => examined.problems.push(Diagnostic::about_file(path, other.to_string(), None)),
+            }
+        }
     }
 }
 

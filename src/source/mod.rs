@@ -3,6 +3,7 @@
 //!
 //! ```text
 //! read         the one way to read a file
+//! file_kind    what a file is, by its content, and what to do with it
 //! report       the texts that were read, and every problem found in them
 //! diagnostic   one problem, with the place to point at
 //! suggest      the nearest of the words, or of the files of a folder; the user's own words in messages
@@ -12,6 +13,7 @@
 
 pub(crate) mod csv;
 mod diagnostic;
+mod file_kind;
 mod read;
 mod report;
 pub(crate) mod suggest;
@@ -21,7 +23,8 @@ pub(crate) mod yaml;
 use std::path::Path;
 
 pub use diagnostic::{Diagnostic, Severity};
-pub(crate) use read::{Unreadable, read_file};
+pub(crate) use file_kind::{FileKind, Unit, Wanted};
+pub(crate) use read::{Unreadable, is_config, read_file, recognise};
 pub(crate) use report::{Layer, Report};
 
 /// A range of bytes in one of the texts of a [`Report`].

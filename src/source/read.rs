@@ -5,6 +5,8 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::Path;
 
+use super::file_kind::{FileKind, HEAD_BYTES};
+
 /// Why a file can't be read.
 #[derive(Debug)]
 pub(crate) enum Unreadable {
@@ -71,11 +73,7 @@ impl From<io::Error> for Unreadable {
 /// # Errors
 /// All that [`Unreadable`] lists, except [`Unreadable::Reported`].
 pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, Unreadable> {
-    // Opening a pipe would wait for its writer, so the kind of the file is looked up before it is opened, and again after:
-    // the name may have come to mean another file.
-    regular_length(&fs::metadata(path)?)?;
-    let file = File::open(path)?;
-    let length = regular_length(&file.metadata()?)?;
+    let (file, length) = open_regular(path)?;
     if length > limit {
         return Err(Unreadable::TooLarge { bytes: length, limit });
     }
@@ -88,6 +86,44 @@ pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, Unreadable> 
         bytes if bytes > limit => Err(Unreadable::TooLarge { bytes, limit }),
         _ => Ok(bytes),
     }
+}
+
+/// Most of a file that is read to recognise it.
+const MOST_TO_RECOGNISE: u64 = 16 << 20;
+
+/// What a file is, by its beginning; of JSON, as much is read as its keys may need.
+///
+/// # Errors
+/// As [`read_file`], except that no file is too large.
+pub(crate) fn recognise(path: &Path) -> Result<FileKind, Unreadable> {
+    let (mut file, length) = open_regular(path)?;
+    let mut head = Vec::new();
+    (&mut file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
+    if FileKind::needs_more(&head, length) {
+        file.take(MOST_TO_RECOGNISE).read_to_end(&mut head)?;
+    }
+    Ok(FileKind::of(&head, length))
+}
+
+/// Whether a path is that of a job or a sensor file: what it has is TOML or, where the content doesn't say, its name ends so.
+pub(crate) fn is_config(path: &Path) -> bool {
+    match recognise(path) {
+        Ok(FileKind::Job | FileKind::Toml) => true,
+        Ok(FileKind::Text | FileKind::Empty | FileKind::Unknown) | Err(_) => {
+            path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+        }
+        Ok(_) => false,
+    }
+}
+
+/// Opens a regular file, and gives its length.
+fn open_regular(path: &Path) -> Result<(File, u64), Unreadable> {
+    // Opening a pipe would wait for its writer, so the kind of the file is looked up before it is opened, and again after:
+    // the name may have come to mean another file.
+    regular_length(&fs::metadata(path)?)?;
+    let file = File::open(path)?;
+    let length = regular_length(&file.metadata()?)?;
+    Ok((file, length))
 }
 
 fn regular_length(metadata: &fs::Metadata) -> Result<u64, Unreadable> {

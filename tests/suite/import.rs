@@ -535,7 +535,7 @@ fn mistakes_are_told_where_they_are() {
             "expected 2: vertical angle, horizontal angle",
             2,
         ),
-        ("{\"a\": [1, 2".to_owned(), "", "", 1),
+        ("{\"beam_intrinsics\": [1, 2".to_owned(), "", "", 1),
     ] {
         let found = toml(&text, None).unwrap_err();
         let all: Vec<_> = found.iter().map(|d| (d.line_column().0, &d.message)).collect();

@@ -17,6 +17,7 @@ mod open3d;
 mod outputs;
 mod patterns;
 mod presets;
+mod recognition;
 mod scenes;
 mod selftest;
 mod shapes;

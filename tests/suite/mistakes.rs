@@ -138,7 +138,7 @@ error: this is a sensor file, not a job
     let copy = Copy::new();
     assert_eq!(copy.run(&["scan", "configs/sensors/velodyne_vlp16.toml"]), says(2, expected));
     let expected = "\
-error: this is a scene, not a job or a sensor file
+error: this is a glTF scene, not a job or a sensor file
 --> scenes/room.glb
  = help: a job is a TOML file that names it as its `scene`, and the sensors that look at it
 

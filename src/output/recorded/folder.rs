@@ -10,7 +10,7 @@ use super::exr::{Part, read_exr};
 use super::ply::{Cloud, read_ply};
 use crate::error::Error;
 use crate::output::manifest::Manifest;
-use crate::source::read_file;
+use crate::source::{FileKind, Wanted, read_file, recognise};
 
 /// A file or a folder of recorded frames.
 #[derive(Clone, Debug)]
@@ -24,8 +24,8 @@ pub enum Recorded {
 }
 
 impl Recorded {
-    /// Opens an EXR, a PLY, the output folder of a scan, or that folder's manifest. The first bytes decide which it is, and
-    /// not the name.
+    /// Opens an EXR, a PLY, the output folder of a scan, or that folder's manifest. The content decides which it is, and not
+    /// the name.
     ///
     /// # Errors
     /// [`Error::Input`] if the path is none of these, or if the file is broken.
@@ -36,11 +36,14 @@ impl Recorded {
         if path.file_name().is_some_and(|name| name == Manifest::NAME) {
             return Folder::open(path.parent().unwrap_or(Path::new(""))).map(Self::Folder);
         }
-        let bytes = read(path)?;
-        let read = match bytes.get(..4) {
-            Some([0x76, 0x2f, 0x31, 0x01]) => read_exr(&bytes).map(Self::Exr),
-            Some([b'p', b'l', b'y', b'\n' | b'\r']) => read_ply(&bytes).map(Self::Cloud),
-            _ => Err(ReadError::new("this is neither an EXR, nor a PLY, nor a folder that a scan wrote")),
+        let kind = recognise(path).map_err(|e| Error::input(path, e))?;
+        let read = match kind {
+            FileKind::Manifest => {
+                return Folder::open(path.parent().unwrap_or(Path::new(""))).map(Self::Folder);
+            }
+            FileKind::Exr => read_exr(&read(path)?).map(Self::Exr),
+            FileKind::Ply => read_ply(&read(path)?).map(Self::Cloud),
+            other => Err(ReadError::new(other.text_instead_of(Wanted::Frames))),
         };
         read.map_err(|e| Error::input(path, e))
     }

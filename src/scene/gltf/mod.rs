@@ -41,7 +41,7 @@ use super::material::Material;
 use super::notice::Notice;
 use crate::error::SceneError;
 use crate::source::suggest::nearest;
-use crate::source::{Diagnostic, Unreadable, read_file};
+use crate::source::{Diagnostic, FileKind, Unreadable, Wanted, read_file};
 
 /// A scene, and what is to be known about how it was read.
 #[derive(Clone, Debug)]
@@ -125,11 +125,10 @@ fn read(
     let file = read_file(path, u64::MAX)?;
     let canonical = path.canonicalize().map_err(Unreadable::from)?;
     let folder = canonical.parent().ok_or_else(|| Fault::new("", "it is in no folder"))?;
-    if file.is_empty() {
-        return Err(Fault::new("", "the file is empty"));
-    }
-    let (text, chunk) = files::split_glb(&file, notices)?.unwrap_or((&file, None));
-    let document = Document::parse(text)?;
+    // Only what cannot be read is looked at more closely: what it is instead says more than where reading it failed.
+    let or_other_kind = |fault| other_kind(&file).unwrap_or(fault);
+    let (text, chunk) = files::split_glb(&file, notices).map_err(or_other_kind)?.unwrap_or((&file, None));
+    let document = Document::parse(text).map_err(or_other_kind)?;
 
     let data = Data::new(&document, chunk, folder, file.len() as u64);
     let hierarchy = Hierarchy::new(&document, notices)?;
@@ -154,6 +153,16 @@ fn read(
     let nodes = placed.nodes;
     let instance_elements = move |instance: usize| labels.get(&nodes[instance]).cloned().unwrap_or_default();
     Ok(Read { builder, instance_elements, left_out })
+}
+
+/// The fault of a file that is no glTF 2.0, if its content says what it is.
+fn other_kind(file: &[u8]) -> Option<Fault> {
+    let kind = FileKind::of(file, file.len() as u64);
+    if kind == FileKind::Gltf || kind.is_unknown() {
+        return None;
+    }
+    let (problem, help) = kind.instead_of(Wanted::Scene);
+    Some(Fault { help, ..Fault::new("", problem) })
 }
 
 fn material(material: &document::Material, options: &Options) -> Material {
