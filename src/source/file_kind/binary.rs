@@ -1,6 +1,6 @@
 //! Files that begin with a signature of their own.
 
-use super::FileKind::{self, Cloud, Exr, Gltf, Gltf1, Mesh, Other, Ply, Recording, Wrapped};
+use super::kind::FileKind::{self, Cloud, Exr, Gltf, Gltf1, Mesh, Other, Ply, Recording, Wrapped};
 
 const BLENDER: &str = "Blender imports it and exports glTF (File > Export > glTF 2.0)";
 const ASSIMP: &str = "Blender, or `assimp export FILE scene.glb`, makes glTF of it";

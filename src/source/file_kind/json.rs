@@ -1,9 +1,9 @@
 //! JSON by its outermost keys. Nothing is parsed: the text may be hostile, large, or cut short.
 
-use super::FileKind::{
+use super::kind::FileKind::{
     self, Baseline, Calibration, ForeignConfig, Gltf, Gltf1, Keys, Manifest, Other, Wrapped,
 };
-use super::Unit;
+use super::kind::Unit;
 
 /// The members of a JSON object, in order: each key with the text from its value on.
 struct Members<'a> {

@@ -1,10 +1,10 @@
 //! Texts without a signature: told by the words that their lines begin with.
 
-use super::FileKind::{
+use super::json::CAMERA;
+use super::kind::FileKind::{
     self, Calibration, Cloud, ForeignConfig, Job, Keys, Mesh, Other, Text, Toml, Wrapped, Xml,
 };
-use super::Unit;
-use super::json::CAMERA;
+use super::kind::Unit;
 
 /// The text of a file's beginning, without a byte order mark and the space before the first word. `None` if it is no UTF-8,
 /// but for a character that is cut at the end.
