@@ -187,7 +187,7 @@ fn targets(scene: &Scene, tracer: &Tracer, sensor: &Sensor, at: DVec3) -> Vec<Ta
     let seen = hits.into_iter().flatten().map(|hit: Hit| {
         let placement = &scene.arrangement.placements[hit.placement as usize];
         let mesh = &scene.geometry.meshes[placement.mesh as usize];
-        let ray = LocalRay { origin: at - scene.geometry.centre, direction: DVec3::X }.carried(placement);
+        let ray = LocalRay { origin: scene.geometry.ray_origin(at), direction: DVec3::X }.carried(placement);
         Target {
             origin: ray.origin.as_vec3(),
             corners: mesh.triangles[hit.triangle as usize].map(|v| mesh.positions[v as usize].into()),

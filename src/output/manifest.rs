@@ -90,6 +90,7 @@ mod tests {
             materials: vec![Material::default()],
             skipped_triangles: 7,
             files: vec![input("../scenes/wall.glb")],
+            ..Geometry::default()
         };
         let arrangement = Arrangement { placements: vec![Placement::FIXED] };
         let scene = Scene { geometry: Arc::new(geometry), arrangement: Arc::new(arrangement) };

@@ -28,7 +28,8 @@ pub struct Surface {
 /// that time have no placement.
 #[derive(Clone, Debug, Default)]
 pub struct Arrangement {
-    /// Placement 0 is mesh 0, which does not move. The ids of triangles and objects rise from placement to placement.
+    /// The first placements are the [regions](Geometry::regions), in order, which do not move: placement 0 is mesh 0 as it
+    /// stands. The ids of triangles rise from placement to placement.
     pub placements: Vec<Placement>,
 }
 
@@ -49,11 +50,13 @@ impl Scene {
     /// The same geometry, arranged otherwise.
     ///
     /// # Panics
-    /// If the arrangement is not one of this geometry: its placement 0 is not [`Placement::FIXED`], or a mesh or an object
-    /// does not exist, or the ids of triangles do not rise from placement to placement.
+    /// If the arrangement is not one of this geometry: it does not begin with the placements of the regions as they are, or a
+    /// mesh or an object does not exist, or the ids of triangles do not rise from placement to placement.
     pub fn rearranged(&self, arrangement: Arc<Arrangement>) -> Self {
         let placements = &arrangement.placements;
-        assert_eq!(placements.first(), Some(&Placement::FIXED), "placement 0 is mesh 0 as it stands");
+        let regions = self.geometry.regions as usize;
+        let fixed = &self.arrangement.placements[..regions];
+        assert_eq!(placements.get(..regions), Some(fixed), "the regions stay where they are");
         let mut next_triangle = 0_u64;
         for (index, placement) in placements.iter().enumerate() {
             let mesh = self.geometry.meshes.get(placement.mesh as usize);
@@ -94,7 +97,8 @@ impl Scene {
 }
 
 impl Placement {
-    /// Mesh 0 as it stands, in the scene's space: placement 0 of every arrangement.
+    /// Mesh 0 as it stands, in the scene's space: placement 0 of every arrangement. (The placements of other regions are made by
+    /// the [`SceneBuilder`](super::SceneBuilder).)
     pub const FIXED: Self = Self {
         mesh: 0,
         first_triangle: 0,

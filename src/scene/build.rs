@@ -5,8 +5,11 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3};
 
 use super::arrangement::{Arrangement, Placement, Scene, crushes_to_a_line, is_invertible};
-use super::geometry::{Geometry, Mesh, Object, Part, SourceFile};
+use super::bounds::Bounds;
+use super::flatten::{Flattened, Gathered, Numbers, half_step, is_degenerate, rounded};
+use super::geometry::{Geometry, Mesh, Object, Part, Rounding, SourceFile};
 use super::material::Material;
+use super::regions::{self, Region};
 
 /// Meshes and where they are placed, in document order; [`SceneBuilder::build`] makes a scene of them.
 #[derive(Clone, Debug, Default)]
@@ -88,8 +91,13 @@ impl SceneBuilder {
     /// overflow f64, and the product of two (an area, which the BVH's builder compares) does not overflow f32.
     pub const MAX_COORDINATE_M: f64 = 1e12;
 
-    /// Makes the scene: finds its centre, flattens the meshes that are placed once into mesh 0, rounds to f32, and leaves
-    /// out triangles of zero area.
+    /// The most by which rounding may move a vertex along any axis, in metres. A scene that is too large for that about one
+    /// centre is split into [regions](Geometry::regions).
+    pub const LIMIT_M: f64 = 1e-4;
+
+    /// Makes the scene: finds its centre, flattens the meshes that are placed once into mesh 0 or, where that would move
+    /// vertices too far, into [regions](Geometry::regions), rounds to f32, and leaves out triangles of zero area and the
+    /// vertices that no triangle uses.
     pub fn build(mut self) -> Result<Scene, SceneBuildError> {
         let mut uses = vec![0_u32; self.meshes.len()];
         for instance in &self.instances {
@@ -98,44 +106,42 @@ impl SceneBuilder {
         // A map without a precise inverse (a scale of zero along an axis) leaves no space of its own to trace in.
         let is_shared = |i: &SourceInstance| uses[i.mesh] > 1 && is_invertible(&i.world_from_mesh);
 
-        let centre = self.centre(&is_shared)?;
-        let mut skipped_triangles = 0;
-        let mut flat = Mesh::default();
-        let mut shared = Vec::new();
-        for (index, instance) in self.instances.iter().enumerate() {
-            if crushes_to_a_line(&instance.world_from_mesh) {
-                // Scaling to nothing is a way to hide an object. It costs no memory, however many objects are hidden so.
-                skipped_triangles += self.meshes[instance.mesh].triangle_count();
-            } else if is_shared(instance) {
-                shared.push(index);
-            } else {
-                let source = &mut self.meshes[instance.mesh];
-                let from_mesh = DAffine3::from_translation(-centre) * instance.world_from_mesh;
-                skipped_triangles += flatten(source, &from_mesh, index, &mut flat)?;
-                if uses[instance.mesh] == 1 {
-                    *source = SourceMesh::default(); // Frees its memory, which is not needed again.
-                }
-            }
-        }
-        let mut next_triangle = flat.triangles.len() as u64;
-        let mut meshes = vec![flat];
+        let mut survey = Survey::of(&self, &is_shared)?;
+        let Stored { mut centre, mut skipped, mut rounding, regions } = self.store_flat(&survey, &uses)?;
+        rounding.file_m = survey.file_m;
+        rounding.file_object = survey.file_object as u32;
+        let mut regions = regions.into_iter();
+        let first = regions.next().unwrap_or_default();
+        centre += first.centre;
+        let mut next_triangle = first.mesh.triangles.len() as u64;
+        let mut meshes = vec![first.mesh];
         let mut placements = vec![Placement::FIXED];
+        let mut reach = 0.0_f64;
+        for Region { centre: region, mesh } in regions {
+            // Both centres are short binary fractions, so this is exact.
+            let offset = region - first.centre;
+            reach = reach.max(offset.abs().max_element());
+            let scene_from_region = DAffine3::from_translation(offset);
+            placements.push(Placement::new(meshes.len() as u32, next_triangle as u32, 0, scene_from_region));
+            next_triangle += mesh.triangles.len() as u64;
+            meshes.push(mesh);
+        }
+        let regions = meshes.len() as u32;
 
         // The stored mesh of each source mesh that is shared, and the number of triangles that were left out of it.
         let mut stored = vec![None; self.meshes.len()];
-        for index in shared {
+        for index in std::mem::take(&mut survey.shared) {
             let instance = &self.instances[index];
-            let (mesh, skipped) = match stored[instance.mesh] {
+            let (mesh, left_out) = match stored[instance.mesh] {
                 Some(known) => known,
                 None => {
-                    let mut mesh = Mesh::default();
                     let source = std::mem::take(&mut self.meshes[instance.mesh]);
-                    let skipped = keep(source, index, &mut mesh)?;
+                    let (mesh, left_out) = keep(source, index)?;
                     meshes.push(mesh);
-                    *stored[instance.mesh].insert(((meshes.len() - 1) as u32, skipped))
+                    *stored[instance.mesh].insert(((meshes.len() - 1) as u32, left_out))
                 }
             };
-            skipped_triangles += skipped;
+            skipped += left_out;
             let count = meshes[mesh as usize].triangles.len() as u64;
             if count == 0 {
                 continue;
@@ -151,85 +157,181 @@ impl SceneBuilder {
             return Err(SceneBuildError::TooManyTriangles { count: next_triangle });
         }
         if next_triangle == 0 {
-            return Err(SceneBuildError::Empty { skipped: skipped_triangles });
+            return Err(SceneBuildError::Empty { skipped });
         }
         let geometry = Geometry {
             centre,
             meshes,
+            regions,
+            origin_step_m: regions::origin_step(reach),
+            rounding,
             objects: self.instances.into_iter().map(|instance| instance.object).collect(),
             materials: self.materials,
-            skipped_triangles,
+            skipped_triangles: skipped,
             files: self.files,
         };
         Ok(Scene { geometry: Arc::new(geometry), arrangement: Arc::new(Arrangement { placements }) })
     }
 
-    /// The middle of the bounds of all triangles (for a shared mesh: of the corners of its own bounds), rounded to a
-    /// multiple of a power of two that is at most a sixteenth of the largest half extent. So vertices with short
-    /// coordinates, as people and exporters write them, are stored exactly, and a scene that is centred on its own origin
-    /// stays there.
-    fn centre(&self, is_shared: &dyn Fn(&SourceInstance) -> bool) -> Result<DVec3, SceneBuildError> {
-        let mut own_bounds = vec![None; self.meshes.len()];
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (mut farthest, mut farthest_instance) = (DVec3::ZERO, 0);
-        for (index, instance) in self.instances.iter().enumerate() {
-            if crushes_to_a_line(&instance.world_from_mesh) {
-                continue;
+    /// Stores the meshes that are placed once, in one region or several.
+    fn store_flat(&mut self, survey: &Survey, uses: &[u32]) -> Result<Stored, SceneBuildError> {
+        let centre = survey.centre;
+        let is_large = self.needs_regions(survey);
+        let mut stored = Stored { centre, skipped: survey.hidden, ..Stored::default() };
+        let mut flat = Region::default();
+        let (mut gathered, mut numbers) = (Gathered::default(), Numbers::default());
+        for flattened in &survey.flattened {
+            let instance = &self.instances[flattened.instance];
+            let source = &mut self.meshes[instance.mesh];
+            stored.skipped += gathered.add(flattened, source, &instance.world_from_mesh, centre)?;
+            if uses[instance.mesh] == 1 {
+                *source = SourceMesh::default(); // Frees its memory, which is not needed again.
             }
-            let mesh = &self.meshes[instance.mesh];
-            let mut include = |p: DVec3| {
-                let p = instance.world_from_mesh.transform_point3(p);
-                (low, high) = (low.min(p), high.max(p));
-                if p.abs().max_element() > farthest.abs().max_element() {
-                    (farthest, farthest_instance) = (p, index);
-                }
-                if p.is_finite() {
-                    Ok(())
-                } else {
-                    Err(SceneBuildError::TooFar { instance: index, position: p })
-                }
-            };
-            if is_shared(instance) {
-                let (a, b) = *own_bounds[instance.mesh].get_or_insert_with(|| mesh.bounds());
-                if a.x <= b.x {
-                    for corner in 0..8 {
-                        let side = |axis: usize| if corner >> axis & 1 == 0 { a[axis] } else { b[axis] };
-                        include(DVec3::new(side(0), side(1), side(2)))?;
-                    }
-                }
-            } else {
-                for p in mesh.corners() {
-                    include(p)?;
+            if !is_large {
+                let all = 0..gathered.triangles.len() as u32;
+                let store = |v: u32| rounded(gathered.positions[v as usize]);
+                let left_out =
+                    gathered.store(all, store, &mut flat.mesh, &mut stored.rounding, &mut numbers);
+                stored.skipped += left_out;
+                gathered.clear();
+                if flat.mesh.positions.len().max(flat.mesh.triangles.len()) > u32::MAX as usize {
+                    let count = flat.mesh.triangles.len() as u64;
+                    return Err(SceneBuildError::TooManyTriangles { count });
                 }
             }
         }
-        if low.x > high.x {
-            return Ok(DVec3::ZERO);
+        stored.regions = if is_large {
+            let (regions, left_out) = regions::split(&gathered, &mut stored.rounding);
+            stored.skipped += left_out;
+            regions
+        } else {
+            vec![flat]
+        };
+        Ok(stored)
+    }
+
+    /// Whether rounding would move a vertex of a mesh that is placed once by more than [`SceneBuilder::LIMIT_M`].
+    fn needs_regions(&self, survey: &Survey) -> bool {
+        let bounds = survey.flattened.iter().fold(Bounds::EMPTY, |all, one| all.union(one.bounds));
+        let reach = (bounds.low - survey.centre).abs().max((bounds.high - survey.centre).abs()).max_element();
+        if bounds.is_empty() || half_step(reach as f32) <= Self::LIMIT_M {
+            return false;
         }
-        let half_extent = ((high - low) / 2.0).max_element();
-        if half_extent > Self::MAX_COORDINATE_M {
-            return Err(SceneBuildError::TooFar { instance: farthest_instance, position: farthest });
+        survey.flattened.iter().any(|flattened| {
+            let SourceInstance { mesh, world_from_mesh, .. } = &self.instances[flattened.instance];
+            let source = &self.meshes[*mesh];
+            let from_mesh = DAffine3::from_translation(-survey.centre) * *world_from_mesh;
+            let used = source.triangles().filter(|&t| flattened.counts(source, world_from_mesh, t)).flatten();
+            let mut errors = used.map(|v| rounded(from_mesh.transform_point3(source.position(v))).1);
+            errors.any(|error| error > Self::LIMIT_M)
+        })
+    }
+
+    /// Checks that a position is within [`SceneBuilder::MAX_COORDINATE_M`].
+    pub(super) fn check_reach(position: DVec3, instance: usize) -> Result<(), SceneBuildError> {
+        // The comparison is false for NaN.
+        let in_reach = |c: f64| c.abs() <= Self::MAX_COORDINATE_M;
+        if in_reach(position.x) && in_reach(position.y) && in_reach(position.z) {
+            Ok(())
+        } else {
+            Err(SceneBuildError::TooFar { instance, position })
         }
-        let grid = power_of_two_below(half_extent) / 16.0;
-        let middle = low / 2.0 + high / 2.0;
-        Ok(if grid > 0.0 && grid.is_finite() { (middle / grid).round() * grid } else { middle })
     }
 }
 
-impl SourceMesh {
-    fn triangle_count(&self) -> u64 {
-        self.parts.iter().map(|part| part.triangles.len() as u64).sum()
-    }
+/// The meshes that are placed once, as they are stored.
+#[derive(Default)]
+struct Stored {
+    /// The point that the regions' centres count from.
+    centre: DVec3,
+    regions: Vec<Region>,
+    skipped: u64,
+    rounding: Rounding,
+}
 
-    /// The positions of the triangles' corners, triangle by triangle.
-    fn corners(&self) -> impl Iterator<Item = DVec3> + '_ {
-        let triangles = self.parts.iter().flat_map(|part| part.triangles.iter());
-        triangles.flatten().map(|&v| f64_from(self.positions[v as usize]))
-    }
+/// What is known of a scene before anything is stored.
+struct Survey {
+    /// The middle of the bounds of all triangles that have an area (for a shared mesh: of the corners of its own bounds), rounded
+    /// to a multiple of a power of two that is at most a sixteenth of the largest half extent. So vertices with short
+    /// coordinates, as people and exporters write them, are stored exactly, and a scene that is centred on its own origin
+    /// stays there.
+    centre: DVec3,
+    /// The instances that are flattened, and those that stay in their own space.
+    flattened: Vec<Flattened>,
+    shared: Vec<usize>,
+    /// The number of triangles of instances that are scaled to nothing.
+    hidden: u64,
+    /// As in [`Rounding`].
+    file_m: f64,
+    file_object: usize,
+}
 
-    fn bounds(&self) -> (DVec3, DVec3) {
-        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        self.corners().fold(empty, |(low, high), p| (low.min(p), high.max(p)))
+impl Survey {
+    fn of(
+        builder: &SceneBuilder,
+        is_shared: &dyn Fn(&SourceInstance) -> bool,
+    ) -> Result<Self, SceneBuildError> {
+        let mut survey = Self {
+            centre: DVec3::ZERO,
+            flattened: Vec::new(),
+            shared: Vec::new(),
+            hidden: 0,
+            file_m: 0.0,
+            file_object: 0,
+        };
+        // The bounds and the rounding of each shared mesh.
+        let mut own = vec![None; builder.meshes.len()];
+        let mut all = Bounds::EMPTY;
+        let (mut farthest, mut largest) = (0, 0.0);
+        for (index, instance) in builder.instances.iter().enumerate() {
+            let source = &builder.meshes[instance.mesh];
+            let map = &instance.world_from_mesh;
+            if crushes_to_a_line(map) {
+                // Scaling to nothing is a way to hide an object. It costs no memory, however many objects are hidden so.
+                survey.hidden += source.triangle_count();
+                continue;
+            }
+            let (bounds, error) = if is_shared(instance) {
+                survey.shared.push(index);
+                let (bounds, error): (Bounds, f64) = *own[instance.mesh].get_or_insert_with(|| {
+                    let solid = || source.triangles().filter(|&t| !is_degenerate(source.corners(t)));
+                    let corners = solid().flatten().map(|v| source.position(v));
+                    (corners.fold(Bounds::EMPTY, Bounds::with), source.rounding(solid()))
+                });
+                let corners = bounds.corners().filter(|_| !bounds.is_empty());
+                (corners.map(|p| map.transform_point3(p)).fold(Bounds::EMPTY, Bounds::with), error)
+            } else {
+                let flattened = Flattened::new(index, source, map);
+                let error = source.rounding(source.triangles().filter(|&t| flattened.counts(source, map, t)));
+                let bounds = flattened.bounds;
+                survey.flattened.push(flattened);
+                (bounds, error)
+            };
+            if bounds.is_empty() {
+                continue;
+            }
+            if bounds.largest() > largest {
+                (farthest, largest) = (index, bounds.largest());
+            }
+            all = all.union(bounds);
+            let m = &map.matrix3;
+            let stretch = (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
+            if error * stretch > survey.file_m {
+                (survey.file_m, survey.file_object) = (error * stretch, index);
+            }
+        }
+        if !all.is_empty() {
+            let half_extent = all.half_extent();
+            // In this form an infinite extent, and one that is no number, is too large.
+            let in_reach = half_extent <= SceneBuilder::MAX_COORDINATE_M;
+            if !in_reach {
+                let SourceInstance { mesh, world_from_mesh, .. } = &builder.instances[farthest];
+                let position = builder.meshes[*mesh].farthest(world_from_mesh);
+                return Err(SceneBuildError::TooFar { instance: farthest, position });
+            }
+            survey.centre = all.middle(power_of_two_below(half_extent) / 16.0);
+        }
+        Ok(survey)
     }
 }
 
@@ -238,93 +340,50 @@ fn power_of_two_below(x: f64) -> f64 {
     f64::from_bits(x.to_bits() & 0x7ff0_0000_0000_0000)
 }
 
-fn f64_from(p: [f32; 3]) -> DVec3 {
-    DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))
-}
-
-/// Whether the triangle has no area. The difference of two f32 is exact in f64 unless their exponents are 29 or more apart,
-/// and the products of exact differences are exact too, so this finds the triangles whose area is exactly zero.
-fn is_degenerate(positions: &[[f32; 3]], triangle: [u32; 3]) -> bool {
-    let [a, b, c] = triangle.map(|v| f64_from(positions[v as usize]));
-    (b - a).cross(c - a) == DVec3::ZERO
-}
-
-/// Adds `source`, transformed by `from_mesh`, to `flat`. Returns the number of triangles that were left out.
-fn flatten(
-    source: &SourceMesh,
-    from_mesh: &DAffine3,
-    instance: usize,
-    flat: &mut Mesh,
-) -> Result<u64, SceneBuildError> {
-    let base = flat.positions.len();
-    let vertices = base + source.positions.len();
-    if vertices > u32::MAX as usize {
-        // Vertex indices are 32-bit too, and a mesh has at most as many vertices as its triangles have corners.
-        return Err(SceneBuildError::TooManyTriangles { count: vertices as u64 });
-    }
-    flat.positions.extend(
-        source.positions.iter().map(|&p| from_mesh.transform_point3(f64_from(p)).as_vec3().to_array()),
-    );
-    let mirrored = from_mesh.matrix3.determinant() < 0.0;
-    let mut skipped = 0;
-    for part in &source.parts {
-        let first_triangle = flat.triangles.len() as u32;
-        for &triangle in &part.triangles {
-            let [a, b, c] = triangle.map(|v| v + base as u32);
-            let triangle = if mirrored { [a, c, b] } else { [a, b, c] };
-            check(&flat.positions, triangle, instance)?;
-            if is_degenerate(&flat.positions, triangle) {
-                skipped += 1;
-            } else if flat.triangles.len() as u64 == u64::from(u32::MAX) {
-                return Err(SceneBuildError::TooManyTriangles { count: u64::from(u32::MAX) + 1 });
-            } else {
-                flat.triangles.push(triangle);
-            }
-        }
-        if flat.triangles.len() as u32 > first_triangle {
-            flat.parts.push(Part { first_triangle, material: part.material, object: instance as u32 });
-        }
-    }
-    Ok(skipped)
-}
-
-/// Makes `mesh` of `source` without transforming it. Returns the number of triangles that were left out.
-fn keep(source: SourceMesh, instance: usize, mesh: &mut Mesh) -> Result<u64, SceneBuildError> {
-    let mut skipped = 0;
-    mesh.positions = source.positions;
+/// Makes a mesh of `source` without transforming it. Returns the number of triangles that were left out, too.
+fn keep(source: SourceMesh, instance: usize) -> Result<(Mesh, u64), SceneBuildError> {
+    let mut mesh = Mesh::default();
+    let mut left_out = 0;
+    let mut is_used = vec![false; source.positions.len()];
     for part in &source.parts {
         let first_triangle = mesh.triangles.len() as u32;
         for &triangle in &part.triangles {
-            check(&mesh.positions, triangle, instance)?;
-            if is_degenerate(&mesh.positions, triangle) {
-                skipped += 1;
-            } else {
-                mesh.triangles.push(triangle);
+            if is_degenerate(source.corners(triangle)) {
+                left_out += 1;
+                continue;
             }
+            for v in triangle {
+                SceneBuilder::check_reach(source.position(v), instance)?;
+                is_used[v as usize] = true;
+            }
+            mesh.triangles.push(triangle);
         }
         if mesh.triangles.len() as u32 > first_triangle {
             mesh.parts.push(Part { first_triangle, material: part.material, object: 0 });
         }
     }
-    Ok(skipped)
-}
-
-/// Checks that the triangle's corners are within [`SceneBuilder::MAX_COORDINATE_M`].
-fn check(positions: &[[f32; 3]], triangle: [u32; 3], instance: usize) -> Result<(), SceneBuildError> {
-    for v in triangle {
-        let position = f64_from(positions[v as usize]);
-        // The comparison is false for NaN.
-        let in_reach = |c: f64| c.abs() <= SceneBuilder::MAX_COORDINATE_M;
-        if !position.to_array().into_iter().all(in_reach) {
-            return Err(SceneBuildError::TooFar { instance, position });
+    mesh.positions = source.positions;
+    if is_used.contains(&false) {
+        let mut number = vec![0; is_used.len()];
+        let mut next = 0;
+        for (number, &is_used) in number.iter_mut().zip(&is_used) {
+            *number = next;
+            next += u32::from(is_used);
         }
+        for triangle in &mut mesh.triangles {
+            *triangle = triangle.map(|v| number[v as usize]);
+        }
+        let mut is_used = is_used.into_iter();
+        mesh.positions.retain(|_| is_used.next() == Some(true));
+        mesh.positions.shrink_to_fit();
     }
-    Ok(())
+    Ok((mesh, left_out))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::flatten::f64_from;
 
     fn square() -> SourceMesh {
         SourceMesh {

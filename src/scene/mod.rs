@@ -10,16 +10,22 @@
 //! The scene's space is the world, translated (in f64) so that the scene's own centre is near its origin; only then are
 //! vertices rounded to f32. A mesh that is placed once is stored in that space, in mesh 0. A mesh that is placed more than
 //! once is stored once, in its own space, with one [`Placement`] for each time that it is placed.
+//!
+//! In a scene so large that this rounding would be felt (some kilometres), the meshes that are placed once are shared out to
+//! several [regions](Geometry::regions) with centres of their own; `regions` says how, and why rays find no seam between them.
 
 mod arrangement;
+pub(crate) mod bounds;
 mod build;
+mod flatten;
 mod geometry;
 pub mod gltf;
 mod material;
 mod notice;
+mod regions;
 
 pub use arrangement::{Arrangement, Placement, Scene, Surface};
 pub use build::{SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
-pub use geometry::{Geometry, Mesh, Object, Part, SourceFile};
+pub use geometry::{Geometry, Mesh, Object, Part, Rounding, SourceFile};
 pub use material::Material;
 pub use notice::Notice;

@@ -11,7 +11,6 @@
 
 mod any;
 mod batch;
-mod bounds;
 mod brute;
 mod bvh;
 #[cfg(test)]

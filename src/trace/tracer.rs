@@ -8,7 +8,6 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3};
 
 use super::batch::{Batch, NearestHit, NearestHits, PACKET_RAYS, RaySet};
-use super::bounds::Bounds;
 use super::bvh::{self, Bvh8, Child, LeafBlock, TriangleRef};
 use super::exact::{self, Candidate, Corners, Limits, LocalRay};
 use super::hit_attributes::Surfaces;
@@ -18,6 +17,7 @@ use super::simd::{self, F32x8, SimdTask};
 use super::single::{RayStack, SingleRay};
 use super::stats::TraversalStats;
 use super::stream::RayStream;
+use crate::scene::bounds::Bounds;
 use crate::scene::{Arrangement, Mesh, Placement, Scene};
 
 /// Finds the hits that [`BruteForce`](super::BruteForce) finds, bit for bit, and fast.
@@ -176,16 +176,16 @@ impl Tracer {
     /// Some of the rays in the scene's space. Their origins go to `buffer` if they differ.
     #[inline(always)]
     fn batch<'r>(&self, rays: &Rays<'r>, range: Range<usize>, buffer: &'r mut Vec<DVec3>) -> Batch<'r> {
-        let centre = self.scene.geometry.centre;
+        let geometry = &*self.scene.geometry;
         let origins = match rays.origins {
-            Origins::Common(origin) => Origins::Common(origin - centre),
+            Origins::Common(origin) => Origins::Common(geometry.ray_origin(origin)),
             Origins::Each(all) => {
                 let all = &all[range.clone()];
                 if all.iter().all(|o| *o == all[0]) {
-                    Origins::Common(all[0] - centre)
+                    Origins::Common(geometry.ray_origin(all[0]))
                 } else {
                     buffer.clear();
-                    buffer.extend(all.iter().map(|&origin| origin - centre));
+                    buffer.extend(all.iter().map(|&origin| geometry.ray_origin(origin)));
                     Origins::Each(buffer)
                 }
             }
@@ -449,7 +449,7 @@ impl Tracer {
     fn cast_all_in_f64(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
         let mut scratch = ScalarScratch::default();
         for (index, hit) in hits.iter_mut().enumerate() {
-            let origin = rays.origin(index) - self.scene.geometry.centre;
+            let origin = self.scene.geometry.ray_origin(rays.origin(index));
             let ray = LocalRay { origin, direction: rays.directions[index] };
             let mut best = None;
             self.cast_in_f64(ray, &Limits::of(rays, index), &mut best, &mut scratch);
@@ -462,7 +462,7 @@ impl Tracer {
     fn find_blocked_in_f64(&self, rays: &Rays, blocked: &mut [bool]) {
         let mut scratch = ScalarScratch::default();
         for (index, blocked) in blocked.iter_mut().enumerate() {
-            let origin = rays.origin(index) - self.scene.geometry.centre;
+            let origin = self.scene.geometry.ray_origin(rays.origin(index));
             let ray = LocalRay { origin, direction: rays.directions[index] };
             let mut best = None;
             self.cast_in_f64(ray, &Limits::of(rays, index), &mut best, &mut scratch);
@@ -668,7 +668,7 @@ struct ScalarScratch {
 /// The hierarchy over the placements of a scene. It has no nodes if there is only one placement.
 fn over_placements(scene: &Scene, bounds: &[Bounds]) -> Bvh8 {
     let size = scene.arrangement.placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
-    let size = size.filter(|b| b.low.x <= b.high.x).fold(Bounds::EMPTY, Bounds::union).largest();
+    let size = size.filter(|b| !b.is_empty()).fold(Bounds::EMPTY, Bounds::union).largest();
     let boxes: Vec<_> = scene
         .arrangement
         .placements
@@ -698,15 +698,13 @@ fn bounds_of(mesh: &Mesh) -> Bounds {
 /// lets through (their condition is at most 2¹²).
 fn carried_bounds(mesh: &Bounds, placement: &Placement, size: f64) -> Bounds {
     let map = placement.mesh_from_scene();
-    if *map == DAffine3::IDENTITY || mesh.low.x > mesh.high.x {
+    if *map == DAffine3::IDENTITY || mesh.is_empty() {
         return *mesh;
     }
     let m = &map.matrix3;
     let stretch = (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
     let pad = (mesh.largest() + map.translation.abs().max_element() + stretch * size) / f64::from(1 << 21);
     let (low, high) = (mesh.low - pad, mesh.high + pad);
-    (0..8).fold(Bounds::EMPTY, |all, index| {
-        let side = |axis: usize| if index >> axis & 1 == 0 { low[axis] } else { high[axis] };
-        all.with(placement.scene_from_mesh().transform_point3(DVec3::new(side(0), side(1), side(2))))
-    })
+    let corners = Bounds { low, high }.corners();
+    corners.map(|p| placement.scene_from_mesh().transform_point3(p)).fold(Bounds::EMPTY, Bounds::with)
 }

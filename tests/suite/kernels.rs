@@ -531,7 +531,7 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
         let placement = from.unwrap();
         let mesh = &scene.geometry.meshes[placement.mesh as usize];
         let local =
-            LocalRay { origin: pose.translation - scene.geometry.centre, direction }.carried(placement);
+            LocalRay { origin: scene.geometry.ray_origin(pose.translation), direction }.carried(placement);
         let ray = Ray { origin: local.origin.as_vec3(), direction: local.direction.as_vec3() };
         let corners = mesh.triangles[(triangle - placement.first_triangle) as usize];
         let corners = corners.map(|v| Vec3::from(mesh.positions[v as usize]));

@@ -175,7 +175,7 @@ fn all_find(expected: &[Option<Hit>], tracers: &Tracers, batch: usize, rays: &Ra
 /// Every triangle that a ray passes through within its limits, by the definition of a hit, in the order of hits.
 fn hits_in_order(scene: &Scene, rays: &Rays, ray: usize) -> Vec<Candidate> {
     let limits = Limits::of(rays, ray);
-    let ray = LocalRay { origin: rays.origin(ray) - scene.geometry.centre, direction: rays.directions[ray] };
+    let ray = LocalRay { origin: scene.geometry.ray_origin(rays.origin(ray)), direction: rays.directions[ray] };
     let mut hits = Vec::new();
     for (index, placement) in scene.arrangement.placements.iter().enumerate() {
         let local = ray.carried(placement);

@@ -104,6 +104,7 @@ fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<
         SceneBuildError::TooManyTriangles { .. } => Fault::new("", error.to_string()),
     })?;
     notices.extend(left_out);
+    notices.extend(scene.geometry.rounding.notices(&instance_elements));
     Ok(Loaded { scene, notices })
 }
 

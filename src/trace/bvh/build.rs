@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::{BLOCK_OFFSET_WORDS, Bvh8, Child, HEADER, MAX_BLOCK_OFFSET, MAX_VERTICES, Node, TAIL, WIDTH};
 use crate::scene::Mesh;
-use crate::trace::bounds::Bounds;
+use crate::scene::bounds::Bounds;
 
 /// The most triangles of a part. Parts are so large that the seams between them hardly cost any speed, and so small that their
 /// working memory is small.

@@ -152,7 +152,7 @@ impl<K: Kernel> KernelTracer<K> {
         let scene = &self.exact.scene;
         let (mut top_stack, mut stack) = (Vec::new(), Vec::new());
         for (run, origin) in rays.runs() {
-            let origin = origin - scene.geometry.centre;
+            let origin = scene.geometry.ray_origin(origin);
             let seen = if K::ABOUT.common_origin { self.seen_from(origin.as_vec3()) } else { None };
             let seen = seen.as_deref();
             for number in run {
