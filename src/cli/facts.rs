@@ -36,6 +36,15 @@ fn write_scene(text: &mut String, scene: &SceneFacts) {
     fact!(text, "extent", "x {x}, y {y}, z {z} m");
     let [x, y, z] = scene.centre_m.map(tidy);
     fact!(text, "centre", "({x}, {y}, {z}) m");
+    if scene.regions > 1 {
+        let rounding = tidy(scene.rounding_m * 1e3);
+        fact!(
+            text,
+            "regions",
+            "{}, vertices rounded by {rounding} mm at most",
+            grouped(scene.regions.into())
+        );
+    }
     fact!(text, "instances", "{}", grouped(scene.instances as u64));
     fact!(text, "materials", "{}", grouped(scene.materials as u64));
     let labels: Vec<String> = scene.labels.iter().take(32).map(u32::to_string).collect();
@@ -163,6 +172,8 @@ mod tests {
             labels: vec![3, 7],
             extent_m: [[0.0, 5.0], [0.0, 1.0], [0.0, 0.0]],
             centre_m: [2.5, 0.5, 0.0],
+            rounding_m: 3e-6,
+            regions: 2,
             memory_bytes: 200,
         };
         let file =
@@ -175,6 +186,7 @@ mod tests {
             "1° × 2° to 28°\n",
             "exr 43.2 kB a frame, uncompressed\n",
             "extent        x 0 to 5, y 0 to 1, z 0 to 0 m\n",
+            "regions       2, vertices rounded by 0.003 mm at most\n",
             "labels        3, 7\n",
         ] {
             assert!(text.contains(line), "{line:?} in:\n{text}");

@@ -226,6 +226,10 @@ pub struct SceneFacts {
     pub extent_m: [[f64; 2]; 3],
     /// The middle of the extent.
     pub centre_m: [f64; 3],
+    /// The most by which a vertex is off along an axis because it is stored with 32 bits, in metres.
+    pub rounding_m: f64,
+    /// The regions with centres of their own that the scene is stored in: 1, unless it is too large for that.
+    pub regions: u32,
     /// An estimate of the memory that the scene and its tracer take.
     pub memory_bytes: u64,
 }
@@ -253,6 +257,8 @@ impl SceneFacts {
             labels,
             extent_m,
             centre_m: extent_m.map(|[low, high]| (low + high) / 2.0),
+            rounding_m: scene.geometry.rounding.stored_m,
+            regions: scene.geometry.regions,
             memory_bytes: memory::of_scene(scene),
         }
     }

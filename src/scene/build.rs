@@ -190,8 +190,7 @@ impl SceneBuilder {
             if !is_large {
                 let all = 0..gathered.triangles.len() as u32;
                 let store = |v: u32| rounded(gathered.positions[v as usize]);
-                let left_out =
-                    gathered.store(all, store, &mut flat.mesh, &mut stored.rounding, &mut numbers);
+                let left_out = gathered.store(all, store, &mut flat.mesh, &mut stored.rounding, &mut numbers);
                 stored.skipped += left_out;
                 gathered.clear();
                 if flat.mesh.positions.len().max(flat.mesh.triangles.len()) > u32::MAX as usize {

@@ -76,7 +76,8 @@ impl Rounding {
                  large, or lie too far apart, for more digits",
                 length(self.stored_m)
             );
-            let help = "triangles of less than a kilometre are rounded by less than 0.1 mm, wherever they lie";
+            let help =
+                "triangles of less than a kilometre are rounded by less than 0.1 mm, wherever they lie";
             notices.push(Notice::warning(element(self.stored_object as usize), message).help(help));
         }
         notices

@@ -22,7 +22,10 @@ impl Cast for BruteForce<'_> {
             .directions
             .iter()
             .enumerate()
-            .map(|(ray, &direction)| LocalRay { origin: scene.geometry.ray_origin(rays.origin(ray)), direction })
+            .map(|(ray, &direction)| LocalRay {
+                origin: scene.geometry.ray_origin(rays.origin(ray)),
+                direction,
+            })
             .collect();
         let limits: Vec<_> = (0..hits.len()).map(|ray| Limits::of(rays, ray)).collect();
         let mut nearest: Vec<Option<Candidate>> = vec![None; hits.len()];

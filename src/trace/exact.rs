@@ -4,6 +4,10 @@
 //! gives the same bits. The decision is exact: a filter with a proven error bound answers nearly always, and the adaptive
 //! predicate of Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates" (1997),
 //! answers the rest.
+//!
+//! A ray is carried into the space of a placement by the inverse of that placement's map, in f64, once. A region of a large scene
+//! is placed by moving it only, and origins are rounded such that this is exact
+//! ([`Geometry::ray_origin`](crate::scene::Geometry::ray_origin)), so all regions decide as one mesh would.
 
 use glam::{DAffine3, DVec3};
 

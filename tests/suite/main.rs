@@ -18,6 +18,7 @@ mod outputs;
 mod patterns;
 mod presets;
 mod recognition;
+mod regions;
 mod scenes;
 mod selftest;
 mod shapes;

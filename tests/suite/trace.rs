@@ -14,10 +14,10 @@ use rayon::prelude::*;
 use crate::hostile_scenes::open;
 use crate::shapes::{alone, cuboid, mesh, placed, quad, soup, sphere};
 
-type Tracers = Vec<(&'static str, Tracer)>;
+pub type Tracers = Vec<(&'static str, Tracer)>;
 
 /// The tracers under test.
-fn tracers(scene: &Scene) -> Tracers {
+pub fn tracers(scene: &Scene) -> Tracers {
     let tracer = |kind| Tracer::build(scene).with_instructions(kind);
     vec![
         ("packets", tracer(Instructions::Best)),
@@ -30,7 +30,7 @@ fn tracers(scene: &Scene) -> Tracers {
     ]
 }
 
-fn cast(tracer: &dyn Cast, rays: &Rays) -> Vec<Option<Hit>> {
+pub fn cast(tracer: &dyn Cast, rays: &Rays) -> Vec<Option<Hit>> {
     let mut hits = vec![None; rays.directions.len()];
     tracer.cast(rays, &mut hits);
     hits
@@ -43,7 +43,7 @@ fn thorough() -> usize {
 }
 
 /// A vertex of the scene in the world, or a point on one of its edges, as exactly as f64 can represent it.
-fn target(scene: &Scene, random: &mut Rng) -> DVec3 {
+pub fn target(scene: &Scene, random: &mut Rng) -> DVec3 {
     let near = random.u64();
     target_near(scene, random, near)
 }
@@ -71,7 +71,7 @@ fn target_near(scene: &Scene, random: &mut Rng, near: u64) -> DVec3 {
 /// Casts batches of rays from points near the scene. The rays are random, aimed at vertices and edges, neighbours in a
 /// narrow fan, or parallel to an axis, with and without limits. They start from one point, from points along a short path
 /// (a moving sensor), or from anywhere. Every tracer must agree with brute force bit for bit. Returns the number of hits.
-fn agrees(scene: &Scene, batches: usize, seed: u64, spread: f64) -> usize {
+pub fn agrees(scene: &Scene, batches: usize, seed: u64, spread: f64) -> usize {
     let tracers = tracers(scene);
     let batches = (0..batches * thorough()).into_par_iter();
     batches
@@ -131,7 +131,7 @@ fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Rng
 
 /// Compares every tracer with brute force, bit for bit, and in every fourth batch once more for the hits after the nearest
 /// ones. Returns the number of hits.
-fn same_hits(scene: &Scene, tracers: &Tracers, batch: usize, rays: &Rays) -> usize {
+pub fn same_hits(scene: &Scene, tracers: &Tracers, batch: usize, rays: &Rays) -> usize {
     let expected = cast(&BruteForce(scene), rays);
     all_find(&expected, tracers, batch, rays);
     if batch.is_multiple_of(4) {
@@ -175,7 +175,8 @@ fn all_find(expected: &[Option<Hit>], tracers: &Tracers, batch: usize, rays: &Ra
 /// Every triangle that a ray passes through within its limits, by the definition of a hit, in the order of hits.
 fn hits_in_order(scene: &Scene, rays: &Rays, ray: usize) -> Vec<Candidate> {
     let limits = Limits::of(rays, ray);
-    let ray = LocalRay { origin: scene.geometry.ray_origin(rays.origin(ray)), direction: rays.directions[ray] };
+    let ray =
+        LocalRay { origin: scene.geometry.ray_origin(rays.origin(ray)), direction: rays.directions[ray] };
     let mut hits = Vec::new();
     for (index, placement) in scene.arrangement.placements.iter().enumerate() {
         let local = ray.carried(placement);
@@ -211,7 +212,7 @@ fn walk(tracer: &dyn Cast, rays: &Rays) -> Vec<Vec<Candidate>> {
     }
 }
 
-fn rotated(axis: DVec3, angle: f64, scale: DVec3, translation: DVec3) -> DAffine3 {
+pub fn rotated(axis: DVec3, angle: f64, scale: DVec3, translation: DVec3) -> DAffine3 {
     let (sin, cos) = libm::sincos(angle / 2.0);
     let axis = axis.normalize() * sin;
     let rotation = DMat3::from_quat(DQuat::from_xyzw(axis.x, axis.y, axis.z, cos));
