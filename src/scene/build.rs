@@ -7,94 +7,13 @@ use glam::{DAffine3, DVec3};
 use super::arrangement::{Arrangement, Placement, Scene, crushes_to_a_line, is_invertible};
 use super::bounds::Bounds;
 use super::flatten::{Flattened, Gathered, Numbers, half_step, is_degenerate, rounded};
-use super::geometry::{Geometry, Mesh, Object, Part, Rounding, SourceFile};
-use super::material::Material;
+use super::geometry::{Geometry, Mesh, Part};
 use super::regions::{self, Region};
-
-/// Meshes and where they are placed, in document order; [`SceneBuilder::build`] makes a scene of them.
-#[derive(Clone, Debug, Default)]
-pub struct SceneBuilder {
-    /// The meshes, each in its own space.
-    pub meshes: Vec<SourceMesh>,
-    /// The places of the meshes, in document order.
-    pub instances: Vec<SourceInstance>,
-    /// The materials.
-    pub materials: Vec<Material>,
-    /// The files that all of it was read from.
-    pub files: Vec<SourceFile>,
-}
-
-/// A mesh as its file gives it.
-#[derive(Clone, Debug, Default)]
-pub struct SourceMesh {
-    /// Vertices, metres. The vertices that triangles use must be finite.
-    pub positions: Vec<[f32; 3]>,
-    /// The triangles, by material.
-    pub parts: Vec<SourcePart>,
-}
-
-/// Triangles of one material.
-#[derive(Clone, Debug, Default)]
-pub struct SourcePart {
-    /// Indices into [`SourceMesh::positions`], which must be in bounds; counter-clockwise seen from the front.
-    pub triangles: Vec<[u32; 3]>,
-    /// Index into [`SceneBuilder::materials`].
-    pub material: u32,
-}
-
-/// A mesh at a place.
-#[derive(Clone, Debug)]
-pub struct SourceInstance {
-    /// Index into [`SceneBuilder::meshes`].
-    pub mesh: usize,
-    /// Any affine map. A mirroring map keeps the fronts of triangles in front.
-    pub world_from_mesh: DAffine3,
-    /// The object that the mesh is at this place.
-    pub object: Object,
-}
-
-/// The reason why meshes and their places make no scene.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SceneBuildError {
-    /// There is nothing to hit.
-    #[error("the scene has no triangles")]
-    Empty {
-        /// The number of triangles that were left out because their area is zero.
-        skipped: u64,
-    },
-    /// There are more triangles than 32-bit ids.
-    #[error(
-        "the scene has {count} triangles (each counted as often as it is placed), more than {}",
-        u32::MAX
-    )]
-    TooManyTriangles {
-        /// The number of triangles.
-        count: u64,
-    },
-    /// A vertex lies at infinity, or further out than [`SceneBuilder::MAX_COORDINATE_M`].
-    #[error(
-        "a vertex lies at ({:e}, {:e}, {:e}) m, further than {:e} m from the middle",
-        position.x, position.y, position.z,
-        SceneBuilder::MAX_COORDINATE_M
-    )]
-    TooFar {
-        /// Index into [`SceneBuilder::instances`].
-        instance: usize,
-        /// The vertex's position.
-        position: DVec3,
-    },
-}
+use super::rounding::Rounding;
+use super::source::{SceneBuildError, SceneBuilder, SourceInstance, SourceMesh};
+use super::steps::origin_step;
 
 impl SceneBuilder {
-    /// The largest coordinate, in the scene's space and in each mesh's own. The product of three such coordinates does not
-    /// overflow f64, and the product of two (an area, which the BVH's builder compares) does not overflow f32.
-    pub const MAX_COORDINATE_M: f64 = 1e12;
-
-    /// The most by which rounding may move a vertex along any axis, in metres. A scene that is too large for that about one
-    /// centre is split into [regions](Geometry::regions).
-    pub const LIMIT_M: f64 = 1e-4;
-
     /// Makes the scene: finds its centre, flattens the meshes that are placed once into mesh 0 or, where that would move
     /// vertices too far, into [regions](Geometry::regions), rounds to f32, and leaves out triangles of zero area and the
     /// vertices that no triangle uses.
@@ -163,7 +82,7 @@ impl SceneBuilder {
             centre,
             meshes,
             regions,
-            origin_step_m: regions::origin_step(reach),
+            origin_step_m: origin_step(reach),
             rounding,
             objects: self.instances.into_iter().map(|instance| instance.object).collect(),
             materials: self.materials,
@@ -209,11 +128,11 @@ impl SceneBuilder {
         Ok(stored)
     }
 
-    /// Whether rounding would move a vertex of a mesh that is placed once by more than [`SceneBuilder::LIMIT_M`].
+    /// Whether rounding would move a vertex of a mesh that is placed once by more than [`Rounding::LIMIT_M`].
     fn needs_regions(&self, survey: &Survey) -> bool {
         let bounds = survey.flattened.iter().fold(Bounds::EMPTY, |all, one| all.union(one.bounds));
         let reach = (bounds.low - survey.centre).abs().max((bounds.high - survey.centre).abs()).max_element();
-        if bounds.is_empty() || half_step(reach as f32) <= Self::LIMIT_M {
+        if bounds.is_empty() || half_step(reach as f32) <= Rounding::LIMIT_M {
             return false;
         }
         survey.flattened.iter().any(|flattened| {
@@ -222,19 +141,8 @@ impl SceneBuilder {
             let from_mesh = DAffine3::from_translation(-survey.centre) * *world_from_mesh;
             let used = source.triangles().filter(|&t| flattened.counts(source, world_from_mesh, t)).flatten();
             let mut errors = used.map(|v| rounded(from_mesh.transform_point3(source.position(v))).1);
-            errors.any(|error| error > Self::LIMIT_M)
+            errors.any(|error| error > Rounding::LIMIT_M)
         })
-    }
-
-    /// Checks that a position is within [`SceneBuilder::MAX_COORDINATE_M`].
-    pub(super) fn check_reach(position: DVec3, instance: usize) -> Result<(), SceneBuildError> {
-        // The comparison is false for NaN.
-        let in_reach = |c: f64| c.abs() <= Self::MAX_COORDINATE_M;
-        if in_reach(position.x) && in_reach(position.y) && in_reach(position.z) {
-            Ok(())
-        } else {
-            Err(SceneBuildError::TooFar { instance, position })
-        }
     }
 }
 
@@ -383,6 +291,7 @@ fn keep(source: SourceMesh, instance: usize) -> Result<(Mesh, u64), SceneBuildEr
 mod tests {
     use super::*;
     use crate::scene::flatten::f64_from;
+    use crate::scene::{Material, Object, SourcePart};
 
     fn square() -> SourceMesh {
         SourceMesh {

@@ -3,8 +3,9 @@
 use glam::{DAffine3, DVec3};
 
 use super::bounds::Bounds;
-use super::build::{SceneBuildError, SceneBuilder, SourceMesh};
-use super::geometry::{Mesh, Part, Rounding};
+use super::geometry::{Mesh, Part};
+use super::rounding::Rounding;
+use super::source::{SceneBuildError, SceneBuilder, SourceMesh};
 
 /// A mesh at the only place where it is stored.
 pub(super) struct Flattened {

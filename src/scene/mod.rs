@@ -23,9 +23,13 @@ pub mod gltf;
 mod material;
 mod notice;
 mod regions;
+mod rounding;
+mod source;
+mod steps;
 
 pub use arrangement::{Arrangement, Placement, Scene, Surface};
-pub use build::{SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
-pub use geometry::{Geometry, Mesh, Object, Part, Rounding, SourceFile};
+pub use geometry::{Geometry, Mesh, Object, Part, SourceFile};
 pub use material::Material;
 pub use notice::Notice;
+pub use rounding::Rounding;
+pub use source::{SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart};

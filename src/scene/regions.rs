@@ -1,7 +1,7 @@
 //! Scenes too large for one space: they are split into regions, meshes in spaces of their own.
 //!
 //! An f32 has 24 binary digits, so about one centre a vertex is rounded by up to 2⁻²⁵ of the scene's size: half a metre at a distance
-//! of 10 000 km. Where the vertices of a scene would move by more than [`SceneBuilder::LIMIT_M`](super::SceneBuilder::LIMIT_M),
+//! of 10 000 km. Where the vertices of a scene would move by more than [`Rounding::LIMIT_M`],
 //! their triangles are shared out to regions, each with a centre of its own, which are placed by moving them, and nothing else.
 //!
 //! # Regions agree on what they share
@@ -37,14 +37,15 @@ use rayon::prelude::*;
 
 use super::bounds::Bounds;
 use super::flatten::{Gathered, Numbers, f64_from};
-use super::geometry::{Mesh, Rounding};
+use super::geometry::Mesh;
+use super::rounding::Rounding;
+use super::steps::{exponent_above, power_of_two};
 
 /// The binary exponent of the size, in metres, that regions are split down to: half the largest side of their bounds.
 const SIZE: i32 = 10;
 
-/// The binary digits of an f32 and an f64.
+/// The binary digits of an f32.
 const F32_DIGITS: i32 = 24;
-const F64_DIGITS: i32 = 53;
 
 /// The finest grid of centres, as a binary fraction of the scene's size.
 const CENTRE_DIGITS: i32 = 30;
@@ -89,21 +90,6 @@ pub(super) fn split(all: &Gathered, rounding: &mut Rounding) -> (Vec<Region>, u6
     });
     let regions = regions.filter(|region| !region.mesh.triangles.is_empty()).collect();
     (regions, left_out)
-}
-
-/// The step of ray origins for regions with centres no farther than `reach` from the scene's.
-pub(super) fn origin_step(reach: f64) -> f64 {
-    if reach == 0.0 { 0.0 } else { power_of_two(exponent_above(reach) - F64_DIGITS + 1) }
-}
-
-/// The origin of a ray, rounded such that regions agree on it, given their [`origin_step`].
-pub(super) fn rounded_origin(p: DVec3, step: f64) -> DVec3 {
-    let round = |x: f64| {
-        let is_inside = x.abs() <= step * (1_u64 << (F64_DIGITS - 1)) as f64;
-        let step = if is_inside { step } else { origin_step(x.abs()) };
-        (x / step).round_ties_even() * step
-    };
-    DVec3::new(round(p.x), round(p.y), round(p.z))
 }
 
 /// Groups of triangles, while they are split.
@@ -282,14 +268,4 @@ fn places(all: &Gathered, step: f64) -> Vec<u32> {
         place[pair[1] as usize] = place[pair[0] as usize] + is_new;
     }
     place
-}
-
-/// The exponent e of the least power of two that is at least `x`: 2ᵉ ≥ x. Very small numbers, and 0, have that of 2⁻⁵⁰⁰.
-fn exponent_above(x: f64) -> i32 {
-    let (fraction, exponent) = libm::frexp(x.max(1e-150));
-    if fraction == 0.5 { exponent - 1 } else { exponent }
-}
-
-fn power_of_two(exponent: i32) -> f64 {
-    libm::ldexp(1.0, exponent)
 }

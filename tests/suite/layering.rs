@@ -73,8 +73,16 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
     ("std::net", &[], "nothing is fetched"),
     (
         "rayon::",
-        &["scan/", "sensor/camera.rs", "trace/bvh/build.rs", "output/exr.rs", "kernels/", "cli/"],
-        "threads live where rays are shared out, lenses inverted, trees built and images compressed",
+        &[
+            "scan/",
+            "sensor/camera.rs",
+            "scene/regions.rs",
+            "trace/bvh/build.rs",
+            "output/exr.rs",
+            "kernels/",
+            "cli/",
+        ],
+        "threads live where rays are shared out, lenses inverted, scenes split, trees built and images compressed",
     ),
     ("clap::", &["cli/"], "only the command line has flags"),
     ("toml::", &["config/"], "only config knows TOML"),

@@ -1,7 +1,9 @@
 //! Scenes too large for one centre: vertices keep their digits, regions have no seams, and nothing else changes.
 
 use beamcast::rng::Rng;
-use beamcast::scene::{Material, Object, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
+use beamcast::scene::{
+    Material, Object, Rounding, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart,
+};
 use beamcast::trace::{BruteForce, Origins, Rays, Tracer};
 use glam::{DAffine3, DVec3};
 
@@ -294,7 +296,7 @@ fn scenes_that_lose_nothing_stay_in_one_region() {
     ] {
         assert_eq!((scene.geometry.regions, scene.geometry.origin_step_m), (1, 0.0));
         assert_eq!(scene.arrangement.placements.len(), 1);
-        assert!(scene.geometry.rounding.stored_m <= SceneBuilder::LIMIT_M);
+        assert!(scene.geometry.rounding.stored_m <= Rounding::LIMIT_M);
     }
 }
 
@@ -312,7 +314,7 @@ fn a_thin_scatter_of_triangles_makes_few_regions() {
     let scene = placed(vec![scatter], vec![(0, map)]);
     assert_eq!(scene.geometry.regions, 1024);
     let rounding = scene.geometry.rounding;
-    assert!(rounding.stored_m > SceneBuilder::LIMIT_M && rounding.stored_m < 0.02, "{rounding:?}");
+    assert!(rounding.stored_m > Rounding::LIMIT_M && rounding.stored_m < 0.02, "{rounding:?}");
     assert_eq!(rounding.notices(|_| String::new()).len(), 2, "{rounding:?}");
 }
 
@@ -325,7 +327,7 @@ fn a_long_triangle_is_rough_and_its_neighbours_are_not() {
     let scene = placed(vec![long, wall()], vec![(0, stretch), (1, at(place))]);
     assert!((range_ahead(&scene, place) - 5.0).abs() < 1e-6);
     let rounding = scene.geometry.rounding;
-    assert!(rounding.stored_m > SceneBuilder::LIMIT_M && rounding.stored_m < 0.005, "{rounding:?}");
+    assert!(rounding.stored_m > Rounding::LIMIT_M && rounding.stored_m < 0.005, "{rounding:?}");
     assert_eq!(rounding.stored_object, 0);
     let notices = rounding.notices(|object| format!("object {object}"));
     assert_eq!(notices.len(), 1);

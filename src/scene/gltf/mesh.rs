@@ -11,8 +11,8 @@ use gltf::json::validation::Checked;
 use super::data::{Data, Elements, Layout};
 use super::document::{DRACO, Document};
 use super::fault::{Fault, counted, missing};
-use crate::scene::build::{SourceMesh, SourcePart};
 use crate::scene::notice::Notice;
+use crate::scene::source::{SourceMesh, SourcePart};
 
 use ComponentType::{F32, I8, I16, U8, U16, U32};
 

@@ -36,9 +36,9 @@ use nodes::{Hierarchy, PlacedMeshes};
 pub use options::Options;
 
 use super::arrangement::Scene;
-use super::build::{SceneBuildError, SceneBuilder};
 use super::material::Material;
 use super::notice::Notice;
+use super::source::{SceneBuildError, SceneBuilder};
 use crate::error::SceneError;
 use crate::source::suggest::nearest;
 use crate::source::{Diagnostic, FileKind, Unreadable, Wanted, read_file};

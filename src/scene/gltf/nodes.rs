@@ -11,9 +11,9 @@ use super::fault::{Fault, counted, missing, quoted};
 use super::mesh::{LeftOut, MeshReader, Pose, SkinPose};
 use super::options::Options;
 use crate::scene::arrangement::{crushes_to_a_line, is_invertible};
-use crate::scene::build::{SourceInstance, SourceMesh};
 use crate::scene::geometry::Object;
 use crate::scene::notice::Notice;
+use crate::scene::source::{SourceInstance, SourceMesh};
 use crate::source::suggest::nearest;
 
 use ComponentType::{F32, I8, I16};

@@ -1,0 +1,98 @@
+//! What a scene is made of before it is one: meshes as their files give them, and where they are placed.
+
+use glam::{DAffine3, DVec3};
+
+use super::geometry::{Object, SourceFile};
+use super::material::Material;
+
+/// Meshes and where they are placed, in document order; [`SceneBuilder::build`] makes a scene of them.
+#[derive(Clone, Debug, Default)]
+pub struct SceneBuilder {
+    /// The meshes, each in its own space.
+    pub meshes: Vec<SourceMesh>,
+    /// The places of the meshes, in document order.
+    pub instances: Vec<SourceInstance>,
+    /// The materials.
+    pub materials: Vec<Material>,
+    /// The files that all of it was read from.
+    pub files: Vec<SourceFile>,
+}
+
+/// A mesh as its file gives it.
+#[derive(Clone, Debug, Default)]
+pub struct SourceMesh {
+    /// Vertices, metres. The vertices that triangles use must be finite.
+    pub positions: Vec<[f32; 3]>,
+    /// The triangles, by material.
+    pub parts: Vec<SourcePart>,
+}
+
+/// Triangles of one material.
+#[derive(Clone, Debug, Default)]
+pub struct SourcePart {
+    /// Indices into [`SourceMesh::positions`], which must be in bounds; counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Index into [`SceneBuilder::materials`].
+    pub material: u32,
+}
+
+/// A mesh at a place.
+#[derive(Clone, Debug)]
+pub struct SourceInstance {
+    /// Index into [`SceneBuilder::meshes`].
+    pub mesh: usize,
+    /// Any affine map. A mirroring map keeps the fronts of triangles in front.
+    pub world_from_mesh: DAffine3,
+    /// The object that the mesh is at this place.
+    pub object: Object,
+}
+
+/// The reason why meshes and their places make no scene.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneBuildError {
+    /// There is nothing to hit.
+    #[error("the scene has no triangles")]
+    Empty {
+        /// The number of triangles that were left out because their area is zero.
+        skipped: u64,
+    },
+    /// There are more triangles than 32-bit ids.
+    #[error(
+        "the scene has {count} triangles (each counted as often as it is placed), more than {}",
+        u32::MAX
+    )]
+    TooManyTriangles {
+        /// The number of triangles.
+        count: u64,
+    },
+    /// A vertex lies at infinity, or further out than [`SceneBuilder::MAX_COORDINATE_M`].
+    #[error(
+        "a vertex lies at ({:e}, {:e}, {:e}) m, further than {:e} m from the middle",
+        position.x, position.y, position.z,
+        SceneBuilder::MAX_COORDINATE_M
+    )]
+    TooFar {
+        /// Index into [`SceneBuilder::instances`].
+        instance: usize,
+        /// The vertex's position.
+        position: DVec3,
+    },
+}
+
+impl SceneBuilder {
+    /// The largest coordinate, in the scene's space and in each mesh's own. The product of three such coordinates does not
+    /// overflow f64, and the product of two (an area, which the BVH's builder compares) does not overflow f32.
+    pub const MAX_COORDINATE_M: f64 = 1e12;
+
+    /// Checks that a position is within [`SceneBuilder::MAX_COORDINATE_M`].
+    pub(super) fn check_reach(position: DVec3, instance: usize) -> Result<(), SceneBuildError> {
+        // The comparison is false for NaN.
+        let in_reach = |c: f64| c.abs() <= Self::MAX_COORDINATE_M;
+        if in_reach(position.x) && in_reach(position.y) && in_reach(position.z) {
+            Ok(())
+        } else {
+            Err(SceneBuildError::TooFar { instance, position })
+        }
+    }
+}
