@@ -13,12 +13,12 @@ use serde_json::Value;
 
 use super::compare::Tolerance;
 use super::pixels;
-use crate::output::{Channel, Image, Samples, SensorFrame, no_return};
+use crate::output::{Channel, Image, Samples, SensorFrame, is_of_all_pixels, no_return};
 use crate::scene::Scene;
 use crate::sensor::Pattern;
 
 /// The version of the format. A baseline of another version has to be accepted again.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// The record of an accepted job, without the pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -219,6 +219,7 @@ impl Snapshot {
     pub fn pack(&mut self, tolerances: &BTreeMap<String, Tolerance>) -> Vec<u8> {
         let mask = self.image.mask();
         let main = self.image.main_depth().map(|(name, _)| name);
+        let all = vec![true; mask.len()];
         let mut head = Vec::new();
         for rows in self.hashes.rows.values() {
             head.extend(rows.iter().flat_map(|hash| hash.to_le_bytes()));
@@ -233,7 +234,7 @@ impl Snapshot {
         let is_kept = |channel: &&Channel| {
             let name = channel.name.as_str();
             Some(name) == main
-                || matches!(name, "id.instance" | "id.semantic")
+                || matches!(name, "cause" | "id.instance" | "id.semantic")
                 || tolerances.contains_key(name)
         };
         let kept: Vec<(&Channel, f64)> =
@@ -248,7 +249,8 @@ impl Snapshot {
                 let is_id = matches!(channel.samples, Samples::U32(_));
                 may_be_coarser |= !is_id && *step == 0.0;
                 let step = if *step == 0.0 && !is_id { coarsest } else { *step };
-                section(&mut file, &pixels::pack(&channel.samples, &mask, self.image.columns, step));
+                let known = if is_of_all_pixels(&channel.name) { &all } else { &mask };
+                section(&mut file, &pixels::pack(&channel.samples, known, self.image.columns, step));
                 steps.insert(channel.name.clone(), step);
             }
             if file.len() <= MAX_PIXEL_BYTES || !may_be_coarser || coarsest > COARSEST_STEP {
@@ -298,10 +300,12 @@ impl StoredPixels {
         }
         hashes.columns = numbers(columns)?;
         let mask = pixels::unpack_mask(next_section(&mut rest)?, pixels)?;
+        let all = vec![true; pixels];
         let mut channels = Vec::new();
         for (name, &step) in &record.kept {
             let packed = next_section(&mut rest)?;
-            let mut samples = pixels::unpack(packed, &mask, columns, step, step == 0.0)?;
+            let known = if is_of_all_pixels(name) { &all } else { &mask };
+            let mut samples = pixels::unpack(packed, known, columns, step, step == 0.0)?;
             if let Samples::F32(values) = &mut samples {
                 let missed = values.iter_mut().zip(&mask).filter(|(_, seen)| !**seen);
                 missed.for_each(|(value, _)| *value = no_return(name) as f32);

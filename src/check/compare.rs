@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::output::{Image, Samples};
+use crate::output::{Image, Samples, is_of_all_pixels};
 
 /// The tolerance of a channel. The default tolerates no difference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -77,7 +77,8 @@ pub struct ChannelDifference {
     /// Whether the difference is within the tolerance.
     pub within_tolerance: bool,
     /// The pixel numbers that differ by more than the tolerance, in order. In the main depth channel they include the
-    /// pixels with a return in one image only. In other channels only pixels with a return in both images are compared.
+    /// pixels with a return in one image only. Causes are compared in all pixels, other channels only in pixels with a return
+    /// in both images.
     pub pixels: Vec<u32>,
     /// The number of pixels that differ at all. Where the first image is not known exactly, it is at least the number of
     /// [`ChannelDifference::pixels`].
@@ -128,6 +129,7 @@ pub fn compare(
     let masks = [first.mask(), second.mask()];
     let mut difference = ImageDifference { mask: agreement(&masks), ..ImageDifference::default() };
     let main = second.main_depth().map(|(name, _)| name);
+    let all = [vec![true; first.pixels()], vec![true; first.pixels()]];
     for channel in &first.channels {
         let Some(other) = second.channel(&channel.name) else {
             difference.missing.push(channel.name.clone());
@@ -136,7 +138,8 @@ pub fn compare(
         let name = channel.name.as_str();
         let (tolerance, resolution) = (tolerance(name), resolution(name));
         let is_main = Some(name) == main;
-        let mut found = compare_channel(&channel.samples, other, &masks, is_main, tolerance, resolution);
+        let masks = if is_of_all_pixels(name) { &all } else { &masks };
+        let mut found = compare_channel(&channel.samples, other, masks, is_main, tolerance, resolution);
         found.channel = channel.name.clone();
         difference.channels.push(found);
     }

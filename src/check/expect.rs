@@ -76,7 +76,8 @@ pub enum Expected {
     },
     /// The fraction of each sensor's rays that return, 0 to 1.
     Returns(Bounds),
-    /// The fraction of each sensor's rays that hit the vehicle itself, 0 to 1.
+    /// The fraction of each sensor's rays that hit the vehicle itself, 0 to 1. A ray that the vehicle blocks nearer than the
+    /// sensor's least range hits it too.
     Unobstructed {
         /// The vehicle.
         body: Target,
@@ -344,6 +345,19 @@ impl Expected {
     }
 }
 
+/// The surfaces on a target that block beams of a frame nearer than the sensor's least range.
+fn blockers_on<'a>(
+    frame: &'a SensorFrame<'a>,
+    scene: &'a Scene,
+    target: &'a Target,
+) -> impl Iterator<Item = Point<'a>> {
+    let columns = frame.frame.columns();
+    (0..frame.frame.pixels()).filter_map(move |pixel| {
+        let hit = frame.frame.blocker(pixel).filter(|hit| target.is_hit(hit, scene))?;
+        Some(Point { seen: frame, row: pixel / columns, column: pixel % columns, hit })
+    })
+}
+
 /// The returns of all frames that lie on a target.
 fn returns_on<'a>(seen: &'a Seen<'a>, target: &'a Target) -> impl Iterator<Item = Point<'a>> {
     seen.frames.iter().flat_map(move |frame| {
@@ -571,27 +585,24 @@ impl Share<'_> {
     }
 }
 
-/// The fraction that is furthest outside of the bounds, over all sensors, since each must lie within them. `None` without a
-/// sensor.
+/// The fraction of rays that is furthest outside of the bounds, over all sensors, since each must lie within them. `count`
+/// counts the rays of a frame. `None` without a sensor.
 fn furthest_outside<'a>(
     seen: &'a Seen,
     bounds: &Bounds,
-    counts: &dyn Fn(&Return) -> bool,
+    count: &dyn Fn(&'a SensorFrame<'a>) -> usize,
 ) -> Option<Share<'a>> {
     let off = |share: f64| {
         let under = bounds.at_least.map_or(f64::NEG_INFINITY, |least| least - share);
         under.max(bounds.at_most.map_or(f64::NEG_INFINITY, |most| share - most))
     };
-    let shares = seen.frames.iter().map(|of| {
-        let first_returns = (0..of.frame.pixels()).filter_map(|pixel| of.frame.slot(pixel, 0));
-        let hits = first_returns.filter(|&slot| counts(&of.frame.returns().get(slot))).count();
-        Share { share: hits as f64 / of.frame.pixels() as f64, of }
-    });
+    let shares =
+        seen.frames.iter().map(|of| Share { share: count(of) as f64 / of.frame.pixels() as f64, of });
     shares.max_by(|a, b| off(a.share).total_cmp(&off(b.share)))
 }
 
 fn returns(seen: &Seen, bounds: &Bounds) -> Finding {
-    match furthest_outside(seen, bounds, &|_| true) {
+    match furthest_outside(seen, bounds, &|of| of.frame.first_returns().flatten().count()) {
         None => Finding::Nothing("no sensor".to_owned()),
         Some(worst) => {
             let found = format!("{} return", percent(worst.share));
@@ -605,13 +616,18 @@ fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Finding {
         return Finding::Nothing(problem);
     }
     let bounds = Bounds { at_least: None, at_most: Some(at_most) };
-    let Some(worst) = furthest_outside(seen, &bounds, &|hit| body.is_hit(hit, seen.scene)) else {
+    let scene = seen.scene;
+    let too_near = |of: &SensorFrame| blockers_on(of, scene, body).count();
+    let returned = |of: &SensorFrame| {
+        of.frame.first_returns().flatten().filter(|hit| body.is_hit(hit, scene)).count()
+    };
+    let Some(worst) = furthest_outside(seen, &bounds, &|of| returned(of) + too_near(of)) else {
         return Finding::Nothing("no sensor".to_owned());
     };
     // The intervals of azimuth and elevation in which the sensor that sees most of the body is obstructed.
     let mut spans = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     let only = Seen { frames: std::slice::from_ref(worst.of), ..*seen };
-    for point in returns_on(&only, body) {
+    for point in returns_on(&only, body).chain(blockers_on(worst.of, scene, body)) {
         let d = point.pulse().direction;
         let angles = [libm::atan2(d.y, d.x), libm::asin(d.z.clamp(-1.0, 1.0))];
         for (span, angle) in spans.iter_mut().zip(angles) {
@@ -628,7 +644,14 @@ fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Finding {
             azimuth[0], azimuth[1], elevation[0], elevation[1]
         )
     };
-    let found = format!("{} hit it", percent(worst.share));
+    // What the sensor is too near to is not in its data, so it is said.
+    let blocked = too_near(worst.of) as f64 / worst.of.frame.pixels() as f64;
+    let near = if blocked > 0.0 {
+        format!(", {} of the rays nearer than the sensor's least range", percent(blocked))
+    } else {
+        String::new()
+    };
+    let found = format!("{} hit it{near}", percent(worst.share));
     Finding::new(bounds.hold(worst.share), found, format!("{}{directions}", worst.place()))
 }
 

@@ -8,6 +8,7 @@ use super::changes::Changes;
 use super::compare::{AtLeast, ChannelDifference, ImageDifference, Tolerance, compare};
 use super::outcome::{Change, SensorOutcome};
 use super::phrasing::{self, Region, counted, digits, list, metres};
+use crate::scan::Cause;
 
 /// The settings in a job's `[check]`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -165,6 +166,7 @@ impl Judgement<'_> {
             match found.channel.as_str() {
                 name if name == main => sentences.push(self.range_sentence(found)),
                 "id.semantic" => sentences.extend(self.label_sentence(found)),
+                "cause" => sentences.extend(self.cause_sentence(found, &wrong)),
                 _ if found.statistics.is_some() => sentences.push(self.value_sentence(found)),
                 _ => {}
             }
@@ -173,7 +175,8 @@ impl Judgement<'_> {
         let quiet: Vec<&ChannelDifference> = wrong
             .iter()
             .copied()
-            .filter(|c| c.statistics.is_none() && c.channel != main && c.channel != "id.semantic")
+            .filter(|c| c.statistics.is_none() && c.channel != main)
+            .filter(|c| !matches!(c.channel.as_str(), "cause" | "id.semantic"))
             .collect();
         if !quiet.is_empty() {
             let names = names(&quiet.iter().map(|c| &c.channel).collect::<Vec<_>>());
@@ -230,6 +233,33 @@ impl Judgement<'_> {
         let pairs: Vec<String> =
             confusion.map(|c| format!("{} → {}: {} pixels", c.was, c.is, c.pixels)).collect();
         parts.push(format!("label {}", pairs.join("; ")));
+        parts.extend(self.places(found));
+        Some(parts.join(", "))
+    }
+
+    /// The sentence about the causes, such as `39 of 360 causes differ, surface → too_near: 39 pixels, all in row 0`. Returns
+    /// that appeared and vanished where nothing else is are told with the ranges.
+    fn cause_sentence(&self, found: &ChannelDifference, wrong: &[&ChannelDifference]) -> Option<String> {
+        let (was, is) = (self.stored.image.u32("cause")?, self.current.image.u32("cause")?);
+        let mut changes: BTreeMap<[Option<Cause>; 2], usize> = BTreeMap::new();
+        for &pixel in &found.pixels {
+            let change = [was, is].map(|causes| Cause::numbered(causes[pixel as usize]));
+            *changes.entry(change).or_default() += 1;
+        }
+        let is_told = |change: &[Option<Cause>; 2]| {
+            change.iter().all(|cause| matches!(cause, Some(Cause::Surface | Cause::Nothing)))
+        };
+        let has_ranges = wrong.iter().any(|c| self.current.image.main_depth().is_some_and(|(m, _)| m == c.channel));
+        if has_ranges && changes.keys().all(is_told) {
+            return None;
+        }
+        let mut most: Vec<_> = changes.into_iter().collect();
+        most.sort_by_key(|(_, pixels)| std::cmp::Reverse(*pixels));
+        let word = |cause: Option<Cause>| cause.map_or("unknown", Cause::name);
+        let shown = most.iter().take(3).map(|([was, is], pixels)| {
+            format!("{} → {}: {}", word(*was), word(*is), counted(*pixels, "pixel"))
+        });
+        let mut parts = vec![self.how_many(found, "causes"), shown.collect::<Vec<_>>().join("; ")];
         parts.extend(self.places(found));
         Some(parts.join(", "))
     }

@@ -89,12 +89,13 @@ fn write_sensor(text: &mut String, sensor: &SensorSizes) {
             grouped(facts.blind_pixels as u64)
         );
     }
+    let of = if facts.limits_of == "depth" { " of depth" } else { "" };
     match facts.max_range_m {
         Some(max) => {
-            fact!(text, "range", "{} m to {} m", tidy(facts.min_range_m), tidy(max));
+            fact!(text, "range", "{} m to {} m{of}", tidy(facts.min_range_m), tidy(max));
         }
         None => {
-            fact!(text, "range", "{} m, without an upper limit", tidy(facts.min_range_m));
+            fact!(text, "range", "{} m, without an upper limit{of}", tidy(facts.min_range_m));
         }
     }
     if let (Some(rate), Some(points)) = (facts.rate_hz, facts.points_per_second) {
@@ -157,6 +158,7 @@ mod tests {
             points_per_second: Some(10_800.0),
             min_range_m: 0.5,
             max_range_m: Some(50.0),
+            limits_of: "range",
             frame_s: 0.0997,
             blind_pixels: 0,
         };

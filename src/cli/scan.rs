@@ -158,8 +158,14 @@ fn summary(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], times: &Time
     for (mounted, s) in job.sensors.iter().zip(seen) {
         let part = 100.0 * s.hits as f64 / s.rays.max(1) as f64;
         let _ = write!(text, "{}: {} rays, {} hits ({part:.1} %)", mounted.name, s.rays, s.hits);
-        if s.blind > 0 {
-            let _ = write!(text, ", {} pixels without a ray", s.blind);
+        for (count, what) in [
+            (s.too_near, "blocked nearer than its least range"),
+            (s.out_of_range, "beyond its largest range"),
+            (s.blind, "pixels without a ray"),
+        ] {
+            if count > 0 {
+                let _ = write!(text, ", {count} {what}");
+            }
         }
         let _ = match s.range_m {
             Some([low, mean, high]) => {
@@ -195,6 +201,9 @@ fn summary_as_json(
             "name": name,
             "rays": s.rays,
             "hits": s.hits,
+            "too_near": s.too_near,
+            "out_of_range": s.out_of_range,
+            "nothing": s.nothing,
             "pixels_without_ray": s.blind,
             "range_min_m": range(0),
             "range_mean_m": range(1),

@@ -3,11 +3,12 @@
 
 use super::sensor_frame::SensorFrame;
 use crate::frame::BODY_FROM_OPTICAL;
-use crate::scan::Returns;
+use crate::scan::{Cause, Returns};
 use crate::sensor::Sensor;
 use glam::DVec3;
 
-/// The range and the depth of a pixel without a return, in metres. All other channels of such a pixel are 0.
+/// The range and the depth of a pixel without a return, in metres. All other channels of such a pixel are 0, except for its
+/// cause.
 pub const NO_RETURN_M: f64 = f64::INFINITY;
 
 /// The declaration of a channel, which holds one number for each pixel.
@@ -69,6 +70,13 @@ pub enum Values {
     F32(fn(&SensorFrame, Place) -> f64),
     /// Integer ids.
     U32(fn(&SensorFrame, Place) -> u32),
+    /// Numbers that stand for words, which every pixel has, whether something came back or not.
+    OfPixel {
+        /// The number of a pixel, by the pixel's own number.
+        number: fn(&SensorFrame, usize) -> u32,
+        /// The word that a number stands for.
+        word: fn(u32) -> Option<&'static str>,
+    },
 }
 
 /// A pixel, and the slot of one of its returns in the columns of [`Returns`].
@@ -84,7 +92,7 @@ pub struct Place {
 pub const BYTES_A_VALUE: u64 = 4;
 
 /// Every channel, sorted by name. [`DEPTH_FOR_OPENCV`] is not among them, because it repeats one of them.
-pub static CHANNELS: [ChannelSpec; 10] = [
+pub static CHANNELS: [ChannelSpec; 11] = [
     ChannelSpec {
         name: "Z",
         unit: "m",
@@ -96,6 +104,18 @@ pub static CHANNELS: [ChannelSpec; 10] = [
             depth_over_range.map_or(NO_RETURN_M, |ratio| f.returns().range_m[at.slot] * ratio)
         }),
         shown: Some(Shown { rank: 1, label: "depth", scale: Scale::Log }),
+    },
+    ChannelSpec {
+        name: "cause",
+        unit: "",
+        about: "Why the pixel has no return, or 1 if it has one. The EXR's attribute beamcast:cause lists the numbers.",
+        no_return: 0.0, // every pixel has a cause
+        sensors: Sensors::All,
+        values: Values::OfPixel {
+            number: |f, pixel| f.frame.causes()[pixel].number(),
+            word: |number| Cause::numbered(number).map(Cause::name),
+        },
+        shown: Some(Shown { rank: 7, label: "cause", scale: Scale::Id }),
     },
     ChannelSpec {
         name: "id.instance",
@@ -232,6 +252,11 @@ impl ChannelSpec {
 /// The declaration of a channel. [`DEPTH_FOR_OPENCV`] has none.
 pub fn channel(name: &str) -> Option<&'static ChannelSpec> {
     CHANNELS.iter().find(|channel| channel.name == name)
+}
+
+/// Whether a channel has a value of its own in every pixel, whether something came back or not.
+pub fn is_of_all_pixels(name: &str) -> bool {
+    channel(name).is_some_and(|channel| matches!(channel.values, Values::OfPixel { .. }))
 }
 
 /// The value of a channel at a pixel without a return.

@@ -17,10 +17,11 @@ use super::format::{EncodeError, FormatSpec, Kind};
 use super::image::{Image, Samples};
 use super::sensor_frame::{SensorFrame, pose_as_toml};
 use crate::frame::BODY_FROM_OPTICAL;
+use crate::scan::Cause;
 use crate::sensor::{Pattern, Sensor};
 
 /// The value of the attribute `beamcast:no_return`.
-const NO_RETURN: &str = "+inf in range, Z and Y; 0 in all other channels";
+const NO_RETURN: &str = "+inf in range, Z and Y; 0 in all other channels except cause";
 
 /// A range image with every channel, as 32-bit scanlines, with ZIP compression in blocks of 16 lines. A frame with several
 /// returns a pixel has one part for each return number.
@@ -114,6 +115,8 @@ fn attributes(frame: &SensorFrame) -> LayerAttributes {
     let text = |value: &str| AttributeValue::Text(Text::from(value));
 
     set("beamcast:no_return", text(NO_RETURN));
+    let causes = Cause::ALL.map(|cause| format!("{} {}", cause.number(), cause.name()));
+    set("beamcast:cause", text(&causes.join(", ")));
     // An attribute holds one byte for each character.
     set("beamcast:sensor", text(&frame.name.escape_default().to_string()));
     set("beamcast:world_from_sensor", text(&pose_as_toml(&frame.world_from_sensor())));

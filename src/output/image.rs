@@ -64,6 +64,9 @@ impl Image {
             Values::U32(id) => Samples::U32(
                 pixels.clone().map(|i| place(i).map_or(spec.no_return as u32, |at| id(frame, at))).collect(),
             ),
+            Values::OfPixel { number, .. } => {
+                Samples::U32(pixels.clone().map(|i| number(frame, i)).collect())
+            }
         };
         let of_sensor = channels.iter().filter(|spec| spec.is_of(frame.capture.sensor));
         let channels = of_sensor.map(|spec| Channel { name: spec.name.to_owned(), samples: samples(spec) });

@@ -32,7 +32,7 @@ mod whole;
 
 pub use channel::{
     BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, NO_RETURN_M, Place, Scale,
-    Sensors, Shown, Values, channel, no_return,
+    Sensors, Shown, Values, channel, is_of_all_pixels, no_return,
 };
 pub use files::{Destination, GrowingFile, WrittenFile};
 pub use format::{EncodeError, FormatSpec, Kind, Stream};

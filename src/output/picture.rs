@@ -5,6 +5,9 @@ use super::format::EncodeError;
 /// The colour of a pixel without a return.
 pub(super) const NO_RETURN_COLOUR: [u8; 3] = [0x10, 0x10, 0x14];
 
+/// The colour of a pixel whose beam is blocked nearer than the sensor's least range.
+pub(super) const TOO_NEAR_COLOUR: [u8; 3] = [0x4a, 0x0a, 0x14];
+
 /// A PNG of a picture with 8 bits for each colour channel: red, green and blue, row by row.
 ///
 /// # Errors

@@ -1,12 +1,14 @@
 //! Colour previews for people.
 
 use super::format::{EncodeError, FormatSpec, Kind};
-use super::picture::{NO_RETURN_COLOUR, encode_png};
+use super::picture::{NO_RETURN_COLOUR, TOO_NEAR_COLOUR, encode_png};
 use super::plot::{Dot, scatter};
 use super::sensor_frame::SensorFrame;
+use crate::scan::Cause;
 use crate::sensor::{Pattern, Rotating, Sensor, azimuth_elevation};
 
-/// Ranges in the colours of Turbo, with red for near and blue for far. The first of several returns is shown.
+/// Ranges in the colours of Turbo, with red for near and blue for far. The first of several returns is shown. Beams that are
+/// blocked nearer than the least range are dark red.
 pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "png",
     about: "colour previews of the range",
@@ -38,8 +40,9 @@ fn encode(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
     let stretch = stretch(&capture.sensor.pattern);
     let scale = Scale::of(first_ranges(preview).flatten());
     let mut pixels = Vec::with_capacity(3 * frame.pixels() * stretch);
-    let mut colours = first_ranges(preview)
-        .map(|range_m| range_m.map_or(NO_RETURN_COLOUR, |range_m| scale.colour(range_m)));
+    let mut colours = first_ranges(preview).zip(frame.causes()).map(|(range_m, cause)| {
+        range_m.map_or(miss_colour(*cause, NO_RETURN_COLOUR), |range_m| scale.colour(range_m))
+    });
     for _ in 0..frame.rows() {
         let start = pixels.len();
         pixels.extend(colours.by_ref().take(frame.columns()).flatten());
@@ -67,11 +70,17 @@ fn scattered(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
         let pulse = capture.pulse(index / frame.columns(), index % frame.columns());
         let Some(pulse) = pulse else { continue };
         let (azimuth, elevation) = azimuth_elevation(pulse.direction);
-        let colour = range_m.map_or(MISS_COLOUR, |range_m| scale.colour(range_m));
+        let miss = miss_colour(frame.causes()[index], MISS_COLOUR);
+        let colour = range_m.map_or(miss, |range_m| scale.colour(range_m));
         dots.push((range_m.unwrap_or(f64::INFINITY), Dot { azimuth, elevation, colour }));
     }
     dots.sort_by(|a, b| b.0.total_cmp(&a.0));
     scatter(&dots.into_iter().map(|(_, dot)| dot).collect::<Vec<_>>())
+}
+
+/// The colour of a pixel without a return, which is `usual` for most causes.
+fn miss_colour(cause: Cause, usual: [u8; 3]) -> [u8; 3] {
+    if cause == Cause::TooNear { TOO_NEAR_COLOUR } else { usual }
 }
 
 /// The colour of a direction without a return, in a plot whose background is [`NO_RETURN_COLOUR`].

@@ -1,6 +1,6 @@
 //! A frame in short.
 
-use crate::scan::Frame;
+use crate::scan::{Cause, Frame};
 
 /// The number of a frame's rays and returns, and their ranges.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,6 +11,12 @@ pub struct Statistics {
     pub blind: usize,
     /// Returns.
     pub hits: usize,
+    /// Pixels whose beam is blocked nearer than the sensor's least range.
+    pub too_near: usize,
+    /// Pixels whose beam first meets a surface beyond the sensor's largest range.
+    pub out_of_range: usize,
+    /// Pixels whose beam meets nothing at any distance.
+    pub nothing: usize,
     /// The least, the mean and the largest range in metres, if there are returns.
     pub range_m: Option<[f64; 3]>,
 }
@@ -25,6 +31,8 @@ impl Statistics {
         }
         let range_m = (hits > 0).then(|| [low, sum / hits as f64, high]);
         let blind = frame.blind_pixels();
-        Self { rays: frame.pixels() - blind, blind, hits, range_m }
+        let [too_near, out_of_range, nothing] =
+            [Cause::TooNear, Cause::OutOfRange, Cause::Nothing].map(|cause| frame.pixels_of(cause));
+        Self { rays: frame.pixels() - blind, blind, hits, too_near, out_of_range, nothing, range_m }
     }
 }

@@ -3,17 +3,48 @@
 use std::ops::Range;
 
 /// The reason why a pixel has no return, or the origin of its returns.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 #[repr(u8)]
 pub enum Cause {
     /// The pixel sent no pulse: the lens's model has no ray for it, or a prism reflects the beam inward.
     #[default]
-    NoPulse,
-    /// The pulse met no surface within the sensor's range.
-    Nothing,
+    NoPulse = 0,
     /// The pulse came back from a surface.
-    Surface,
+    Surface = 1,
+    /// The pulse met no surface at any distance.
+    Nothing = 2,
+    /// A surface nearer than the sensor's least range blocks the beam.
+    TooNear = 3,
+    /// The first surface on the beam's way is farther than the sensor's largest range.
+    OutOfRange = 4,
+}
+
+impl Cause {
+    /// Every cause, by its number in files.
+    pub const ALL: [Self; 5] =
+        [Self::NoPulse, Self::Surface, Self::Nothing, Self::TooNear, Self::OutOfRange];
+
+    /// The name in files, such as `too_near`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NoPulse => "no_pulse",
+            Self::Surface => "surface",
+            Self::Nothing => "nothing",
+            Self::TooNear => "too_near",
+            Self::OutOfRange => "out_of_range",
+        }
+    }
+
+    /// The number in files.
+    pub fn number(self) -> u32 {
+        self as u32
+    }
+
+    /// The cause with this number in files.
+    pub fn numbered(number: u32) -> Option<Self> {
+        Self::ALL.get(number as usize).copied()
+    }
 }
 
 /// Declares the columns of [`Returns`] once. Each column is a `Vec` there, and a field of one [`Return`].
@@ -120,10 +151,12 @@ pub struct Frame {
 /// The rule that assigns slots to pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 enum Layout {
-    /// A pixel whose cause is [`Cause::Surface`] has the slot of its own number. The slots of the other pixels are zero.
+    /// A pixel has the slot of its own number. If its cause is [`Cause::Surface`] the slot holds its return, if it is
+    /// [`Cause::TooNear`] the surface that blocks it. The slots of the other pixels are zero.
     #[default]
     OneEach,
-    /// Pixel i has the slots from entry i to entry i + 1 of this list, which has one entry more than there are pixels.
+    /// Pixel i has the slots from entry i to entry i + 1 of this list, which has one entry more than there are pixels. A
+    /// pixel whose cause is [`Cause::TooNear`] has at most one slot, which holds the surface that blocks it.
     From(Vec<usize>),
 }
 
@@ -139,7 +172,8 @@ impl Frame {
         self.causes.resize(rows * columns, Cause::NoPulse);
     }
 
-    /// A frame from pixels, row by row. Each pixel has its cause and its returns.
+    /// A frame from pixels, row by row. Each pixel has its cause and its returns. A pixel whose cause is [`Cause::TooNear`] has
+    /// no returns; it may have instead the surface that blocks it.
     ///
     /// # Panics
     /// If the number of pixels is not `rows × columns`.
@@ -173,7 +207,8 @@ impl Frame {
         self.causes.len()
     }
 
-    /// The columns of all returns, by slot. A slot that belongs to no pixel is zero.
+    /// The columns of all returns, by slot. A slot that is not among the [`Frame::slots`] of any pixel is zero, or holds a
+    /// surface that blocks a beam.
     pub fn returns(&self) -> &Returns {
         &self.returns
     }
@@ -183,7 +218,22 @@ impl Frame {
     pub fn slots(&self, pixel: usize) -> Range<usize> {
         match &self.layout {
             Layout::OneEach => pixel..pixel + usize::from(self.causes[pixel] == Cause::Surface),
+            Layout::From(first) if self.causes[pixel] == Cause::TooNear => first[pixel]..first[pixel],
             Layout::From(first) => first[pixel]..first[pixel + 1],
+        }
+    }
+
+    /// The surface that blocks a pixel's beam nearer than the sensor's least range, in the form of the return that it would
+    /// have given.
+    pub fn blocker(&self, pixel: usize) -> Option<Return> {
+        if self.causes[pixel] != Cause::TooNear {
+            return None;
+        }
+        match &self.layout {
+            Layout::OneEach => Some(self.returns.get(pixel)),
+            Layout::From(first) => {
+                (first[pixel]..first[pixel + 1]).next().map(|slot| self.returns.get(slot))
+            }
         }
     }
 
@@ -219,9 +269,14 @@ impl Frame {
     /// The number of returns.
     pub fn return_count(&self) -> usize {
         match &self.layout {
-            Layout::OneEach => self.causes.iter().filter(|cause| **cause == Cause::Surface).count(),
-            Layout::From(_) => self.returns.slots(),
+            Layout::OneEach => self.pixels_of(Cause::Surface),
+            Layout::From(_) => (0..self.pixels()).map(|pixel| self.slots(pixel).len()).sum(),
         }
+    }
+
+    /// The number of pixels with a cause.
+    pub fn pixels_of(&self, cause: Cause) -> usize {
+        self.causes.iter().filter(|of_pixel| **of_pixel == cause).count()
     }
 
     /// The cause of each pixel, row by row.
@@ -231,7 +286,7 @@ impl Frame {
 
     /// The number of pixels that sent no pulse.
     pub fn blind_pixels(&self) -> usize {
-        self.causes.iter().filter(|cause| **cause == Cause::NoPulse).count()
+        self.pixels_of(Cause::NoPulse)
     }
 
     /// The slots and causes of all pixels of a frame of one return each, which can be split among threads.
@@ -283,6 +338,33 @@ mod tests {
         returns.set(0, at(8.0));
         assert_eq!((frame.get(0, 0), frame.get(0, 1), frame.get(0, 2)), (None, Some(at(7.0)), Some(at(8.0))));
         assert_eq!(frame.iter().map(|(pixel, _)| pixel).collect::<Vec<_>>(), [1, 2]);
+    }
+
+    /// What blocks a beam in the dead zone is known, and is no return: in a frame as it is cast and in one made of pixels.
+    #[test]
+    fn what_blocks_a_beam_is_no_return() {
+        let mut cast = Frame::default();
+        cast.set_size(1, 3);
+        let (mut returns, causes) = cast.parts();
+        causes.copy_from_slice(&[Cause::TooNear, Cause::Surface, Cause::OutOfRange]);
+        [at(0.25), at(7.0), Return::default()].into_iter().enumerate().for_each(|(i, one)| returns.set(i, one));
+        let pixels: [(Cause, &[Return]); 3] =
+            [(Cause::TooNear, &[at(0.25)]), (Cause::Surface, &[at(7.0)]), (Cause::OutOfRange, &[])];
+        for frame in [cast, Frame::from_pixels(1, 3, pixels)] {
+            assert_eq!((frame.return_count(), frame.most_returns()), (1, 1));
+            assert_eq!(frame.first_returns().collect::<Vec<_>>(), [None, Some(at(7.0)), None]);
+            assert_eq!([0, 1, 2].map(|pixel| frame.blocker(pixel)), [Some(at(0.25)), None, None]);
+            assert_eq!(frame.iter().map(|(pixel, _)| pixel).collect::<Vec<_>>(), [1]);
+        }
+    }
+
+    #[test]
+    fn causes_have_the_numbers_and_names_of_files() {
+        for (number, cause) in (0..).zip(Cause::ALL) {
+            assert_eq!((cause.number(), Cause::numbered(number)), (number, Some(cause)));
+        }
+        assert_eq!(Cause::numbered(Cause::ALL.len() as u32), None);
+        assert_eq!(Cause::ALL.map(Cause::name), ["no_pulse", "surface", "nothing", "too_near", "out_of_range"]);
     }
 
     #[test]

@@ -3,7 +3,8 @@
 
 mod frame;
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::cmp::Ordering;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -56,12 +57,12 @@ pub fn scan_into(
     let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
     let scanner = Scanner { scene, tracer, capture, fixed };
     strips(frame).into_par_iter().for_each_init(Batch::default, |batch, mut strip| {
-        if !progress.cancelled.load(Ordering::Relaxed) {
+        if !progress.cancelled.load(Relaxed) {
             let rays = scanner.fill(&mut strip, batch);
-            progress.rays_done.fetch_add(rays as u64, Ordering::Relaxed);
+            progress.rays_done.fetch_add(rays as u64, Relaxed);
         }
     });
-    !progress.cancelled.load(Ordering::Relaxed)
+    !progress.cancelled.load(Relaxed)
 }
 
 /// A part of the image that is cast as one batch.
@@ -162,12 +163,14 @@ impl<C: Cast> Scanner<'_, C> {
         let common = origins.first().copied().filter(|first| origins.iter().all(|o| o == first));
         hits.clear();
         hits.resize(directions.len(), None);
-        let range = &self.capture.sensor.range;
+        let limits = &self.capture.sensor.range;
+        // The limits of the sensor's range are none of the tracer's. What is nearer blocks the beam, so the tracer has to find
+        // it, and what is farther is told apart from nothing at all.
         let rays = Rays {
             origins: common.map_or(Origins::Each(origins), Origins::Common),
             directions,
-            t_min: range.min_m,
-            t_max: range.max_m,
+            t_min: self.capture.sensor.pattern.first_light_m(),
+            t_max: f64::INFINITY,
             after: None,
         };
         self.tracer.cast(&rays, hits);
@@ -178,6 +181,15 @@ impl<C: Cast> Scanner<'_, C> {
                 piece.set(usize::from(column), None, Cause::Nothing);
                 continue;
             };
+            let at = (strip.first_row + usize::from(row), strip.first_column + usize::from(column));
+            let cause = match limits.place(self.capture.limited_m(at.0, at.1, hit.t)) {
+                Ordering::Less => Cause::TooNear,
+                Ordering::Equal => Cause::Surface,
+                Ordering::Greater => {
+                    piece.set(usize::from(column), None, Cause::OutOfRange);
+                    continue;
+                }
+            };
             let pose = self.fixed.as_ref().unwrap_or_else(|| &poses[ray]);
             // Neighbouring rays often hit the same triangle.
             let seen = match &mut last {
@@ -185,7 +197,7 @@ impl<C: Cast> Scanner<'_, C> {
                 _ => last.insert(SeenTriangle::of(hit, self.scene)),
             };
             let one = seen.receive(&pose.sensor_from_world, directions[ray], hit);
-            piece.set(usize::from(column), Some(one), Cause::Surface);
+            piece.set(usize::from(column), Some(one), cause);
         }
         pixels.len()
     }
@@ -294,7 +306,7 @@ mod tests {
         };
         let scene = builder.build().unwrap();
         let camera = Camera::from_hfov((33, 33), Angle::deg(60.0), None).unwrap();
-        let range = RangeLimits { min_m: 0.5, max_m: 2.2 };
+        let range = RangeLimits { min_m: 0.5, max_m: 2.2, ..RangeLimits::default() };
         let sensor = Sensor { pattern: Pattern::Camera(camera), range, ring: RingOrder::Row };
         // The camera is turned upside down, and reports in its own frame.
         let pose = Pose::from_rpy(DVec3::ZERO, Angle::deg(180.0), Angle::default(), Angle::default());
@@ -302,7 +314,7 @@ mod tests {
         let trajectory = Trajectory::Fixed(pose);
         let capture = Capture::new(&sensor, Pose::IDENTITY, &trajectory, 0, 0);
         let frame = scan(&scene, &Tracer::build(&scene), &capture, &progress).unwrap();
-        assert_eq!(progress.rays_done.load(Ordering::Relaxed), 33 * 33);
+        assert_eq!(progress.rays_done.load(Relaxed), 33 * 33);
         let middle = frame.get(16, 16).unwrap();
         assert!((middle.range_m - 2.0).abs() < 1e-15);
         assert!(Vec3::from_array(middle.normal).abs_diff_eq(Vec3::NEG_X, 1e-7));
@@ -314,6 +326,7 @@ mod tests {
         assert!((f64::from(aside.intensity) - 0.5 * cos).abs() < 1e-6);
         // The corners lie beyond the sensor's range.
         assert!(frame.get(0, 0).is_none() && 2.0 / capture.pulse(0, 0).unwrap().direction.x > 2.2);
+        assert_eq!(frame.causes()[0], Cause::OutOfRange);
 
         // The memory of a frame of another size, every pixel of which had a return, gives the same frame.
         let other =
@@ -323,7 +336,7 @@ mod tests {
         assert!(scan_into(&mut again, &scene, &Tracer::build(&scene), &capture, &progress));
         assert_eq!(again, frame);
 
-        progress.cancelled.store(true, Ordering::Relaxed);
+        progress.cancelled.store(true, Relaxed);
         assert!(scan(&scene, &Tracer::build(&scene), &capture, &progress).is_none());
     }
 }

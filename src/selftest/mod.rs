@@ -14,7 +14,8 @@
 //!   rays are counted apart. No tolerance is chosen. A tessellated ball lies between its sphere and the largest ball inside its
 //!   facets, and is judged by those two.
 //!
-//! The sensor's limits belong to the closed form: a surface nearer than the least range is not seen, and hides nothing.
+//! The sensor's limits belong to the closed form: a surface nearer than the least range is not seen, and blocks the beam. So
+//! does a surface beyond the largest range, which is not seen either. The causes that the frame gives must say which it was.
 //!
 //! The rows and columns of the pattern are checked against its table: elevations, azimuths and pixels are computed from the
 //! points as a cloud gives them, by other formulas than those that made the pulses.
@@ -23,17 +24,19 @@ mod shapes;
 #[cfg(test)]
 mod tests;
 
+use std::cmp::Ordering;
+
 use glam::{DAffine3, DMat3, DVec3};
 
 use crate::angle::Angle;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::motion::Trajectory;
 use crate::output::{CloudFrame, SensorFrame};
-use crate::scan::{Frame, Progress, scan};
+use crate::scan::{Cause, Frame, Progress, scan};
 use crate::scene::{
     Material, Object, Scene, SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart,
 };
-use crate::sensor::{Capture, Lens, Pattern, RangeLimits, Sensor};
+use crate::sensor::{Capture, Lens, Pattern, Pulse, RangeLimits, Sensor};
 use crate::trace::AnyTracer;
 use crate::trace::methods::Method;
 use shapes::{Model, Solid};
@@ -283,7 +286,8 @@ impl Stage {
 
 /// The answer of a closed form about a ray.
 enum Expected {
-    Miss,
+    /// Nothing comes back, for this cause.
+    Miss(Cause),
     /// The ray hits, at a range between the first two numbers, in metres. The third is the range of the ideal shape.
     Hit(f64, f64, f64),
     Either,
@@ -294,27 +298,32 @@ fn range_tolerance(t: f64) -> f64 {
     1e-9 * (t.abs() / 200.0).max(1.0)
 }
 
-fn expected(stage: &Stage, origin: DVec3, d: DVec3, range: &RangeLimits) -> Expected {
-    let crossing = |grown| stage.solid.crossing(origin, d, grown);
-    let Some(outer) = crossing(stage.vertex_error) else { return Expected::Miss };
+/// The closed form's answer about a pixel's pulse, whose direction has unit length.
+fn expected(stage: &Stage, capture: &Capture, (row, column): (usize, usize), pulse: &Pulse) -> Expected {
+    let crossing = |grown| stage.solid.crossing(pulse.origin, pulse.direction, grown);
+    let Some(outer) = crossing(stage.vertex_error) else { return Expected::Miss(Cause::Nothing) };
+    let first_light = capture.sensor.pattern.first_light_m();
     let (Some(ideal), Some(inner)) = (crossing(0.0), crossing(-stage.vertex_error)) else {
-        let unseen = outer.1 + range_tolerance(outer.1) < range.min_m
-            || outer.0 - range_tolerance(outer.0) > range.max_m;
-        return if unseen { Expected::Miss } else { Expected::Either };
+        let is_behind = outer.1 + range_tolerance(outer.1) < first_light;
+        return if is_behind { Expected::Miss(Cause::Nothing) } else { Expected::Either };
     };
+    // A depth is a range times a factor of at most 1, so that it has no larger error.
+    let place = |range_m| capture.sensor.range.place(capture.limited_m(row, column, range_m));
     // The surface as the ray goes in, and as it comes out.
     for (low, high, ideal) in [(outer.0, inner.0, ideal.0), (inner.1, outer.1, ideal.1)] {
         let (low, high) = (low - range_tolerance(low), high + range_tolerance(high));
-        if high < range.min_m {
+        if high < first_light {
             continue;
         }
-        return match () {
-            () if low > range.max_m => Expected::Miss,
-            () if low >= range.min_m && high <= range.max_m => Expected::Hit(low, high, ideal),
-            () => Expected::Either,
+        return match (place(low), place(high)) {
+            _ if low < first_light => Expected::Either,
+            (Ordering::Equal, Ordering::Equal) => Expected::Hit(low, high, ideal),
+            (Ordering::Less, Ordering::Less) => Expected::Miss(Cause::TooNear),
+            (Ordering::Greater, Ordering::Greater) => Expected::Miss(Cause::OutOfRange),
+            _ => Expected::Either,
         };
     }
-    Expected::Miss
+    Expected::Miss(Cause::Nothing)
 }
 
 /// Compares a frame of `target` with its closed form.
@@ -348,12 +357,16 @@ fn judge(target: &Target, stage: &Stage, capture: &Capture, frame: &Frame) -> Sh
             }
             continue;
         };
-        let expected = expected(stage, pulse.origin, pulse.direction, &capture.sensor.range);
+        let expected = expected(stage, capture, (row, column), &pulse);
+        let cause = frame.causes()[row * frame.columns() + column];
         let found_m = found.map(|hit| hit.range_m);
         let mut right = true;
         let mut expected_m = None;
         match (&expected, found_m) {
-            (Expected::Miss, None) => result.misses += 1,
+            (&Expected::Miss(why), None) => {
+                result.misses += 1;
+                right = why == cause;
+            }
             (Expected::Either, _) => result.edges += 1,
             (&Expected::Hit(low, high, middle), Some(t)) => {
                 result.hits += 1;
@@ -364,10 +377,12 @@ fn judge(target: &Target, stage: &Stage, capture: &Capture, frame: &Frame) -> Sh
                 right = (low..=high).contains(&t);
                 expected_m = Some((low, high));
             }
-            (Expected::Miss, Some(_)) => right = false,
+            (Expected::Miss(_), Some(_)) => right = false,
             (&Expected::Hit(low, high, _), None) => (right, expected_m) = (false, Some((low, high))),
         }
         if let Some(hit) = found {
+            let limited_m = capture.limited_m(row, column, hit.range_m);
+            right &= capture.sensor.range.place(limited_m) == Ordering::Equal;
             let d = pose.direction(pulse.direction);
             let (n, h) = stage.plane(hit.triangle, pose.point(pulse.origin));
             let cos = n.dot(d);

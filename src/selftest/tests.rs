@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 
 use super::*;
 use crate::scan::{Cause, Return};
-use crate::sensor::{Beam, Camera, RingOrder, Rotating};
+use crate::sensor::{Beam, Camera, Limited, RingOrder, Rotating};
 use crate::trace::Tracer;
 
 fn beams(elevations_deg: &[f64]) -> Vec<Beam> {
@@ -21,7 +21,7 @@ fn beams(elevations_deg: &[f64]) -> Vec<Beam> {
 fn lidar_of(beams: Vec<Beam>) -> Sensor {
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
     let pattern = Rotating::new(beams, 180, turn, 10.0).unwrap();
-    let range = RangeLimits { min_m: 0.5, max_m: 100.0 };
+    let range = RangeLimits { min_m: 0.5, max_m: 100.0, ..RangeLimits::default() };
     Sensor { pattern: Pattern::Rotating(pattern), range, ring: RingOrder::Row }
 }
 
@@ -82,14 +82,63 @@ fn limits_are_part_of_the_closed_form() {
     assert!(far.misses > 100 && far.hits > 100, "{far:?}");
 }
 
+/// Limits of depth and ranges that begin before the beam are limits like others: at the shapes near, at middle range and far,
+/// and the frame that ignores them fails.
+#[test]
+fn limits_of_depth_and_range_offsets_have_closed_forms() {
+    let limits = RangeLimits { min_m: 0.5, max_m: 20.0, of: Limited::Depth };
+    let by_depth = Sensor { range: limits, ..camera() };
+    let Pattern::Rotating(head) = lidar().pattern else { unreachable!() };
+    let origins = vec![DVec3::new(0.2, 0.0, 0.05); head.beams().len()];
+    let head = head.with_origins(&origins).unwrap().with_range_offset(0.3).unwrap();
+    let from_axis = Sensor { pattern: Pattern::Rotating(head), ..lidar() };
+    for sensor in [&by_depth, &from_axis] {
+        let report = test(sensor, &somewhere());
+        assert!(report.passed(), "{report:#?}");
+        let near = &report.shapes[..SHAPES];
+        assert!(near.iter().any(|s| s.misses > 100), "something is too near: {near:?}");
+    }
+    // A camera that takes its limits along the ray sees less of what is far.
+    let along_ray = Sensor { range: RangeLimits { of: Limited::Range, ..limits }, ..camera() };
+    let target = &targets(&by_depth, distances(&limits)[2])[0];
+    let stage = Stage::new(target, &Pose::IDENTITY).unwrap();
+    let frame = seen(&stage.scene, &Capture::at_origin(&along_ray));
+    assert!(judge(target, &stage, &Capture::at_origin(&by_depth), &frame).wrong > 100);
+}
+
+/// A miss has the right cause, or it is wrong.
+#[test]
+fn a_wrong_cause_is_caught() {
+    let sensor = lidar();
+    for (which, cause) in [(0, Cause::TooNear), (2, Cause::OutOfRange)] {
+        let target = &targets(&sensor, distances(&sensor.range)[which])[0];
+        let stage = Stage::new(target, &Pose::IDENTITY).unwrap();
+        let capture = Capture::at_origin(&sensor);
+        let right = seen(&stage.scene, &capture);
+        assert!(right.pixels_of(cause) > 100, "{cause:?}");
+        let returns: Vec<_> = right.first_returns().collect();
+        let told = |&of: &Cause| if of == cause { Cause::Nothing } else { of };
+        let pixels = right.causes().iter().map(told).zip(returns.iter().map(Option::as_slice));
+        let wrong = Frame::from_pixels(right.rows(), right.columns(), pixels);
+        assert_eq!(judge(target, &stage, &capture, &right).wrong, 0);
+        assert_eq!(judge(target, &stage, &capture, &wrong).wrong, right.pixels_of(cause));
+    }
+}
+
 fn seen(scene: &Scene, capture: &Capture) -> Frame {
     scan(scene, &Tracer::build(scene), capture, &Progress::default()).unwrap()
 }
 
 /// A frame of the size of another, with other returns.
 fn frame_of(frame: &Frame, returns: &[Option<Return>]) -> Frame {
-    let cause = |one: &Option<Return>| if one.is_some() { Cause::Surface } else { Cause::Nothing };
-    Frame::from_pixels(frame.rows(), frame.columns(), returns.iter().map(|one| (cause(one), one.as_slice())))
+    let cause = |(one, &was): (&Option<Return>, &Cause)| match (one, was) {
+        (Some(_), _) => Cause::Surface,
+        (None, Cause::Surface) => Cause::Nothing,
+        (None, was) => was,
+    };
+    let causes = returns.iter().zip(frame.causes()).map(cause);
+    let pixels = causes.zip(returns.iter().map(Option::as_slice));
+    Frame::from_pixels(frame.rows(), frame.columns(), pixels)
 }
 
 /// The level room and the box at middle range, with what is seen of them changed before it is judged.

@@ -1,6 +1,6 @@
 //! The capture of one frame of one sensor, before any ray is cast. It is the only door to pulses and their times.
 
-use super::{Lens, Pattern, Pulse, Sensor};
+use super::{Lens, Limited, Pattern, Pulse, Sensor};
 use crate::frame::Pose;
 use crate::motion::{AT_ORIGIN, Trajectory};
 
@@ -86,6 +86,16 @@ impl<'a> Capture<'a> {
         match &self.sensor.pattern {
             Pattern::Camera(camera) => camera.optical_direction(row, column).map(|direction| direction.z),
             _ => None,
+        }
+    }
+
+    /// The length at a range along a pixel's ray that the sensor's limits apply to, in metres: the range itself, or a
+    /// camera's depth.
+    #[inline]
+    pub fn limited_m(&self, row: usize, column: usize, range_m: f64) -> f64 {
+        match self.sensor.range.of {
+            Limited::Range => range_m,
+            Limited::Depth => self.depth_over_range(row, column).map_or(range_m, |ratio| range_m * ratio),
         }
     }
 

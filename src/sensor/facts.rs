@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Camera, Capture, Pattern, Rotating, Sensor, azimuth_elevation};
+use super::{Camera, Capture, Limited, Pattern, Rotating, Sensor, azimuth_elevation};
 
 /// The facts that people ask of a sensor. Angles are in degrees, ready to be shown.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -33,6 +33,8 @@ pub struct SensorFacts {
     pub min_range_m: f64,
     /// The largest range that is measured, in metres; `None` if there is no limit.
     pub max_range_m: Option<f64>,
+    /// The length that these limits apply to: `range` or `depth`.
+    pub limits_of: &'static str,
     /// The time from the first pulse of a frame to the last, in seconds.
     pub frame_s: f64,
     /// The number of pixels without a ray: the model of the lens or of the prisms has none, or the beam does not fire in every
@@ -70,6 +72,10 @@ impl SensorFacts {
             points_per_second: pattern.rate_hz().map(|rate| rate * (rays - blind) as f64),
             min_range_m: sensor.range.min_m,
             max_range_m: limit.is_finite().then_some(limit),
+            limits_of: match sensor.range.of {
+                Limited::Range => "range",
+                Limited::Depth => "depth",
+            },
             frame_s: pattern.last_pulse_s() - pattern.first_pulse_s(),
             blind_pixels: blind,
         }
@@ -166,7 +172,7 @@ mod tests {
         let beams = elevations.iter().enumerate().map(beam).collect();
         let sector = (Angle::deg(sector.0), Angle::deg(sector.1));
         let pattern = Pattern::Rotating(Rotating::new(beams, columns, sector, 10.0).unwrap());
-        Sensor { pattern, range: RangeLimits { min_m: 0.5, max_m: 50.0 }, ring: RingOrder::Row }
+        Sensor { pattern, range: RangeLimits { min_m: 0.5, max_m: 50.0, ..RangeLimits::default() }, ring: RingOrder::Row }
     }
 
     #[test]

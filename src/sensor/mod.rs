@@ -11,6 +11,8 @@ mod rays;
 mod risley;
 mod rotating;
 
+use std::cmp::Ordering;
+
 use glam::DVec3;
 
 use crate::angle::Angle;
@@ -42,19 +44,47 @@ impl Sensor {
     }
 }
 
-/// The limits of a sensor's range, measured along the ray from the pulse's origin. Both limits are included. A surface
-/// nearer than the least range is not detected, and it hides nothing behind it.
+/// The limits of what a sensor detects. Both limits are included. A surface nearer than the least range is not detected, but
+/// it blocks the beam, so that nothing behind it is detected either: this is the sensor's dead zone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeLimits {
-    /// The least range in metres, 0 or more.
+    /// The least range or depth in metres, 0 or more.
     pub min_m: f64,
-    /// The largest range in metres, infinite if the sensor has no limit.
+    /// The largest range or depth in metres, infinite if the sensor has no limit.
     pub max_m: f64,
+    /// The length that has these limits.
+    pub of: Limited,
+}
+
+/// The length that a sensor's limits apply to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Limited {
+    /// The range as the sensor reports it, along the ray.
+    #[default]
+    Range,
+    /// The depth along a camera's optical axis. Data sheets of depth cameras state their limits so. A ray at a right angle
+    /// to the axis or beyond has no depth above 0.
+    Depth,
 }
 
 impl Default for RangeLimits {
     fn default() -> Self {
-        Self { min_m: 0.0, max_m: f64::INFINITY }
+        Self { min_m: 0.0, max_m: f64::INFINITY, of: Limited::Range }
+    }
+}
+
+impl RangeLimits {
+    /// Where a surface lies whose range or depth, whichever is limited, is so many metres: `Less` is too near, `Equal` is
+    /// within the limits, and `Greater` is too far.
+    #[inline]
+    pub fn place(&self, limited_m: f64) -> Ordering {
+        if limited_m < self.min_m {
+            Ordering::Less
+        } else if limited_m <= self.max_m {
+            Ordering::Equal
+        } else {
+            Ordering::Greater
+        }
     }
 }
 
@@ -174,6 +204,15 @@ impl Pattern {
                 let direction = p.direction(row, column)?;
                 Some(Pulse { origin: DVec3::ZERO, direction, time_s: 0.0 })
             }
+        }
+    }
+
+    /// The range at which light leaves the sensor, in metres. A pulse whose range begins before the beam's own origin does not
+    /// meet what lies between the two: no light passes there, as it is inside the sensor's head.
+    pub fn first_light_m(&self) -> f64 {
+        match self {
+            Self::Rotating(p) => p.range_offset_m(),
+            _ => 0.0,
         }
     }
 

@@ -38,6 +38,9 @@
 
     const depthOf = (channels) => channels.find((c) => c.is_depth)?.values[0];
     const isSeen = (depth, i) => depth === undefined || Number.isFinite(depth[i]);
+    // Numbers that stand for words are known of every pixel, also of one without a return.
+    const isKnown = (channel, depth, i) => channel.words || isSeen(depth, i);
+    const wordOf = (channel, value) => channel.words[value].replaceAll("_", " ");
 
     function quantile(values, seen, part) {
         const step = Math.max(1, Math.floor(values.length / 50000));
@@ -94,6 +97,7 @@
         if (channel.scale === "normal") return "(" + channel.values.map((axis) => (axis[i] / 127).toFixed(2)).join(", ") + ")";
         const value = valueOf(channel, i);
         if (channel.scale === "id") {
+            if (channel.words?.[value]) return wordOf(channel, value);
             const name = channel.key === "id.instance" ? view.instances[value] : undefined;
             return name === undefined ? String(value) : value + " “\u2068" + name + "\u2069”";
         }
@@ -126,7 +130,7 @@
         }
         const mix = (to, t) => SAME.map((c, k) => Math.round(c + (to[k] - c) * t));
         const of = (i) => {
-            const [a, b] = [isSeen(was, i), isSeen(is, i)];
+            const [a, b] = [isKnown(before, was, i), isKnown(run, is, i)];
             if (!a && !b) return [NOTHING, "no return in either"];
             if (!a) return [NEW, "appeared"];
             if (!b) return [GONE, "vanished"];
@@ -421,11 +425,12 @@
                 legend.append("red, green and blue: the normal's x, y and z, from −1 (dark) to 1 (bright)");
             } else if (channel.scale === "id") {
                 const counts = new Map();
-                for (let i = 0; i < rows * columns; i++) if (isSeen(depth, i)) counts.set(channel.values[0][i], (counts.get(channel.values[0][i]) ?? 0) + 1);
+                for (let i = 0; i < rows * columns; i++) if (isKnown(channel, depth, i)) counts.set(channel.values[0][i], (counts.get(channel.values[0][i]) ?? 0) + 1);
                 const most = [...counts].sort((a, b) => b[1] - a[1] || a[0] - b[0]);
                 for (const [id, count] of most.slice(0, 12)) {
                     const name = channel.key === "id.instance" ? view.instances[id] : undefined;
-                    legend.append(swatch(idColour(id), id + (name === undefined ? "" : " “\u2068" + name + "\u2069”") + ": " + count));
+                    if (channel.words?.[id]) legend.append(swatch(idColour(id), wordOf(channel, id) + ": " + count));
+                    else legend.append(swatch(idColour(id), id + (name === undefined ? "" : " “\u2068" + name + "\u2069”") + ": " + count));
                 }
                 if (most.length > 12) legend.append(most.length - 12 + " more");
             } else {
@@ -436,7 +441,7 @@
                 const number = (v) => Number(v.toPrecision(4)) + (channel.unit ? " " + channel.unit : "");
                 legend.append(number(scale.low), bar, number(scale.high) + (channel.scale === "log" ? " (logarithmic)" : ""));
             }
-            if (depth && pictures.length) legend.append(swatch(NOTHING, "no return"));
+            if (depth && pictures.length && !channel.words) legend.append(swatch(NOTHING, "no return"));
             const difference = view.baseline && differ(view, channel.key);
             if (difference) {
                 legend.append("Difference:", swatch(SAME, "the same"));
@@ -460,7 +465,7 @@
                 } else {
                     const channels = channelsOf(picture);
                     const own = channels.find((c) => c.key === key), seen = depthOf(channels);
-                    if (own) fill(canvas, (i) => isSeen(seen, i), colourer(own, scale));
+                    if (own) fill(canvas, (i) => isKnown(own, seen, i), colourer(own, scale));
                     else fill(canvas, () => false);
                 }
             }
@@ -486,7 +491,8 @@
                 } else {
                     const channels = channelsOf(picture), seen = depthOf(channels);
                     line.append(pictures.length > 1 ? picture + ": " : "row " + row + ", column " + column + ": ");
-                    if (!isSeen(seen, i)) line.append("no return");
+                    const cause = channels.find((c) => c.key === "cause");
+                    if (!isSeen(seen, i)) line.append("no return", cause ? ": " + shown(cause, i, view) : "");
                     else channels.forEach((c, n) => line.append(n ? ", " : "", element("b", c.label + " "), shown(c, i, view)));
                 }
                 output.append(line);

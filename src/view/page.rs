@@ -16,7 +16,7 @@ use super::frames::View;
 use super::pack;
 use crate::check::phrasing::digits;
 use crate::check::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
-use crate::output::{self, Channel, DEPTH_FOR_OPENCV, Image, NO_RETURN_M, Samples, Scale};
+use crate::output::{self, Channel, DEPTH_FOR_OPENCV, Image, NO_RETURN_M, Samples, Scale, Values};
 use crate::source::suggest::escaped;
 
 const SCRIPT: &str = include_str!("page.js");
@@ -357,8 +357,18 @@ fn channel(
         "scale": scale_name,
         "is_depth": depth.is_some_and(|depth| matches!(samples, Samples::F32(v) if std::ptr::eq(v.as_slice(), depth))),
         "resolution": resolution(name),
+        "words": words(name, samples),
         "packed": packed,
     }))
+}
+
+/// The words that the numbers of a channel stand for, by number, if they stand for words.
+fn words(name: &str, samples: &Samples) -> Option<BTreeMap<u32, &'static str>> {
+    let (Values::OfPixel { word, .. }, Samples::U32(numbers)) = (output::channel(name)?.values, samples) else {
+        return None;
+    };
+    let seen: BTreeSet<u32> = numbers.iter().copied().collect();
+    Some(seen.into_iter().filter_map(|number| Some((number, word(number)?))).collect())
 }
 
 fn document(title: &str, body: &str) -> String {

@@ -114,17 +114,9 @@ class World:
         length = np.linalg.norm(cast[:, 3:].astype(np.float64), axis=1)
         answer = self.tracer.cast_rays(o3d.core.Tensor(cast))
         t, triangle = answer["t_hit"].numpy() * length, answer["primitive_ids"].numpy().astype(np.int64)
-        # What is nearer than the sensor's least range hides nothing: on from there.
-        near = t < sensor.min_m
-        while near.any():
-            start = (t[near] / length[near] + 1e-5).astype(np.float32)
-            ahead = cast[near].copy()
-            ahead[:, :3] += ahead[:, 3:] * start[:, None]
-            answer = self.tracer.cast_rays(o3d.core.Tensor(ahead))
-            t[near] = (answer["t_hit"].numpy() + start.astype(np.float64)) * length[near]
-            triangle[near] = answer["primitive_ids"].numpy()
-            near = t < sensor.min_m
-        t[t > sensor.max_m] = np.inf
+        # What is nearer than the sensor's least range blocks the ray.
+        limited = t * sensor.limited.reshape(-1)
+        t[(limited < sensor.min_m) | (limited > sensor.max_m)] = np.inf
         return t, triangle
 
     def corners(self, triangle):
@@ -316,15 +308,19 @@ class Admissible:
     def __call__(self, direction, ray, t):
         """Whether t (inf: a miss) can be a ray's range."""
         index, at, allowed, sure = self.possible(direction, ray)
-        surely = sure & (at > self.sensor.min_m + allowed) & (at < self.sensor.max_m - allowed)
-        if (surely & (at + allowed < t)).any():
-            return False
-        return bool(np.isinf(t) or len(self.hits(direction, ray, t)))
+        if np.isfinite(t):
+            blocked = (sure & (at > allowed) & (at + allowed < t)).any()
+            return bool(not blocked and len(self.hits(direction, ray, t)))
+        limited, off = (value * self.sensor.limited.reshape(-1)[ray] for value in (at, allowed))
+        surely_seen = sure & (limited > self.sensor.min_m + off) & (limited < self.sensor.max_m - off)
+        may_be_blocked = (at + allowed > 0) & (limited <= self.sensor.min_m + off)
+        return bool(may_be_blocked.any() or not surely_seen.any())
 
     def hits(self, direction, ray, t):
         """The triangles that a ray may hit at t."""
         index, at, allowed, _ = self.possible(direction, ray)
-        visible = (at >= self.sensor.min_m - allowed) & (at <= self.sensor.max_m + allowed) & (at + allowed > 0)
+        limited, off = (value * self.sensor.limited.reshape(-1)[ray] for value in (at, allowed))
+        visible = (limited >= self.sensor.min_m - off) & (limited <= self.sensor.max_m + off) & (at + allowed > 0)
         return index[visible & (np.abs(at - t) <= allowed)]
 
     def possible(self, direction, ray):
@@ -404,7 +400,8 @@ def calm(world, sensor, t, triangle):
         same &= np.isfinite(other_t) == np.isfinite(t)
         same &= ~np.isfinite(t) | (other_triangle == triangle)
     # Nor the ends of the sensor's range.
-    return same & (np.abs(t - sensor.min_m) > 1e-3) & ~(np.abs(t - sensor.max_m) < 1e-3)
+    limited = t * sensor.limited.reshape(-1)
+    return same & (np.abs(limited - sensor.min_m) > 1e-3) & ~(np.abs(limited - sensor.max_m) < 1e-3)
 
 
 def coprime(total, parts):

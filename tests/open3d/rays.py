@@ -19,6 +19,7 @@ class Sensor:
     directions   (rows, columns, 3) f64, unit
     depth        (rows, columns): planar depth of a point at range 1; None for a LiDAR
     cast         (rows, columns, 6) f32 rays about `centre`, as Open3D is to cast them; not unit for a camera
+    limited      (rows, columns): what the limits apply to, of a point at range 1
     axes         (3, 3) f64: from the frame that normals are given in (a camera's optical one) to the world
     """
 
@@ -30,6 +31,7 @@ class Sensor:
     axes: np.ndarray
     min_m: float
     max_m: float
+    limited: np.ndarray
 
 
 def load_job(path):
@@ -85,7 +87,8 @@ def make(name, description, world_from_sensor, centre):
         directions = rotating(description["rotating"]) @ axes.T
         cast = np.concatenate([np.broadcast_to(origin - centre, directions.shape), directions], -1).astype(np.float32)
     low, high = limits.get("min_m", 0.0), limits.get("max_m", np.inf)
-    return Sensor(name, origin, directions, depth, cast, axes, low, high)
+    limited = depth if limits.get("of", "range") == "depth" else np.ones(directions.shape[:2])
+    return Sensor(name, origin, directions, depth, cast, axes, low, high, limited)
 
 
 def rotating(table):

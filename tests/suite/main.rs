@@ -4,6 +4,7 @@ mod check;
 mod cli;
 mod config;
 mod corpus;
+mod dead_zone;
 mod docs;
 mod examples;
 mod first_steps;

@@ -5,10 +5,11 @@ use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
 use beamcast::output::{CloudFrame, SensorFrame};
 use beamcast::rng::Rng;
-use beamcast::scan::{Frame, Progress, scan};
+use beamcast::scan::{Cause, Frame, Progress, scan};
 use beamcast::scene::Scene;
 use beamcast::sensor::{
-    Beam, Camera, Capture, Pattern, Pulse, RangeLimits, RayTable, RingOrder, Rotating, Sensor, direction,
+    Beam, Camera, Capture, Limited, Pattern, Pulse, RangeLimits, RayTable, RingOrder, Rotating, Sensor,
+    direction,
 };
 use beamcast::trace::Tracer;
 use glam::{DAffine3, DVec3};
@@ -32,7 +33,7 @@ fn camera(limits: RangeLimits) -> Sensor {
     Sensor { pattern: Pattern::Camera(pattern), range: limits, ring: RingOrder::Row }
 }
 
-const NO_LIMITS: RangeLimits = RangeLimits { min_m: 0.0, max_m: f64::INFINITY };
+const NO_LIMITS: RangeLimits = RangeLimits { min_m: 0.0, max_m: f64::INFINITY, of: Limited::Range };
 
 fn see(scene: &Scene, sensor: &Sensor, pose: &Pose) -> Frame {
     seen_from(scene, &Tracer::build(scene), sensor, pose)
@@ -284,30 +285,119 @@ fn a_box_and_a_wedge_from_outside() {
     }
 }
 
-#[test]
-fn range_limits_see_through_what_is_nearer_and_not_what_is_farther() {
-    // There are two walls, at 2 m and at 6 m.
+/// Two walls that a sensor at the origin looks at squarely: 18 m wide at x = 2, and 100 m wide at x = 6.
+fn two_walls() -> Scene {
     let mut walls =
         quad([[2.0, -9.0, -9.0], [2.0, 9.0, -9.0], [2.0, 9.0, 9.0], [2.0, -9.0, 9.0]].map(DVec3::from));
     walls.positions.extend([[6.0, -50.0, -50.0], [6.0, 50.0, -50.0], [6.0, 50.0, 50.0], [6.0, -50.0, 50.0]]);
     walls.parts[0].triangles.extend([[4, 5, 6], [4, 6, 7]]);
-    let scene = alone(walls);
-    let sensor = camera(RangeLimits { min_m: 2.1, max_m: 6.15 });
+    alone(walls)
+}
+
+/// A wall nearer than the least range blocks the beam, and hides the wall behind it. The limits are ranges along the ray or
+/// depths: the formula is that of the walls' planes, and of the rays' angles.
+#[test]
+fn what_is_too_near_blocks_and_what_is_too_far_is_not_seen() {
+    let scene = two_walls();
+    let along = RangeLimits { min_m: 2.1, max_m: 2.3, of: Limited::Range };
+    let limits = [
+        (along, [1000, 1000, 1000]),
+        (RangeLimits { max_m: 5.9, ..along }, [1000, 1000, 0]),
+        (RangeLimits { of: Limited::Depth, ..along }, [0, 19200, 0]),
+        (RangeLimits { min_m: 2.0, max_m: 2.0, of: Limited::Depth }, [19200, 0, 0]),
+        (RangeLimits { min_m: 0.5, max_m: 1.9, of: Limited::Depth }, [0, 0, 19200]),
+        (RangeLimits { min_m: 6.5, max_m: 7.0, of: Limited::Depth }, [0, 19200, 0]),
+    ];
+    for (limits, least) in limits {
+        let sensor = camera(limits);
+        let frame = see(&scene, &sensor, &Pose::IDENTITY);
+        let (mut seen, mut near, mut far) = (0, 0, 0);
+        let mut causes = frame.causes().iter();
+        each_ray(&frame, &sensor, &Pose::IDENTITY, |d, found| {
+            // The nearer wall fills the image.
+            let range_m = 2.0 / d.x;
+            let limited_m = if limits.of == Limited::Depth { range_m * d.x } else { range_m };
+            let expected = match () {
+                () if limited_m < limits.min_m - 1e-12 => Cause::TooNear,
+                () if limited_m > limits.max_m + 1e-12 => Cause::OutOfRange,
+                () => Cause::Surface,
+            };
+            assert_eq!((found.is_some(), causes.next()), (expected == Cause::Surface, Some(&expected)));
+            assert!(found.is_none_or(|found| (found - range_m).abs() < 1e-13));
+            *(match expected {
+                Cause::Surface => &mut seen,
+                Cause::TooNear => &mut near,
+                _ => &mut far,
+            }) += 1;
+        });
+        let counts = [seen, near, far];
+        assert!(counts.iter().zip(least).all(|(count, least)| *count >= least), "{limits:?}: {counts:?}");
+    }
+}
+
+/// Of what lies on a beam's way the first surface alone decides, also if only a farther one is within the limits. A miss is
+/// told apart from a surface that is too far.
+#[test]
+fn each_miss_has_its_cause() {
+    let scene = two_walls();
+    let sensor = lidar(RangeLimits { min_m: 3.0, max_m: 50.0, of: Limited::Range });
     let frame = see(&scene, &sensor, &Pose::IDENTITY);
-    let (mut near, mut far, mut none) = (0, 0, 0);
-    each_ray(&frame, &sensor, &Pose::IDENTITY, |d, found| {
-        let (first, second) = (2.0 / d.x, 6.0 / d.x);
-        let expected = [first, second].into_iter().find(|t| (2.1..=6.15).contains(t));
-        match (expected, found) {
-            (Some(e), Some(f)) => {
-                assert!((e - f).abs() < 1e-13);
-                if e == first { near += 1 } else { far += 1 }
-            }
-            (None, None) => none += 1,
-            (e, f) => panic!("{e:?} {f:?}"),
-        }
-    });
-    assert!(near > 1000 && far > 100 && none > 100, "{near} {far} {none}");
+    let capture = Capture::at_origin(&sensor);
+    let mut counts = [0; 4];
+    for (pixel, &cause) in frame.causes().iter().enumerate() {
+        let d = capture.pulse(pixel / 360, pixel % 360).unwrap().direction;
+        let at = |x: f64, half: f64| (d.x > 0.0).then(|| x / d.x).filter(|t| (d * t).y.abs() < half);
+        let expected = match at(2.0, 9.0).or(at(6.0, 50.0)) {
+            None => Cause::Nothing,
+            Some(t) if t < 3.0 => Cause::TooNear,
+            Some(t) if t > 50.0 => Cause::OutOfRange,
+            Some(_) => Cause::Surface,
+        };
+        assert_eq!(cause, expected, "{d}");
+        counts[[Cause::Nothing, Cause::TooNear, Cause::OutOfRange, Cause::Surface]
+            .iter()
+            .position(|known| *known == expected)
+            .unwrap()] += 1;
+        let blocker = frame.blocker(pixel).map(|hit| hit.range_m);
+        assert_eq!(blocker.is_some(), expected == Cause::TooNear);
+        assert!(blocker.is_none_or(|range_m| (range_m - 2.0 / d.x).abs() < 1e-13));
+    }
+    assert!(counts.iter().all(|count| *count > 10), "{counts:?}");
+}
+
+/// A range that counts from the axis of the head begins before the beam's origin. What lies between the two is inside the head,
+/// where no light passes: it blocks nothing. What lies between the origin and the least range does.
+#[test]
+fn nothing_blocks_a_beam_before_its_own_origin() {
+    let (offset, min_m) = (0.1, 0.5);
+    let beam = Beam {
+        elevation: Angle::default(),
+        azimuth_offset: Angle::default(),
+        time_s: 0.0,
+        file_index: 0,
+    };
+    let turn = (Angle::deg(180.0), Angle::deg(-180.0));
+    let pattern = Rotating::new(vec![beam], 4, turn, 10.0).unwrap();
+    let pattern = pattern.with_origins(&[DVec3::new(offset, 0.0, 0.0)]).unwrap();
+    let pattern = Pattern::Rotating(pattern.with_range_offset(offset).unwrap());
+    let limits = RangeLimits { min_m, ..RangeLimits::default() };
+    let sensor = Sensor { pattern, range: limits, ring: RingOrder::Row };
+    // A plate at x, square to the beam ahead (column 2), and a wall at 5 m. The scene is rounded to multiples of 2⁻²².
+    let cause = |x: f64| {
+        let square = |x: f64| [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(y, z)| DVec3::new(x, y, z));
+        let mut shape = quad(square(5.0));
+        shape.positions.extend(square(x).map(|p| p.as_vec3().to_array()));
+        shape.parts[0].triangles.extend([[4, 5, 6], [4, 6, 7]]);
+        let frame = see(&alone(shape), &sensor, &Pose::IDENTITY);
+        (frame.causes()[2], frame.get(0, 2).map(|hit| (hit.range_m * 1e6).round() / 1e6))
+    };
+    // At the axis, and between the axis and the window: the beam begins at 0.1 m.
+    assert_eq!(cause(0.0), (Cause::Surface, Some(5.0)));
+    assert_eq!(cause(0.099), (Cause::Surface, Some(5.0)));
+    assert_eq!(cause(0.101), (Cause::TooNear, None));
+    assert_eq!(cause(0.499), (Cause::TooNear, None));
+    // The limit is one of the range as the sensor reports it, from the axis.
+    assert_eq!(cause(0.501), (Cause::Surface, Some(0.501)));
 }
 
 /// Compares a sphere with its own facets (by Möller and Trumbore's test in f64, over all of them) and with the ideal ball.

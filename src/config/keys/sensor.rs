@@ -7,7 +7,7 @@ use super::super::kinds::{
 };
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
 use super::angles::{Angles, MAX_SIDE};
-use crate::sensor::{Motion, Order, RingOrder, Tilted};
+use crate::sensor::{Limited, Motion, Order, RingOrder, Tilted};
 
 const SIDE: Integer<u64> = Integer::within(1, MAX_SIDE);
 
@@ -50,7 +50,7 @@ pub(crate) static FISHEYE: Key<Nested> =
 pub(crate) static EQUIRECTANGULAR: Key<Nested> =
     key("equirectangular", Nested(&camera::EQUIRECTANGULAR_KEYS), "A spherical image, or a part of one.");
 pub(crate) static RANGE: Key<Nested> =
-    key("range", Nested(&range::KEYS), "What is nearer or farther gives no return.");
+    key("range", Nested(&range::KEYS), "What is nearer or farther gives no return; what is nearer hides what is behind it.");
 pub(crate) static RING: Key<Choice<RingOrder>> = key(
     "ring",
     Choice(&[("row", RingOrder::Row), ("bottom_up", RingOrder::BottomUp), ("file", RingOrder::File)]),
@@ -366,13 +366,23 @@ pub(crate) mod camera {
 pub(crate) mod range {
     use super::*;
 
-    pub static KEYS: TableKeys = table("`[range]`", &[&MIN, &MAX]);
-    pub static MIN: Key<Number> =
-        key("min_m", Number::NOT_NEGATIVE, "The least range in metres along the ray, included.").or("0.0");
+    pub static KEYS: TableKeys = table("`[range]`", &[&MIN, &MAX, &OF]);
+    pub static MIN: Key<Number> = key(
+        "min_m",
+        Number::NOT_NEGATIVE,
+        "The least range in metres, included. What is nearer gives no return, and blocks the beam.",
+    )
+    .or("0.0");
     pub static MAX: Key<Number> = key(
         "max_m",
         Number::POSITIVE.or_infinite(),
-        "The largest range in metres along the ray, included; left out: no limit.",
+        "The largest range in metres, included; left out: no limit.",
     )
     .suggested_as("50.0");
+    pub static OF: Key<Choice<Limited>> = key(
+        "of",
+        Choice(&[("range", Limited::Range), ("depth", Limited::Depth)]),
+        "What has these limits: the range along the ray, or a camera's depth along its optical axis.",
+    )
+    .or("\"range\"");
 }

@@ -38,7 +38,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "max_m = 50",
         "wavelength = 9",
-        "job.toml:10:1: unknown key `wavelength` in `[range]` |  | the keys of `[range]` are `min_m` and `max_m`",
+        "job.toml:10:1: unknown key `wavelength` in `[range]` |  | the keys of `[range]` are `min_m`, `max_m` and `of`",
     ),
     (
         "ring = \"bottom_up\"",

@@ -9,7 +9,7 @@ use super::super::keys::sensor::{self as keys, range};
 use super::super::kinds::Nested;
 use super::super::table::{Key, Table};
 use super::rays::RayFiles;
-use crate::sensor::{Pattern, RangeLimits, Sensor};
+use crate::sensor::{Limited, Pattern, RangeLimits, Sensor};
 
 /// The reader of a pattern's table.
 type Read = fn(&Table<'_>, &RayFiles) -> Option<Pattern>;
@@ -53,6 +53,7 @@ pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> 
     let read = |(key, read): &&(&Key<Nested>, Read)| read(&t.read(key)?.value, files);
     let patterns: Vec<_> = given.iter().map(read).collect();
     let [Some(pattern)] = <[Option<Pattern>; 1]>::try_from(patterns).ok()? else { return None };
+    check_limits(t, &pattern, range)?;
     check_range_offset(t, &pattern, range)?;
     warn_of_ambiguity(t, &pattern, range);
     Some(Sensor { pattern, range, ring })
@@ -80,7 +81,27 @@ fn warn_of_ambiguity(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) {
     }
 }
 
-/// A range that begins before the beam's origin must not end there: the beam is not cast inside the sensor.
+/// Refuses limits of depth where there is none: only a camera has an optical axis.
+fn check_limits(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) -> Option<()> {
+    if range.of == Limited::Range || pattern.is_camera() {
+        return Some(());
+    }
+    let (message, help) = match pattern.name() {
+        "raster" if t.has(&keys::EQUIRECTANGULAR) => (
+            "a spherical image has no depth that could be limited: it has no one optical axis".to_owned(),
+            "leave `of` out: the limits apply to the range along the ray",
+        ),
+        name => (
+            format!("`[{name}]` has no depth that could be limited: a LiDAR measures along its beams"),
+            "leave `of` out: the limits apply to the range along the beam; \"depth\" is for `[pinhole]` and `[fisheye]`",
+        ),
+    };
+    let span = t.read(&keys::RANGE).map_or(t.span, |range| range.value.span_of(&range::OF));
+    t.report().error(span, message, "expected \"range\"", Some(help.into()));
+    None
+}
+
+/// A sensor reports no range that ends before its beam's origin, so none can be asked of it.
 fn check_range_offset(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) -> Option<()> {
     let Pattern::Rotating(rotating) = pattern else { return Some(()) };
     let offset = rotating.range_offset_m();
@@ -105,6 +126,7 @@ fn range(t: &Table<'_>) -> RangeLimits {
     if let Some(max) = max {
         limits.max_m = max.value;
     }
+    limits.of = t.value(&range::OF);
     if let (Some(min), Some(max)) = (min, max)
         && min.value >= max.value
     {
