@@ -618,9 +618,8 @@ fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Finding {
     let bounds = Bounds { at_least: None, at_most: Some(at_most) };
     let scene = seen.scene;
     let too_near = |of: &SensorFrame| blockers_on(of, scene, body).count();
-    let returned = |of: &SensorFrame| {
-        of.frame.first_returns().flatten().filter(|hit| body.is_hit(hit, scene)).count()
-    };
+    let returned =
+        |of: &SensorFrame| of.frame.first_returns().flatten().filter(|hit| body.is_hit(hit, scene)).count();
     let Some(worst) = furthest_outside(seen, &bounds, &|of| returned(of) + too_near(of)) else {
         return Finding::Nothing("no sensor".to_owned());
     };

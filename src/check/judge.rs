@@ -249,7 +249,8 @@ impl Judgement<'_> {
         let is_told = |change: &[Option<Cause>; 2]| {
             change.iter().all(|cause| matches!(cause, Some(Cause::Surface | Cause::Nothing)))
         };
-        let has_ranges = wrong.iter().any(|c| self.current.image.main_depth().is_some_and(|(m, _)| m == c.channel));
+        let has_ranges =
+            wrong.iter().any(|c| self.current.image.main_depth().is_some_and(|(m, _)| m == c.channel));
         if has_ranges && changes.keys().all(is_told) {
             return None;
         }

@@ -206,8 +206,8 @@ mod tests {
         let bytes = |holding| of_frames(&rig, &[Format::EXR], holding);
         assert_eq!(bytes(Holding::Frame), 300 * FRAME_BYTES_A_RAY);
         assert!(bytes(Holding::Files) > bytes(Holding::Frame));
-        assert_eq!(bytes(Holding::Images), 400 * 44 + 300 * FRAME_BYTES_A_RAY);
-        assert_eq!(bytes(Holding::Comparisons), 400 * (FRAME_BYTES_A_RAY + 44) + 300 * 88);
+        assert_eq!(bytes(Holding::Images), 400 * 48 + 300 * FRAME_BYTES_A_RAY);
+        assert_eq!(bytes(Holding::Comparisons), 400 * (FRAME_BYTES_A_RAY + 48) + 300 * 96);
         assert!(bytes(Holding::ComparedViews) > bytes(Holding::Comparisons));
         assert!(bytes(Holding::Views) > bytes(Holding::Images));
     }

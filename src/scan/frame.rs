@@ -22,8 +22,7 @@ pub enum Cause {
 
 impl Cause {
     /// Every cause, by its number in files.
-    pub const ALL: [Self; 5] =
-        [Self::NoPulse, Self::Surface, Self::Nothing, Self::TooNear, Self::OutOfRange];
+    pub const ALL: [Self; 5] = [Self::NoPulse, Self::Surface, Self::Nothing, Self::TooNear, Self::OutOfRange];
 
     /// The name in files, such as `too_near`.
     pub fn name(self) -> &'static str {
@@ -231,9 +230,7 @@ impl Frame {
         }
         match &self.layout {
             Layout::OneEach => Some(self.returns.get(pixel)),
-            Layout::From(first) => {
-                (first[pixel]..first[pixel + 1]).next().map(|slot| self.returns.get(slot))
-            }
+            Layout::From(first) => (first[pixel]..first[pixel + 1]).next().map(|slot| self.returns.get(slot)),
         }
     }
 
@@ -347,7 +344,10 @@ mod tests {
         cast.set_size(1, 3);
         let (mut returns, causes) = cast.parts();
         causes.copy_from_slice(&[Cause::TooNear, Cause::Surface, Cause::OutOfRange]);
-        [at(0.25), at(7.0), Return::default()].into_iter().enumerate().for_each(|(i, one)| returns.set(i, one));
+        [at(0.25), at(7.0), Return::default()]
+            .into_iter()
+            .enumerate()
+            .for_each(|(i, one)| returns.set(i, one));
         let pixels: [(Cause, &[Return]); 3] =
             [(Cause::TooNear, &[at(0.25)]), (Cause::Surface, &[at(7.0)]), (Cause::OutOfRange, &[])];
         for frame in [cast, Frame::from_pixels(1, 3, pixels)] {
@@ -364,7 +364,10 @@ mod tests {
             assert_eq!((cause.number(), Cause::numbered(number)), (number, Some(cause)));
         }
         assert_eq!(Cause::numbered(Cause::ALL.len() as u32), None);
-        assert_eq!(Cause::ALL.map(Cause::name), ["no_pulse", "surface", "nothing", "too_near", "out_of_range"]);
+        assert_eq!(
+            Cause::ALL.map(Cause::name),
+            ["no_pulse", "surface", "nothing", "too_near", "out_of_range"]
+        );
     }
 
     #[test]

@@ -172,7 +172,11 @@ mod tests {
         let beams = elevations.iter().enumerate().map(beam).collect();
         let sector = (Angle::deg(sector.0), Angle::deg(sector.1));
         let pattern = Pattern::Rotating(Rotating::new(beams, columns, sector, 10.0).unwrap());
-        Sensor { pattern, range: RangeLimits { min_m: 0.5, max_m: 50.0, ..RangeLimits::default() }, ring: RingOrder::Row }
+        Sensor {
+            pattern,
+            range: RangeLimits { min_m: 0.5, max_m: 50.0, ..RangeLimits::default() },
+            ring: RingOrder::Row,
+        }
     }
 
     #[test]

@@ -364,7 +364,8 @@ fn channel(
 
 /// The words that the numbers of a channel stand for, by number, if they stand for words.
 fn words(name: &str, samples: &Samples) -> Option<BTreeMap<u32, &'static str>> {
-    let (Values::OfPixel { word, .. }, Samples::U32(numbers)) = (output::channel(name)?.values, samples) else {
+    let (Values::OfPixel { word, .. }, Samples::U32(numbers)) = (output::channel(name)?.values, samples)
+    else {
         return None;
     };
     let seen: BTreeSet<u32> = numbers.iter().copied().collect();

@@ -132,6 +132,7 @@ fn a_lidars_exr_has_every_channel_of_every_return() {
     assert_eq!(exr.size, (360, 16));
     let expected = [
         "Y",
+        "cause",
         "id.instance",
         "id.semantic",
         "id.triangle",
@@ -150,10 +151,11 @@ fn a_lidars_exr_has_every_channel_of_every_return() {
         let Some(hit) = hit else {
             assert_eq!(floats(&["range", "Y"]), [f32::INFINITY; 2]);
             assert_eq!(floats(&["intensity", "normal.X", "normal.Y", "normal.Z", "time"]), [0.0; 5]);
-            assert_eq!(ids, [0; 3]);
+            assert_eq!((ids, exr.ids("cause")[i]), ([0; 3], 2));
             continue;
         };
         hits += 1;
+        assert_eq!(exr.ids("cause")[i], 1);
         assert_eq!(floats(&["range", "Y"]), [hit.range_m as f32; 2]);
         assert_eq!(floats(&["intensity"]), [hit.intensity]);
         assert_eq!(floats(&["normal.X", "normal.Y", "normal.Z"]), [0.0, 0.0, 1.0]);
@@ -163,7 +165,10 @@ fn a_lidars_exr_has_every_channel_of_every_return() {
         assert_eq!(ids, [3, 17, i as u32]);
     }
     assert!(hits > 0 && hits < frame.pixels());
-    assert_eq!(exr.text("beamcast:no_return"), "+inf in range, Z and Y; 0 in all other channels");
+    assert_eq!(
+        exr.text("beamcast:no_return"),
+        "+inf in range, Z and Y; 0 in all other channels except cause"
+    );
     assert_eq!(exr.text("beamcast:sensor"), "top");
     assert_eq!(exr.text("beamcast:pattern"), "rotating");
     assert_eq!(exr.text("beamcast:normal_frame"), "sensor");
@@ -376,6 +381,18 @@ fn a_preview_is_red_near_blue_far_and_dark_where_nothing_is() {
     assert!(far[2] > far[0], "{far:?}");
     let hits = pixels.chunks(3).filter(|p| *p != [0x10, 0x10, 0x14]).count();
     assert_eq!(hits, 2 * frame.return_count());
+}
+
+/// What is too near is dark red in a preview, so that a person sees why a sensor is blind.
+#[test]
+fn a_preview_shows_the_dead_zone() {
+    let sensor = camera(3, 1);
+    let one = Return { range_m: 2.0, ..Return::default() };
+    let pixels: [(Cause, &[Return]); 3] =
+        [(Cause::TooNear, &[one]), (Cause::Surface, &[one]), (Cause::OutOfRange, &[])];
+    let frame = Frame::from_pixels(1, 3, pixels);
+    let (_, _, pixels) = read_png(&Format::PNG.encode(&capture(&sensor, &frame)).unwrap());
+    assert_eq!((&pixels[..3], &pixels[6..]), (&[0x4a, 0x0a, 0x14][..], &[0x10, 0x10, 0x14][..]));
 }
 
 #[test]

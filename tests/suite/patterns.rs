@@ -417,8 +417,10 @@ fn each_built_in_sensor_has_its_data_sheets_figures_and_sees_the_street() {
         let frame = seen_from(&scene, &tracer, &sensor, pose);
         let hits = frame.return_count();
         assert!(hits * 20 > pattern.rays(), "{name}: {hits} of {}", pattern.rays());
-        for (_, hit) in frame.iter() {
-            assert!(hit.range_m >= sensor.range.min_m && hit.range_m <= sensor.range.max_m);
+        let capture = Capture::at_origin(&sensor);
+        for (pixel, hit) in frame.iter() {
+            let (row, column) = (pixel / frame.columns(), pixel % frame.columns());
+            assert!(sensor.range.place(capture.limited_m(row, column, hit.range_m)).is_eq());
         }
     }
 }

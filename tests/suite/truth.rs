@@ -304,7 +304,7 @@ fn what_is_too_near_blocks_and_what_is_too_far_is_not_seen() {
         (along, [1000, 1000, 1000]),
         (RangeLimits { max_m: 5.9, ..along }, [1000, 1000, 0]),
         (RangeLimits { of: Limited::Depth, ..along }, [0, 19200, 0]),
-        (RangeLimits { min_m: 2.0, max_m: 2.0, of: Limited::Depth }, [19200, 0, 0]),
+        (RangeLimits { min_m: 2.0 - 1e-9, max_m: 2.0 + 1e-9, of: Limited::Depth }, [19200, 0, 0]),
         (RangeLimits { min_m: 0.5, max_m: 1.9, of: Limited::Depth }, [0, 0, 19200]),
         (RangeLimits { min_m: 6.5, max_m: 7.0, of: Limited::Depth }, [0, 19200, 0]),
     ];
@@ -318,8 +318,8 @@ fn what_is_too_near_blocks_and_what_is_too_far_is_not_seen() {
             let range_m = 2.0 / d.x;
             let limited_m = if limits.of == Limited::Depth { range_m * d.x } else { range_m };
             let expected = match () {
-                () if limited_m < limits.min_m - 1e-12 => Cause::TooNear,
-                () if limited_m > limits.max_m + 1e-12 => Cause::OutOfRange,
+                () if limited_m < limits.min_m => Cause::TooNear,
+                () if limited_m > limits.max_m => Cause::OutOfRange,
                 () => Cause::Surface,
             };
             assert_eq!((found.is_some(), causes.next()), (expected == Cause::Surface, Some(&expected)));
@@ -370,12 +370,8 @@ fn each_miss_has_its_cause() {
 #[test]
 fn nothing_blocks_a_beam_before_its_own_origin() {
     let (offset, min_m) = (0.1, 0.5);
-    let beam = Beam {
-        elevation: Angle::default(),
-        azimuth_offset: Angle::default(),
-        time_s: 0.0,
-        file_index: 0,
-    };
+    let beam =
+        Beam { elevation: Angle::default(), azimuth_offset: Angle::default(), time_s: 0.0, file_index: 0 };
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
     let pattern = Rotating::new(vec![beam], 4, turn, 10.0).unwrap();
     let pattern = pattern.with_origins(&[DVec3::new(offset, 0.0, 0.0)]).unwrap();
@@ -384,7 +380,8 @@ fn nothing_blocks_a_beam_before_its_own_origin() {
     let sensor = Sensor { pattern, range: limits, ring: RingOrder::Row };
     // A plate at x, square to the beam ahead (column 2), and a wall at 5 m. The scene is rounded to multiples of 2⁻²².
     let cause = |x: f64| {
-        let square = |x: f64| [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(y, z)| DVec3::new(x, y, z));
+        let square =
+            |x: f64| [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(y, z)| DVec3::new(x, y, z));
         let mut shape = quad(square(5.0));
         shape.positions.extend(square(x).map(|p| p.as_vec3().to_array()));
         shape.parts[0].triangles.extend([[4, 5, 6], [4, 6, 7]]);

@@ -49,8 +49,11 @@ pub(crate) static FISHEYE: Key<Nested> =
     key("fisheye", Nested(&camera::FISHEYE_KEYS), "A camera with a fisheye lens.");
 pub(crate) static EQUIRECTANGULAR: Key<Nested> =
     key("equirectangular", Nested(&camera::EQUIRECTANGULAR_KEYS), "A spherical image, or a part of one.");
-pub(crate) static RANGE: Key<Nested> =
-    key("range", Nested(&range::KEYS), "What is nearer or farther gives no return; what is nearer hides what is behind it.");
+pub(crate) static RANGE: Key<Nested> = key(
+    "range",
+    Nested(&range::KEYS),
+    "What is nearer or farther gives no return; what is nearer hides what is behind it.",
+);
 pub(crate) static RING: Key<Choice<RingOrder>> = key(
     "ring",
     Choice(&[("row", RingOrder::Row), ("bottom_up", RingOrder::BottomUp), ("file", RingOrder::File)]),

@@ -15,7 +15,7 @@ fn sizes_of_a_cameras_frames() {
     let sensor =
         Sensor { pattern: Pattern::Camera(camera), range: RangeLimits::default(), ring: RingOrder::Row };
     let sizes = SensorSizes::of(Some("front"), &sensor, &Format::all().collect::<Vec<_>>());
-    assert_eq!(sizes.output_bytes["exr"], 640 * 480 * 44);
+    assert_eq!(sizes.output_bytes["exr"], 640 * 480 * 48);
     assert_eq!(sizes.frame_bytes, 640 * 480 * memory::FRAME_BYTES_A_RAY);
     assert_eq!(SensorSizes::of(None, &sensor, &[Format::PLY]).output_bytes.len(), 1);
     let json = serde_json::to_value(&sizes).unwrap();
