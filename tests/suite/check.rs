@@ -169,10 +169,10 @@ fn baselines_hold_for_portable_code_and_for_single_rays() {
         let outcome = judge(&taken, &accepted.sensors[0], no_pixels, &Settings::default(), &changes, "");
         assert!(outcome.differences.is_empty(), "{instructions:?}: {:?}", outcome.differences);
     }
-    // The stored pixels are also those of the frame.
+    // The stored pixels are also those of the frame: ranges, causes, instances and labels.
     let kept =
         StoredPixels::unpack(&fs::read(folder.join("vlp16.pixels")).unwrap(), &accepted.sensors[0]).unwrap();
-    assert_eq!((kept.image.rows, kept.image.columns, kept.image.channels.len()), (16, 1800, 3));
+    assert_eq!((kept.image.rows, kept.image.columns, kept.image.channels.len()), (16, 1800, 4));
 }
 
 #[test]
@@ -317,7 +317,7 @@ fn a_baseline_that_is_missing_or_of_another_job_is_a_failure_with_the_way_out() 
     );
 
     let copy = Copy::room();
-    copy.replace("configs/room_vlp16.baseline/baseline.json", "\"format\": 1", "\"format\": 999");
+    copy.replace("configs/room_vlp16.baseline/baseline.json", "\"format\": 2", "\"format\": 999");
     has(&copy.caught(), &["baseline.json has format 999, and this version reads", way_out]);
     fs::remove_dir_all(copy.path("configs/room_vlp16.baseline")).unwrap();
     let (code, _, err) = copy.run(&["check", "configs"]);

@@ -235,7 +235,7 @@ fn only_a_camera_has_a_depth_to_limit() {
     let text = told(&format!("{LEVEL}{limits}"));
     assert!(
         text.contains("`[rotating]` has no depth that could be limited: a LiDAR measures along its beams")
-            && text.contains("job.toml:9:6"),
+            && text.contains("job.toml:10:6"),
         "{text}"
     );
     let spherical = "[[sensor]]\nname = \"c\"\n[sensor.equirectangular]\nwidth_px = 8\nheight_px = 4\n";
