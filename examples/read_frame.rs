@@ -24,14 +24,14 @@ pub fn main() -> Result<(), Box<dyn Error>> {
     let (exr, ply) = (Format::EXR.encode(&written)?, Format::PLY.encode(&written)?);
 
     // A range image: channels by name, row by row, with +∞ where nothing came back.
-    let parts = read_exr(&exr)?;
+    let parts = read_exr(&exr, u64::MAX)?;
     let image = &parts[0].image;
     let Some(Samples::F32(ranges)) = image.channel("range") else { panic!("every image has ranges") };
     let finite = ranges.iter().filter(|range| range.is_finite()).count();
     println!("{} × {} pixels, {finite} with a return", image.rows, image.columns);
 
     // A cloud: its fields by name, a number for each point. Points without a return are left out.
-    let cloud = read_ply(&ply)?;
+    let cloud = read_ply(&ply, u64::MAX)?;
     let [x, y, z] = ["x", "y", "z"].map(|name| cloud.field(name).expect("every cloud has coordinates"));
     println!("the first of {} points is at ({:.3}, {:.3}, {:.3})", x.len(), x[0], y[0], z[0]);
 

@@ -147,13 +147,22 @@ impl Baseline {
     /// # Errors
     /// A [`BaselineError`], whose message continues a sentence that begins with the file's name.
     pub fn decode(bytes: &[u8]) -> Result<Self, BaselineError> {
-        let value: Value = serde_json::from_slice(bytes).map_err(BaselineError::Json)?;
-        match value.get("format").and_then(Value::as_u64) {
+        // The content is read into what is used of it. A tree of values would take many times the length of the file.
+        #[derive(Deserialize)]
+        struct Head {
+            format: Option<serde_json::Number>,
+        }
+        let head = match serde_json::from_slice::<Head>(bytes) {
+            Ok(head) => head.format.and_then(|format| format.as_u64()),
+            Err(error) if error.is_data() => None,
+            Err(error) => return Err(BaselineError::Json(error)),
+        };
+        match head {
             Some(format) if format == u64::from(FORMAT) => {}
             Some(format) => return Err(BaselineError::Format(format)),
             None => return Err(BaselineError::NoFormat),
         }
-        serde_json::from_value(value).map_err(BaselineError::Content)
+        serde_json::from_slice(bytes).map_err(BaselineError::Content)
     }
 }
 

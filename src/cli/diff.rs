@@ -16,7 +16,7 @@ use crate::error::Error;
 use crate::output::recorded::Cloud;
 use crate::output::{CHANNEL_NAMES, Image, encode_png, write_file};
 use crate::run::sides::{Content, Side};
-use crate::run::{Holding, Plan, Session};
+use crate::run::{Holding, Plan, Session, memory};
 use crate::source::is_config;
 use crate::source::suggest::on_one_line;
 
@@ -112,7 +112,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 /// Reads a side, or runs it if it is a job.
 fn side(path: &Path, terminal: &Terminal, interrupt: &Interrupt) -> Result<Side, Error> {
     if !is_config(path) {
-        return Side::of_recording(path);
+        return Side::of_recording(path, memory::for_recordings());
     }
     let job = load_job(path, &[], terminal)?;
     let plan = Plan::of(&job, Holding::Images)?;

@@ -12,8 +12,8 @@ use super::terminal::Terminal;
 use crate::error::Error;
 use crate::output::Samples;
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
-use crate::run::Bytes;
 use crate::run::facts::facts_of;
+use crate::run::{Bytes, memory};
 use crate::source::suggest::{missing_file_help, on_one_line, quoted};
 use crate::source::{FileKind, Wanted, is_config, recognise};
 
@@ -46,7 +46,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         return terminal.json(&json);
     }
     let name = path.to_string_lossy();
-    let (json, text) = match Recorded::open(path)? {
+    let (json, text) = match Recorded::open(path, memory::of_machine().unwrap_or(u64::MAX))? {
         Recorded::Exr(parts) => {
             let facts: Vec<PartFacts> = parts.iter().map(PartFacts::of).collect();
             let text: String = facts.iter().map(PartFacts::to_text).collect();

@@ -8,7 +8,7 @@ use super::terminal::Terminal;
 use crate::config::{self, Config, MountedSensor};
 use crate::error::Error;
 use crate::output::{check_file, write_file};
-use crate::run::{Bytes, Holding, Plan, Session};
+use crate::run::{Bytes, Holding, Plan, Session, memory};
 use crate::source::is_config;
 use crate::view::{View, of_recording, page};
 
@@ -39,7 +39,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
     let (views, note) = match is_config(&args.path) {
         true => (of_job(&args.path, &interrupt, terminal)?, String::new()),
-        false => of_recording(&args.path)?,
+        false => of_recording(&args.path, memory::for_recordings())?,
     };
     interrupt.check()?;
     if !note.is_empty() {

@@ -10,12 +10,20 @@ use crate::source::{Report, Span};
 /// Most syntax errors of a text that are reported: most of them follow from the first.
 const MAX_SYNTAX_ERRORS: usize = 10;
 
+/// The longest text in which the parser looks for more than the first error. It keeps all that it finds, and a hostile text
+/// has one in every line.
+const LONGEST_TEXT_WITH_ALL_ERRORS: usize = 64 << 10;
+
 /// Reads a text as TOML. `None` if it isn't; the report says why.
 pub(crate) fn parse(report: &Report, source: u32) -> Option<Entries> {
-    let (table, mut errors) = DeTable::parse_recoverable(report.text(source));
-    if errors.is_empty() {
-        return Some(entries_from(table.into_inner(), source));
-    }
+    let first = match DeTable::parse(report.text(source)) {
+        Ok(table) => return Some(entries_from(table.into_inner(), source)),
+        Err(first) => first,
+    };
+    let mut errors = match report.text(source) {
+        text if text.len() <= LONGEST_TEXT_WITH_ALL_ERRORS => DeTable::parse_recoverable(text).1,
+        _ => vec![first],
+    };
     errors.sort_by_key(|e| e.span().map_or(0, |span| span.start));
     let mut lines = Vec::new();
     let text = report.text(source);

@@ -29,6 +29,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "exr",
     about: "OpenEXR range images of all channels",
     check,
+    most_label: u32::MAX,
     encoding_bytes_a_ray: |sensor| {
         // This counts the channels, the compressed blocks and the file, under the assumption that compression saves
         // nothing.

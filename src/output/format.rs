@@ -14,6 +14,8 @@ pub struct FormatSpec {
     /// Checks that the frames of a sensor fit the format at all. The error names the number of the sensor that the format
     /// cannot represent.
     pub check: fn(&Sensor) -> Result<(), EncodeError>,
+    /// The largest id or label of a surface that the files can hold.
+    pub most_label: u32,
     /// The greatest memory that encoding takes for each ray of a sensor, in bytes.
     pub encoding_bytes_a_ray: fn(&Sensor) -> u64,
     /// The size of the file for each ray that returns, before any compression, in bytes.

@@ -24,6 +24,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "ply",
     about: "binary PLY point clouds",
     check,
+    most_label: i32::MAX as u32,
     encoding_bytes_a_ray: |_| BYTES_PER_POINT as u64,
     file_bytes_a_ray: |_| BYTES_PER_POINT as u64,
     kind: Kind::File(encode),

@@ -13,6 +13,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "png",
     about: "colour previews of the range",
     check,
+    most_label: u32::MAX,
     encoding_bytes_a_ray: |sensor| {
         // This counts the ranges for the scale, the pixels, and the file under the assumption that compression saves
         // nothing. A scatter plot keeps a dot for each ray instead.

@@ -49,6 +49,18 @@ impl Format {
         (self.0.check)(sensor)
     }
 
+    /// Checks that a surface's id or label fits the format. It is meant to be asked before casting.
+    ///
+    /// # Errors
+    /// An error that names the label and the largest that the format can hold.
+    pub fn check_label(self, label: u32) -> Result<(), EncodeError> {
+        let most = self.0.most_label;
+        if label <= most {
+            return Ok(());
+        }
+        Err(EncodeError::new(format!("its labels are at most {most}, and a surface has the label {label}")))
+    }
+
     /// An upper estimate of the memory that encoding takes, in bytes for each ray of `sensor`.
     pub fn encoding_bytes_a_ray(self, sensor: &Sensor) -> u64 {
         (self.0.encoding_bytes_a_ray)(sensor)

@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::paths::configs_in;
+use super::plan::{format_problems, label_problem};
 use super::{memory, session};
 use crate::config::{self, Config, Job};
 use crate::error::{Error, SceneError};
@@ -150,6 +151,9 @@ fn examine_file(path: &Path, examined: &mut Examined) {
                         SensorSizes::of(Some(&mounted.name), &mounted.sensor, &job.output.formats)
                     };
                     let sensors = job.sensors.iter().map(sizes).collect();
+                    let label = label_problem(job.output.formats.iter().copied(), &scene);
+                    let problems = format_problems(&job).into_iter().chain(label);
+                    diagnostics.extend(problems.map(|text| Diagnostic::about_file(path, text, None)));
                     let scene = Some(SceneFacts::of(&job.scene_as_written, &scene));
                     examined.facts.push(FileFacts { path: name.into_owned(), kind: "job", sensors, scene });
                 }
@@ -236,16 +240,6 @@ pub struct SceneFacts {
 
 impl SceneFacts {
     fn of(path: &str, scene: &Scene) -> Self {
-        let mut labels: Vec<u32> = (0..scene.arrangement.placements.len())
-            .flat_map(|placement| {
-                let parts =
-                    &scene.geometry.meshes[scene.arrangement.placements[placement].mesh as usize].parts;
-                parts.iter().map(move |part| scene.surface(placement as u32, part.first_triangle))
-            })
-            .map(|surface| scene.label(surface))
-            .collect();
-        labels.sort_unstable();
-        labels.dedup();
         let extent_m = extent(scene);
         Self {
             path: path.to_owned(),
@@ -254,7 +248,7 @@ impl SceneFacts {
             skipped_triangles: scene.geometry.skipped_triangles,
             instances: scene.geometry.objects.len(),
             materials: scene.geometry.materials.len(),
-            labels,
+            labels: scene.labels(),
             extent_m,
             centre_m: extent_m.map(|[low, high]| (low + high) / 2.0),
             rounding_m: scene.geometry.rounding.stored_m,

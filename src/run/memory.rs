@@ -135,6 +135,13 @@ pub fn of_machine() -> Option<u64> {
     [machine, limit].into_iter().flatten().min()
 }
 
+/// Bytes that the numbers of recorded files may take where images are made, compared or shown of them: that takes about five
+/// times as much, which was measured on an image of 16384 × 16384 pixels.
+pub fn for_recordings() -> u64 {
+    const COPIES: u64 = 5;
+    of_machine().map_or(u64::MAX, |machine| machine / COPIES)
+}
+
 /// The most memory that this process held at any time, in bytes, where the system says so.
 pub fn peak() -> Option<u64> {
     proc_kilobytes("/proc/self/status", "VmHWM:")

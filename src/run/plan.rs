@@ -58,13 +58,12 @@ impl Plan {
     /// # Errors
     /// [`Error::Usage`] if a frame does not fit one of its formats, or if the frames do not fit into the machine's memory.
     pub fn of(job: &Job, holding: Holding) -> Result<Self, Error> {
+        if let Some(problem) = format_problems(job).into_iter().next() {
+            return Err(Error::Usage(problem));
+        }
         let mut plan =
             Self { items: Vec::new(), streams: Vec::new(), rays: 0, bytes: 0, warnings: Vec::new() };
         for (index, MountedSensor { name, sensor, .. }) in job.sensors.iter().enumerate() {
-            for format in &job.output.formats {
-                let fits = format.check(sensor);
-                fits.map_err(|e| Error::Usage(format!("sensor {name:?} has no {}: {e}", format.name())))?;
-            }
             let (rows, columns) = (sensor.pattern.rows() as u64, sensor.pattern.columns() as u64);
             let rays = rows.checked_mul(columns).and_then(|rays| plan.rays.checked_add(rays));
             let too_many = || Error::Usage(format!("sensor {name:?} has too many rays: {rows} × {columns}"));
@@ -91,11 +90,15 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Checks that the scene fits into the machine's memory beside the frames.
+    /// Checks that the scene's labels fit the formats, and that the scene fits into the machine's memory beside the frames.
     ///
     /// # Errors
-    /// [`Error::Usage`] with the estimate.
+    /// [`Error::Usage`] with the label, or with the estimate.
     pub fn check_scene(&self, scene: &Scene) -> Result<(), Error> {
+        let outputs = self.items.iter().flat_map(|item| &item.outputs).chain(&self.streams);
+        if let Some(problem) = label_problem(outputs.map(|output| output.format), scene) {
+            return Err(Error::Usage(problem));
+        }
         memory::check("the job with its scene", self.bytes.saturating_add(memory::of_scene(scene)))
     }
 
@@ -108,6 +111,27 @@ impl Plan {
             .chain([Manifest::NAME.to_owned()])
             .collect()
     }
+}
+
+/// Sentences about the sensors whose frames do not fit a format of the job.
+pub fn format_problems(job: &Job) -> Vec<String> {
+    let mut problems = Vec::new();
+    for MountedSensor { name, sensor, .. } in &job.sensors {
+        for format in &job.output.formats {
+            if let Err(problem) = format.check(sensor) {
+                problems.push(format!("sensor {name:?} has no {}: {problem}", format.name()));
+            }
+        }
+    }
+    problems
+}
+
+/// A sentence about the largest label of a scene, if it does not fit one of the formats.
+pub fn label_problem(formats: impl Iterator<Item = Format>, scene: &Scene) -> Option<String> {
+    let largest = scene.labels().last().copied()?;
+    let problem = |format: Format| Some((format, format.check_label(largest).err()?));
+    let (format, problem) = formats.into_iter().find_map(problem)?;
+    Some(format!("the scene has no {}: {problem}", format.name()))
 }
 
 /// The loss of a cloud in 32-bit coordinates, if it is more than a millimetre.

@@ -1,6 +1,6 @@
 //! The two sides of a comparison: recorded files, or the frames of a job.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use super::plan::Item;
@@ -27,27 +27,27 @@ pub enum Content {
 pub type Pair<'a> = (String, &'a Content, &'a Content);
 
 impl Side {
-    /// Reads an EXR, a PLY or the folder that a scan wrote.
+    /// Reads an EXR, a PLY or the folder that a scan wrote, whose numbers may take `memory` bytes in all.
     ///
     /// # Errors
     /// [`Error::Input`] if a file can't be read, or if the folder has neither images nor clouds.
-    pub fn of_recording(path: &Path) -> Result<Self, Error> {
+    pub fn of_recording(path: &Path, mut memory: u64) -> Result<Self, Error> {
         let mut side = Self::default();
-        match Recorded::open(path)? {
+        match Recorded::open(path, memory)? {
             Recorded::Folder(folder) => {
                 let is = |output: &str, extension: &str| {
                     Path::new(output).extension().is_some_and(|e| e == extension)
                 };
-                let has_image = |cloud: &str| {
-                    let image = Path::new(cloud).with_extension("exr");
-                    folder.outputs.iter().any(|output| Path::new(output) == image)
-                };
+                let all: BTreeSet<&Path> = folder.outputs.iter().map(Path::new).collect();
+                let has_image = |cloud: &str| all.contains(Path::new(cloud).with_extension("exr").as_path());
                 // A cloud says nothing that the image of the same frame doesn't say.
                 let wanted =
                     |output: &&String| is(output, "exr") || (is(output, "ply") && !has_image(output));
                 for output in folder.outputs.iter().filter(wanted) {
                     let frame = output.rsplit_once('.').map_or(output.as_str(), |(stem, _)| stem);
-                    side.add_recorded(frame, folder.read(output)?);
+                    let recorded = folder.read(output, memory)?;
+                    memory = memory.saturating_sub(recorded.memory());
+                    side.add_recorded(frame, recorded);
                 }
                 if side.0.is_empty() {
                     return Err(Error::input(path, "has neither EXR images nor PLY clouds"));

@@ -1,10 +1,11 @@
 //! The half of a scene that time changes, which says where its meshes are; and the scene, which is a geometry so arranged.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::geometry::Geometry;
+use super::geometry::{Geometry, Part};
 
 /// A geometry, arranged: ready to be traced, and cheap to clone.
 #[derive(Clone, Debug, Default)]
@@ -93,6 +94,30 @@ impl Scene {
         let object = &self.geometry.objects[surface.object as usize];
         let material = &self.geometry.materials[surface.material as usize];
         object.job_label.or(material.job_label).or(object.file_label).unwrap_or(0)
+    }
+
+    /// Every label that a surface has, in ascending order.
+    pub fn labels(&self) -> Vec<u32> {
+        let Geometry { meshes, objects, .. } = &*self.geometry;
+        let is_one_object: Vec<bool> =
+            meshes.iter().map(|mesh| mesh.parts.iter().all(|part| part.object == 0)).collect();
+        let (mut labels, mut seen) = (BTreeSet::new(), BTreeSet::new());
+        for placement in &self.arrangement.placements {
+            let mesh = placement.mesh as usize;
+            // A mesh of many parts may be placed very often, and nearly always with the same labels.
+            if let Some(object) = objects.get(placement.first_object as usize)
+                && is_one_object[mesh]
+                && !seen.insert((mesh, object.job_label, object.file_label))
+            {
+                continue;
+            }
+            let surface = |part: &Part| Surface {
+                object: placement.first_object + part.object,
+                material: part.material,
+            };
+            labels.extend(meshes[mesh].parts.iter().map(|part| self.label(surface(part))));
+        }
+        labels.into_iter().collect()
     }
 }
 

@@ -1,5 +1,7 @@
 //! The capture of one frame of one sensor, before any ray is cast. It is the only door to pulses and their times.
 
+use rayon::prelude::*;
+
 use super::{Lens, Limited, Pattern, Pulse, Sensor};
 use crate::frame::Pose;
 use crate::motion::{AT_ORIGIN, Trajectory};
@@ -109,9 +111,34 @@ impl<'a> Capture<'a> {
         self.trajectory.fixed_pose().map(|world_from_body| world_from_body * self.body_from_sensor)
     }
 
+    /// What about a sensor's pulses is no number that can be computed with, although the numbers that they follow from are:
+    /// quotients and products overflow. It asks the middle and the edges of the image, and of a LiDAR each beam.
+    pub fn problem_of_numbers(&self) -> Option<NumberProblem> {
+        let (rows, columns) = (self.rows(), self.columns());
+        let ends = |count: usize| [0, count / 2, count - 1];
+        let every_beam = 0..if self.sensor.pattern.is_camera() { 0 } else { rows.min(MOST_BEAMS_TO_ASK) };
+        for row in ends(rows).into_iter().chain(every_beam) {
+            for column in ends(columns) {
+                let Some(pulse) = self.pulse(row, column) else { continue };
+                if !((pulse.direction.length_squared() - 1.0).abs() < 1e-6) {
+                    return Some(NumberProblem::Direction);
+                }
+                // Outputs have 32 bits for a time and for a coordinate.
+                if !(pulse.time_s as f32).is_finite() {
+                    return Some(NumberProblem::Time);
+                }
+                if !pulse.origin.as_vec3().is_finite() {
+                    return Some(NumberProblem::Origin);
+                }
+            }
+        }
+        let times = [self.sensor.pattern.last_pulse_s(), 1.0 / self.sensor.pattern.rate_hz().unwrap_or(1.0)];
+        times.iter().any(|time| !(*time as f32).is_finite()).then_some(NumberProblem::Time)
+    }
+
     /// The number of pixels of the frame that have no pulse. It asks each pixel, if the pattern can have pixels without a
-    /// pulse.
-    pub fn blind_pixels(&self) -> usize {
+    /// pulse. In frames of more than `most` pixels it asks about so many of them, evenly spaced, and estimates.
+    pub fn blind_pixels(&self, most: usize) -> usize {
         let can_be_blind = match &self.sensor.pattern {
             Pattern::Rotating(rotating) => return rotating.silent_pixels(),
             Pattern::Camera(camera) => !matches!(camera.lens(), Lens::Ideal),
@@ -119,8 +146,18 @@ impl<'a> Capture<'a> {
             _ => false,
         };
         let columns = self.columns();
-        let is_blind = |i: &usize| self.pulse(i / columns, i % columns).is_none();
-        if can_be_blind { (0..self.rows() * columns).filter(is_blind).count() } else { 0 }
+        let pixels = self.rows() * columns;
+        let step = pixels.div_ceil(most.max(1));
+        let is_blind = |i: &usize| self.pulse(i * step / columns, i * step % columns).is_none();
+        match can_be_blind {
+            true => (0..pixels.div_ceil(step))
+                .into_par_iter()
+                .filter(is_blind)
+                .count()
+                .saturating_mul(step)
+                .min(pixels),
+            false => 0,
+        }
     }
 
     /// Computes in parallel the inverse of a lens for each pixel, which takes long and is the same in every frame. A scan
@@ -130,6 +167,24 @@ impl<'a> Capture<'a> {
             camera.invert_lens();
         }
     }
+}
+
+/// The number of beams up to which each is asked for its numbers.
+const MOST_BEAMS_TO_ASK: usize = 1 << 16;
+
+/// A number of a sensor's pulses that can't be computed with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NumberProblem {
+    /// A direction has no length.
+    #[error("a ray of the sensor has no direction")]
+    Direction,
+    /// A time is infinite, or too large for the outputs.
+    #[error("the time of a pulse is too large for a number")]
+    Time,
+    /// An origin is infinite, or too large for the outputs.
+    #[error("the origin of a pulse is too far away for a number")]
+    Origin,
 }
 
 #[cfg(test)]

@@ -38,13 +38,13 @@ pub struct SensorFacts {
     /// The time from the first pulse of a frame to the last, in seconds.
     pub frame_s: f64,
     /// The number of pixels without a ray: the model of the lens or of the prisms has none, or the beam does not fire in every
-    /// column. In frames of more than
-    /// [`MOST_RAYS_TO_ASK`] rays it is 0, because they are not counted.
+    /// column. In frames of more than [`MOST_RAYS_TO_ASK`] rays it is an estimate.
     pub blind_pixels: usize,
 }
 
-/// The number of rays up to which every pixel of a frame is asked for its ray. More would take too long.
-pub const MOST_RAYS_TO_ASK: usize = 1 << 24;
+/// The number of rays up to which every pixel of a frame is asked for its ray. Of more, an evenly spaced part is asked: the
+/// inverse of a lens takes a microsecond or two.
+pub const MOST_RAYS_TO_ASK: usize = 1 << 20;
 
 impl SensorFacts {
     /// Derives the facts from a sensor.
@@ -57,7 +57,7 @@ impl SensorFacts {
             Pattern::Camera(p) => Angles::of_camera(p),
             _ => Angles::of_pulses(&capture),
         };
-        let blind = if rays <= MOST_RAYS_TO_ASK { capture.blind_pixels() } else { 0 };
+        let blind = capture.blind_pixels(MOST_RAYS_TO_ASK);
         let limit = sensor.range.max_m;
         Self {
             kind: if pattern.is_camera() { "camera" } else { "LiDAR" },
@@ -81,6 +81,9 @@ impl SensorFacts {
         }
     }
 }
+
+/// The number of places from an edge inward that are asked for the first one that a lens sees.
+const MOST_PIXELS_FROM_AN_EDGE: usize = 1 << 12;
 
 /// The angles of a pattern, in degrees.
 struct Angles {
@@ -116,7 +119,10 @@ impl Angles {
         let right = |u: f64| p.optical_direction_at(u, cy).map(|d| libm::atan2(d.x, d.z).to_degrees());
         let down = |v: f64| p.optical_direction_at(cx, v).map(|d| libm::atan2(d.y, d.z).to_degrees());
         let seen = |along: &dyn Fn(f64) -> Option<f64>, edge: f64, inward: f64| {
-            (0..=p.width().max(p.height())).find_map(|i| along(edge + inward * i as f64)).unwrap_or(0.0)
+            // Of a very long image, every so many pixels.
+            let step = p.width().max(p.height()).div_ceil(MOST_PIXELS_FROM_AN_EDGE);
+            let steps = 0..=MOST_PIXELS_FROM_AN_EDGE;
+            steps.map(|i| edge + inward * (i * step) as f64).find_map(along).unwrap_or(0.0)
         };
         let step = |along: &dyn Fn(f64) -> Option<f64>, centre: f64| {
             Some(along(centre + 0.5)? - along(centre - 0.5)?)

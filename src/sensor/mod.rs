@@ -18,7 +18,7 @@ use glam::DVec3;
 use crate::angle::Angle;
 
 pub use camera::{Camera, CameraError};
-pub use capture::Capture;
+pub use capture::{Capture, NumberProblem};
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};
 pub use raster::{Order, Raster, RasterError};

@@ -121,9 +121,20 @@ fn open_regular(path: &Path) -> Result<(File, u64), Unreadable> {
     // Opening a pipe would wait for its writer, so the kind of the file is looked up before it is opened, and again after:
     // the name may have come to mean another file.
     regular_length(&fs::metadata(path)?)?;
+    if is_of_the_system(path) {
+        return Err(Unreadable::NotAFile("a view of the system's state"));
+    }
     let file = File::open(path)?;
     let length = regular_length(&file.metadata()?)?;
     Ok((file, length))
+}
+
+/// Whether a path leads to one of the files that the system makes up when they are read, such as a process's environment,
+/// which is no one's to show in a message. `/dev/stdin` is whatever file it stands for.
+fn is_of_the_system(path: &Path) -> bool {
+    let Ok(real) = fs::canonicalize(path) else { return false };
+    let is_under = |root: &str| real.starts_with(root);
+    is_under("/proc") || is_under("/sys") || (is_under("/dev") && !is_under("/dev/shm"))
 }
 
 fn regular_length(metadata: &fs::Metadata) -> Result<u64, Unreadable> {
@@ -165,6 +176,19 @@ mod tests {
             assert_eq!(error("socket"), "this is a pipe or a device, not a file");
             let zero = read_file(Path::new("/dev/zero"), 9).unwrap_err();
             assert!(matches!(zero, Unreadable::NotAFile(_)), "{zero}");
+        }
+    }
+
+    /// The root of the case job-reads-and-shows-any-file.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn no_state_of_the_system_is_a_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("rays.csv");
+        std::os::unix::fs::symlink("/proc/self/environ", &link).unwrap();
+        for path in [Path::new("/proc/self/environ"), Path::new("/proc/./cpuinfo"), &link] {
+            let error = read_file(path, 1 << 20).unwrap_err().to_string();
+            assert_eq!(error, "this is a view of the system's state, not a file");
         }
     }
 

@@ -1,6 +1,7 @@
 //! The texts that a configuration comes from, and the problems found in them.
 
 use std::cell::RefCell;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -22,6 +23,8 @@ struct Source {
     path: PathBuf,
     text: Arc<str>,
     layer: Layer,
+    /// Whether messages may show parts of the text.
+    is_shown: bool,
 }
 
 /// Every text that was read and every problem found in them.
@@ -56,13 +59,14 @@ impl Report {
     /// The same for a file of at most `limit` bytes.
     pub fn open_up_to(&mut self, path: &Path, layer: Layer, limit: u64) -> Result<u32, Unreadable> {
         let bytes = read_file(path, limit)?;
+        let is_shown = layer != Layer::Preset || self.is_nearby(path);
         match String::from_utf8(bytes) {
-            Ok(text) => Ok(self.add(path, text, layer)),
+            Ok(text) => Ok(self.add_source(path, text, layer, is_shown)),
             Err(error) => {
                 let at = error.utf8_error().valid_up_to();
                 let byte = error.as_bytes()[at];
                 let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
-                let source = self.add(path, text, layer);
+                let source = self.add_source(path, text, layer, is_shown);
                 let span = Span::new(source, at..at + char::REPLACEMENT_CHARACTER.len_utf8());
                 let message = format!("the file is not UTF-8 text: byte 0x{byte:02x} here");
                 self.error(span, message, "not UTF-8", Some("save the file as UTF-8".to_owned()));
@@ -73,8 +77,30 @@ impl Report {
 
     /// Adds a text under a name that stands for its file, and gives the text's number.
     pub fn add(&mut self, path: impl AsRef<Path>, text: String, layer: Layer) -> u32 {
-        self.sources.push(Source { path: path.as_ref().to_path_buf(), text: text.into(), layer });
+        self.add_source(path.as_ref(), text, layer, true)
+    }
+
+    fn add_source(&mut self, path: &Path, text: String, layer: Layer, is_shown: bool) -> u32 {
+        self.sources.push(Source { path: path.to_path_buf(), text: text.into(), layer, is_shown });
         (self.sources.len() - 1) as u32
+    }
+
+    /// Whether messages may show parts of a text. A job can name any file of the machine as its sensor file or table of rays,
+    /// and whoever wrote the job may be one who sees the messages and not the files.
+    pub fn is_shown(&self, source: u32) -> bool {
+        self.sources[source as usize].is_shown
+    }
+
+    /// Whether a file, wherever links lead, lies under the folder of the first file or under the current folder.
+    fn is_nearby(&self, path: &Path) -> bool {
+        let own = self.sources.first().and_then(|first| first.path.parent());
+        let folders = own.into_iter().chain([Path::new(".")]);
+        let whole = |folder: &Path| {
+            fs::canonicalize(if folder.as_os_str().is_empty() { Path::new(".") } else { folder }).ok()
+        };
+        let Ok(real) = fs::canonicalize(path) else { return false };
+        // Everything lies under the root.
+        folders.filter_map(whole).any(|folder| folder.parent().is_some() && real.starts_with(folder))
     }
 
     /// The whole text of a number.
@@ -138,6 +164,14 @@ impl Report {
             label,
             help,
         };
+        if !source.is_shown {
+            let (line, column) = diagnostic.line_column();
+            diagnostic.message = format!(
+                "line {line}, column {column} is wrong; the text is not shown, because the file is not under the job's folder"
+            );
+            (diagnostic.source, diagnostic.span, diagnostic.label) = ("".into(), 0..0, String::new());
+            diagnostic.help = Some("the file's own messages are shown when it is beside the job".to_owned());
+        }
         if found.len() == MAX_PROBLEMS {
             diagnostic.message = format!("more than {MAX_PROBLEMS} problems: the rest is not shown");
             diagnostic.label = "first of the rest".to_owned();

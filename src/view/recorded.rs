@@ -15,15 +15,16 @@ use crate::sensor::Camera;
 /// The largest number of a folder's frames that one page shows. Browsers become slow with more.
 const MAX_FRAMES: usize = 16;
 
-/// Reads the views of an EXR, a PLY or a folder that a scan wrote, with a note about what is left out, which may be empty.
+/// Reads the views of an EXR, a PLY or a folder that a scan wrote, with a note about what is left out, which may be empty. The
+/// numbers of all files may take `memory` bytes.
 ///
 /// # Errors
 /// [`Error::Input`] if a file can't be read or has nothing to show.
-pub fn of_recording(path: &Path) -> Result<(Vec<View>, String), Error> {
-    match Recorded::open(path)? {
+pub fn of_recording(path: &Path, memory: u64) -> Result<(Vec<View>, String), Error> {
+    match Recorded::open(path, memory)? {
         Recorded::Exr(parts) => {
             let beside = path.with_extension("ply");
-            let cloud = match beside.is_file().then(|| Recorded::open(&beside)) {
+            let cloud = match beside.is_file().then(|| Recorded::open(&beside, memory)) {
                 Some(Ok(Recorded::Cloud(cloud))) => Some(cloud),
                 _ => None,
             };
@@ -34,12 +35,12 @@ pub fn of_recording(path: &Path) -> Result<(Vec<View>, String), Error> {
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
             Ok((vec![of_cloud(&name, &cloud, &BTreeMap::new())], String::new()))
         }
-        Recorded::Folder(folder) => of_folder(&folder),
+        Recorded::Folder(folder) => of_folder(&folder, memory),
     }
 }
 
 /// The frames of a scan's folder. Each is read from its EXR with the points of its PLY, or from the one that is there.
-fn of_folder(folder: &Folder) -> Result<(Vec<View>, String), Error> {
+fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Error> {
     let mut frames: BTreeMap<&str, [bool; 2]> = BTreeMap::new();
     for output in &folder.outputs {
         let Some((stem, extension)) = output.rsplit_once('.') else { continue };
@@ -57,7 +58,12 @@ fn of_folder(folder: &Folder) -> Result<(Vec<View>, String), Error> {
     let instances = instances_of(&folder.manifest);
     let mut seen = Vec::new();
     for (&stem, &[has_exr, has_ply]) in frames.iter().take(MAX_FRAMES) {
-        let cloud = match has_ply.then(|| folder.read(&format!("{stem}.ply"))).transpose()? {
+        let mut read = |extension: &str| -> Result<Recorded, Error> {
+            let recorded = folder.read(&format!("{stem}.{extension}"), memory)?;
+            memory = memory.saturating_sub(recorded.memory());
+            Ok(recorded)
+        };
+        let cloud = match has_ply.then(|| read("ply")).transpose()? {
             Some(Recorded::Cloud(cloud)) => Some(cloud),
             _ => None,
         };
@@ -66,7 +72,7 @@ fn of_folder(folder: &Folder) -> Result<(Vec<View>, String), Error> {
             Some((sensor, "000000")) => sensor,
             _ => stem,
         };
-        match has_exr.then(|| folder.read(&format!("{stem}.exr"))).transpose()? {
+        match has_exr.then(|| read("exr")).transpose()? {
             Some(Recorded::Exr(parts)) => seen.extend(of_exr(name, parts, cloud.as_ref(), &instances)),
             _ => seen.extend(cloud.map(|cloud| of_cloud(name, &cloud, &instances))),
         }

@@ -269,3 +269,160 @@ fn recorded_files_and_calibrations_print_nothing_raw() {
         assert!(!output.stdout.is_empty() || !output.stderr.is_empty(), "{args:?}");
     }
 }
+
+/// What `lint` says of a job or a sensor file with this text, beside the scene of a workplace.
+fn lint(text: &str) -> (i32, String) {
+    let work = Workplace::new();
+    let path = work.path("a.toml");
+    fs::write(&path, text).unwrap();
+    let output = super::cli::beamcast(&["lint", path.to_str().unwrap()]);
+    (code(&output), stderr(&output))
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn case_job_reads_and_shows_any_file() {
+    let work = Workplace::new();
+    let job = |sensor: &str| {
+        let output = "[output]\ndir = \"out\"\nformats = [\"exr\"]\n";
+        format!("scene = \"ground.gltf\"\n[[sensor]]\n{sensor}\n[sensor.range]\nmax_m = 50.0\n{output}")
+    };
+    let inner = work.path("jobs");
+    fs::create_dir(&inner).unwrap();
+    for file in ["ground.gltf", "ground.bin"] {
+        fs::copy(work.path(file), inner.join(file)).unwrap();
+    }
+    let lint = |sensor: &str| {
+        fs::write(inner.join("job.toml"), job(sensor)).unwrap();
+        let mut lint = super::cli::command(&["lint", "job.toml"]);
+        let output = lint.env("SECRET", "hunter2").current_dir(&inner).output().unwrap();
+        (code(&output), stderr(&output))
+    };
+    for file in ["/proc/self/environ", "environ.csv"] {
+        let _ = std::os::unix::fs::symlink("/proc/self/environ", inner.join("environ.csv"));
+        let (code, message) = lint(&format!("[sensor.rays]\nfile = \"{file}\""));
+        assert_eq!(code, 2);
+        assert!(message.contains("view of the system's state") && !message.contains("hunter2"), "{message}");
+    }
+    // A file that is somebody's, outside of the job's folder, directly or by a link.
+    let secret = work.path("secret.toml");
+    fs::write(&secret, "password = \"hunter2\"\n[modes.hunter3]\n[[\n").unwrap();
+    fs::write(work.path("secret.csv"), "hunter2\n1,2\n").unwrap();
+    fs::write(work.path("binary.csv"), b"hunter2\n\xff").unwrap();
+    std::os::unix::fs::symlink(&secret, inner.join("link.toml")).unwrap();
+    for sensor in [
+        "[sensor.rays]\nfile = \"../secret.csv\"",
+        "[sensor.rays]\nfile = \"../binary.csv\"",
+        "preset = \"../secret.toml\"",
+        "preset = \"link.toml\"",
+    ] {
+        let (code, message) = lint(sensor);
+        assert_eq!(code, 2, "{message}");
+        assert!(message.contains("is not shown") && message.contains("line "), "{message}");
+        assert!(!message.contains("hunter"), "{message}");
+    }
+    fs::write(&secret, "[modes.hunter3]\n[pinhole]\nwidth_px=2\nheight_px=2\nhfov_deg=20.0\nhunter2=1\n")
+        .unwrap();
+    let (_, message) = lint("preset = \"../secret.toml\"\nmode = \"hunted\"");
+    assert!(message.contains("has no mode `hunted`") && !message.contains("hunter"), "{message}");
+    // Beside the job the same text is shown.
+    fs::copy(&secret, inner.join("own.toml")).unwrap();
+    assert!(lint("preset = \"own.toml\"").1.contains("hunter2"));
+}
+
+#[test]
+fn case_toml_modes_memory() {
+    let modes = |count: usize, beams: usize| {
+        let modes: String =
+            (0..count).map(|i| format!("[modes.m{i}.rotating]\ncolumns = {}\n", 10 + i)).collect();
+        let elevations = format!("{{ from = 1.0, to = 0.0, count = {beams} }}");
+        lint(&format!("[rotating]\nelevations_deg = {elevations}\ncolumns = 360\nrate_hz = 10.0\n{modes}"))
+    };
+    assert_eq!(modes(30, 100).0, 0);
+    let (code, message) = modes(1000, 100_000);
+    assert_eq!(code, 2);
+    assert!(message.contains("the modes of the sensor have more than 2000000 beams in all"), "{message}");
+    // A long table under very many modes is copied for each.
+    let table = "0.0, ".repeat(20_000);
+    let modes: String = (0..1000).map(|i| format!("[modes.m{i}.range]\nmax_m = 5.0\n")).collect();
+    let text = format!("[rotating]\nelevations_deg = [{table}]\ncolumns = 360\nrate_hz = 10.0\n{modes}");
+    let (code, message) = lint(&text);
+    assert_eq!(code, 2);
+    assert!(message.contains("1000 modes of a file of this length are too many"), "{message}");
+}
+
+#[test]
+fn case_extreme_numbers_pass() {
+    let job = |sensor: &str| {
+        lint(&format!(
+            "scene = \"ground.gltf\"\n[[sensor]]\n{sensor}\n[sensor.range]\nmax_m = 50.0\n\
+             [output]\ndir = \"out\"\nformats = [\"exr\"]\n"
+        ))
+    };
+    let rotating =
+        |rest: &str| format!("[sensor.rotating]\nelevations_deg = [1.0, 0.0]\ncolumns = 36\n{rest}");
+    let pinhole = |rest: &str| format!("[sensor.pinhole]\nwidth_px = 64\nheight_px = 48\n{rest}");
+    for (sensor, words) in [
+        (rotating("rate_hz = 5e-324"), "the time of a pulse"),
+        (rotating("rate_hz = 1e-300"), "the time of a pulse"),
+        (rotating("rate_hz = 10.0\nbeam_times_us = [0.0, 1e300]"), "the time of a pulse"),
+        (pinhole("fx_px = 1e-300"), "no direction"),
+        (pinhole("fx_px = 500.0\nfy_px = 1e-308"), "no direction"),
+        (pinhole("fx_px = 500.0\ncx_px = 1e300"), "no direction"),
+        (pinhole("hfov_deg = 60.0\nrate_hz = 1e-320"), "the time of a pulse"),
+    ] {
+        let (code, message) = job(&sensor);
+        assert_eq!(code, 2, "{sensor}: {message}");
+        assert!(message.contains(words), "{sensor}: {message}");
+    }
+    // Large and small numbers that can be computed with are right.
+    for sensor in [rotating("rate_hz = 1e-3"), pinhole("fx_px = 1e-3"), pinhole("fx_px = 1e9")] {
+        let (code, message) = job(&sensor);
+        assert_eq!(code, 0, "{sensor}: {message}");
+    }
+}
+
+#[test]
+fn a_text_of_nothing_but_errors_is_read_in_bounds() {
+    let begun = std::time::Instant::now();
+    let (code, message) = lint(&"=\n".repeat(2 << 20));
+    assert_eq!(code, 2);
+    assert!(message.contains("not valid TOML") && message.len() < 4000, "{message}");
+    // A valid file of that size takes some seconds without optimisation. All errors took a gigabyte.
+    assert!(begun.elapsed().as_secs() < 60);
+}
+
+#[test]
+fn case_lint_of_a_lens_slow() {
+    let begun = std::time::Instant::now();
+    let distortion = "distortion = [0.1, -0.05, 0.001, 0.001, 0.01, 0.1, 0.01, 0.001]";
+    for size in ["width_px = 4096\nheight_px = 4096", "width_px = 1000000000\nheight_px = 1"] {
+        let (code, message) = lint(&format!("[pinhole]\n{size}\nhfov_deg = 80.0\n{distortion}\n"));
+        assert_eq!(code, 0, "{message}");
+    }
+    // Every pixel was asked before: 27 s optimised, several minutes otherwise.
+    assert!(begun.elapsed().as_secs() < 60, "{:?}", begun.elapsed());
+}
+
+#[test]
+fn lint_finds_what_a_format_can_not_hold() {
+    let work = Workplace::new();
+    let job = fs::read_to_string(work.path("job.toml")).unwrap();
+    for (text, words) in [
+        (job.replace("rate_hz = 10.0", "rate_hz = 0.1"), "sensor \"top\" has no ply: a PLY's t counts"),
+        (
+            job.clone() + "[labels]\nground = 3000000000\n",
+            "the scene has no ply: its labels are at most 2147483647",
+        ),
+    ] {
+        fs::write(work.path("job.toml"), text).unwrap();
+        for command in ["lint", "scan"] {
+            let output = work.command(command, &[]).output().unwrap();
+            assert_eq!(code(&output), 2, "{}", stderr(&output));
+            assert!(stderr(&output).contains(words), "{}", stderr(&output));
+            assert!(!work.path("out").exists());
+        }
+        let exr = work.scan(&["--dry-run", "--set", "output.formats=[\"exr\"]"]);
+        assert_eq!(code(&exr), 0, "{}", stderr(&exr));
+    }
+}

@@ -77,6 +77,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
             "scan/",
             "sensor/camera.rs",
             "scene/regions.rs",
+            "sensor/capture.rs",
             "trace/bvh/build.rs",
             "output/exr.rs",
             "kernels/",

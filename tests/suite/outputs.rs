@@ -439,7 +439,7 @@ fn several_returns_of_a_pixel_are_all_written() {
 
     let file = Format::EXR.encode(&seen).unwrap();
     assert_eq!(file, Format::EXR.encode(&seen).unwrap(), "the order of attributes is fixed in every part");
-    let parts = beamcast::output::recorded::read_exr(&file).unwrap();
+    let parts = beamcast::output::recorded::read_exr(&file, u64::MAX).unwrap();
     let names: Vec<_> = parts.iter().map(|part| part.name.as_str()).collect();
     assert_eq!(names, ["return0", "return1", "return2"]);
     const NONE: f32 = f32::INFINITY;
@@ -486,6 +486,7 @@ static TALLY: FormatSpec = FormatSpec {
     name: "tally",
     about: "a line a frame",
     check: |_| Ok(()),
+    most_label: u32::MAX,
     encoding_bytes_a_ray: |_| 0,
     file_bytes_a_ray: |_| 0,
     kind: Kind::Stream(|| Box::new(Tally(0))),

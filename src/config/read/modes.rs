@@ -30,7 +30,8 @@ pub(super) fn choose_mode(reading: Reading<'_>, entries: &mut Entries, modes: &M
     if let Some((_, mode)) = modes.iter().find(|(known, _)| known == name) {
         return lay_mode(reading, entries, mode);
     }
-    let names = || modes.iter().map(|(name, _)| name.as_str());
+    let is_shown = |mode: &&(String, Node)| reading.report.is_shown(mode.1.span.source);
+    let names = || modes.iter().filter(is_shown).map(|(name, _)| name.as_str());
     let help = match (nearest(name, names()), modes.is_empty()) {
         (_, true) => "this sensor has no modes: leave it out".to_owned(),
         (Some(near), _) => format!("did you mean {}?", quoted(near)),

@@ -16,7 +16,7 @@ use crate::source::suggest::quoted;
 use crate::source::{Report, Span, Spanned};
 
 /// Most beams of all sensors: a short file can ask for very many.
-const MAX_BEAMS: usize = 2_000_000;
+pub(super) const MAX_BEAMS: usize = 2_000_000;
 
 /// The rig. The patterns of the sensors in `lost` are in files that were reported.
 pub(super) fn sensors(job: &Table<'_>, ray_files: &RayFiles, lost: &[Span]) -> Vec<MountedSensor> {

@@ -7,9 +7,13 @@ use super::super::keys::sensor::SENSOR_FILE;
 use super::super::table::{Grammar, Reading, Table};
 use super::modes::{lay_mode, take_modes};
 use super::rays::RayFiles;
+use super::rig::MAX_BEAMS;
 use super::sensor::sensor;
 use crate::source::tree::Entries;
 use crate::source::{Report, Span};
+
+/// Most bytes of a sensor file, counted once for each of its modes. The longest preset has 60 kB.
+const MAX_BYTES_OF_MODES: usize = 32 << 20;
 
 /// Reads the sensor file in `entries`, which is the first text of the report. `None` if the report has errors.
 pub(in super::super) fn sensor_file(
@@ -21,23 +25,36 @@ pub(in super::super) fn sensor_file(
     let whole = Span::new(0, 0..0);
     let reading = Reading { report, grammar };
     let modes = take_modes(reading, &mut entries, whole);
-    let in_mode = |(name, mode)| {
-        let mut entries = entries.clone();
-        lay_mode(reading, &mut entries, &mode);
-        (name, entries)
-    };
-    let modes: Vec<(String, Entries)> = modes.into_iter().map(in_mode).collect();
-    let mut ray_files = RayFiles::default();
-    for entries in std::iter::once(&entries).chain(modes.iter().map(|(_, entries)| entries)) {
-        ray_files.read(report, entries);
+    // Each mode is read from a copy of the whole file, and gives a whole sensor.
+    let bytes = report.text(0).len().saturating_mul(modes.len());
+    if let Some((_, mode)) = modes.first().filter(|_| bytes > MAX_BYTES_OF_MODES) {
+        let message = format!("{} modes of a file of this length are too many", modes.len());
+        report.error(mode.span, message, "expected fewer, or a shorter file", None);
+        return None;
     }
-    let reading = Reading { report, grammar };
-    let read = |entries| sensor(&Table::new(reading, &SENSOR_FILE, entries, whole), &ray_files, false);
-    let as_it_stands = read(&entries);
-    let modes: Vec<_> = modes.iter().map(|(name, entries)| (name, read(entries))).collect();
+    let mut ray_files = RayFiles::default();
+    let read = |report: &mut Report, ray_files: &mut RayFiles, entries: &Entries| {
+        ray_files.read(report, entries);
+        sensor(&Table::new(Reading { report, grammar }, &SENSOR_FILE, entries, whole), ray_files, false)
+    };
+    let as_it_stands = read(report, &mut ray_files, &entries);
+    let mut in_modes = Vec::new();
+    let mut beams = 0;
+    for (name, mode) in modes {
+        let mut entries = entries.clone();
+        lay_mode(Reading { report, grammar }, &mut entries, &mode);
+        let Some(sensor) = read(report, &mut ray_files, &entries) else { continue };
+        beams += if sensor.pattern.is_camera() { 0 } else { sensor.pattern.rows() };
+        if beams > MAX_BEAMS {
+            let message = format!("the modes of the sensor have more than {MAX_BEAMS} beams in all");
+            report.error(mode.span, message, "too many from here on", None);
+            break;
+        }
+        in_modes.push((name, sensor));
+    }
     if report.has_errors() {
         return None;
     }
-    let modes = modes.into_iter().filter_map(|(name, sensor)| Some((name.clone(), sensor?))).collect();
+    let modes = in_modes;
     Some(SensorFile { path: path.to_path_buf(), sensor: as_it_stands?, modes, warnings: Vec::new() })
 }

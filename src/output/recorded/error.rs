@@ -11,4 +11,12 @@ impl ReadError {
     pub(super) fn new(problem: impl fmt::Display) -> Self {
         Self(problem.to_string())
     }
+
+    /// Refuses numbers that take more than the memory that may be taken, both in bytes.
+    pub(super) fn check_memory(needed: u64, memory: u64) -> Result<(), Self> {
+        if needed <= memory {
+            return Ok(());
+        }
+        Err(Self::new(format!("it takes {needed} bytes of memory, more than the {memory} that there are")))
+    }
 }

@@ -30,23 +30,32 @@ const MAX_COMPRESSION: u64 = 1100;
 ///
 /// # Errors
 /// A [`ReadError`] if the file is no EXR, is cut short, tiled, deep or subsampled, or claims more pixels than its size can
-/// hold.
-pub fn read_exr(bytes: &[u8]) -> Result<Vec<Part>, ReadError> {
+/// hold, or than fit into `memory` bytes.
+pub fn read_exr(bytes: &[u8], memory: u64) -> Result<Vec<Part>, ReadError> {
     // This is the last line of defence, because the library's own checks are incomplete.
     catch_unwind(AssertUnwindSafe(|| {
-        check_header(bytes)?;
+        check_header(bytes, memory)?;
         read(bytes)
     }))
     .unwrap_or_else(|_| Err(ReadError::new("its header contradicts itself")))
 }
 
-/// Checks the claims of the header against the file's size, before any memory is allocated for them.
-fn check_header(bytes: &[u8]) -> Result<(), ReadError> {
+/// Most channels of all parts together. Channels are looked up by their names, one after the other.
+const MAX_CHANNELS: usize = 1024;
+
+/// Bytes that the numbers of a file take in memory, while they are read: half floats are widened.
+fn bytes_in_memory(pixels: u64, channels: u64) -> u64 {
+    pixels.saturating_mul(channels).saturating_mul(4)
+}
+
+/// Checks the claims of the header against the file's size, and against the memory that there is, before any memory is
+/// allocated for them.
+fn check_header(bytes: &[u8], memory: u64) -> Result<(), ReadError> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(broken)?;
     if meta.headers.is_empty() {
         return Err(ReadError::new("it has no image"));
     }
-    let mut claimed = 0_u64;
+    let (mut claimed, mut needed_memory, mut channels) = (0_u64, 0_u64, 0);
     for header in &meta.headers {
         if header.deep {
             return Err(ReadError::new("it holds deep data, which is not supported: flatten it first"));
@@ -58,9 +67,17 @@ fn check_header(bytes: &[u8]) -> Result<(), ReadError> {
             return Err(ReadError::new("it has subsampled channels, which are not supported"));
         }
         let pixels = (header.layer_size.width() as u64).checked_mul(header.layer_size.height() as u64);
-        let numbers = pixels.and_then(|pixels| pixels.checked_mul(header.channels.list.len() as u64));
-        let needed = numbers.and_then(|n| n.checked_mul(4)).and_then(|n| n.checked_add(claimed));
-        claimed = needed.ok_or_else(|| ReadError::new("its size overflows"))?;
+        let overflow = || ReadError::new("its size overflows");
+        let pixels = pixels.ok_or_else(overflow)?;
+        let a_pixel: u64 = header.channels.list.iter().map(|c| c.sample_type.bytes_per_sample() as u64).sum();
+        let needed = pixels.checked_mul(a_pixel).and_then(|n| n.checked_add(claimed));
+        claimed = needed.ok_or_else(overflow)?;
+        channels += header.channels.list.len();
+        needed_memory =
+            needed_memory.saturating_add(bytes_in_memory(pixels, header.channels.list.len() as u64));
+    }
+    if channels > MAX_CHANNELS {
+        return Err(ReadError::new(format!("it has {channels} channels, more than {MAX_CHANNELS}")));
     }
     if claimed / MAX_COMPRESSION > bytes.len() as u64 {
         let size = bytes.len();
@@ -68,7 +85,7 @@ fn check_header(bytes: &[u8]) -> Result<(), ReadError> {
             "it claims {claimed} bytes of pixels, which {size} bytes can't hold"
         )));
     }
-    Ok(())
+    ReadError::check_memory(needed_memory, memory)
 }
 
 fn read(bytes: &[u8]) -> Result<Vec<Part>, ReadError> {
@@ -148,7 +165,7 @@ mod tests {
 
     #[test]
     fn channels_come_back_as_they_were() {
-        let parts = read_exr(&small()).unwrap();
+        let parts = read_exr(&small(), u64::MAX).unwrap();
         let [part] = parts.as_slice() else { panic!("{parts:?}") };
         assert_eq!(part.name, "return0");
         let image = &part.image;
@@ -166,8 +183,38 @@ mod tests {
         let at = bytes.windows(11).position(|w| w == b"dataWindow\0").unwrap() + 11 + 6 + 4 + 8;
         bytes[at..at + 4].copy_from_slice(&59_999_i32.to_le_bytes());
         bytes[at + 4..at + 8].copy_from_slice(&59_999_i32.to_le_bytes());
-        let error = read_exr(&bytes).unwrap_err().to_string();
-        assert!(error.contains("claims 43200000000 bytes of pixels"), "{error}");
+        let error = read_exr(&bytes, u64::MAX).unwrap_err().to_string();
+        assert!(error.contains("claims 36000000000 bytes of pixels"), "{error}");
+    }
+
+    /// The case exr-half-refused: one byte of a file can hold a thousand, and a half float has two.
+    #[test]
+    fn half_floats_take_two_bytes() {
+        let (rows, columns) = (1080, 1920);
+        let layer = Layer::new(
+            (columns, rows),
+            LayerAttributes::named("depth"),
+            Encoding::SMALL_LOSSLESS,
+            AnyChannels::sort(
+                [AnyChannel::new("Z", FlatSamples::F16(vec![half(0.0); rows * columns]))]
+                    .into_iter()
+                    .collect(),
+            ),
+        );
+        let mut bytes = Vec::new();
+        use exr::prelude::WritableImage;
+        exr::image::Image::from_layer(layer).write().to_buffered(Cursor::new(&mut bytes)).unwrap();
+        assert!(
+            bytes.len() < rows * columns * 4 / 1032,
+            "{}: four bytes a pixel would be refused",
+            bytes.len()
+        );
+        assert_eq!(read_exr(&bytes, u64::MAX).unwrap()[0].image.f32("Z").unwrap().len(), rows * columns);
+        let error = read_exr(&bytes, 1_000_000).unwrap_err().to_string();
+        assert!(
+            error.contains("takes 8294400 bytes of memory, more than the 1000000 that there are"),
+            "{error}"
+        );
     }
 
     proptest! {
@@ -179,7 +226,7 @@ mod tests {
             let at = (at * bytes.len() as f64) as usize;
             bytes[at] = value;
             bytes.truncate((keep * bytes.len() as f64) as usize);
-            for part in read_exr(&bytes).unwrap_or_default() {
+            for part in read_exr(&bytes, u64::MAX).unwrap_or_default() {
                 prop_assert!(part.image.channels.iter().all(|c| c.samples.len() == part.image.pixels()));
             }
         }

@@ -1,5 +1,6 @@
 //! Files and folders of recorded frames, recognised by their content.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
@@ -10,6 +11,7 @@ use super::exr::{Part, read_exr};
 use super::ply::{Cloud, read_ply};
 use crate::error::Error;
 use crate::output::manifest::Manifest;
+use crate::output::{BYTES_A_VALUE, Image};
 use crate::source::{FileKind, Wanted, read_file, recognise};
 
 /// A file or a folder of recorded frames.
@@ -25,11 +27,11 @@ pub enum Recorded {
 
 impl Recorded {
     /// Opens an EXR, a PLY, the output folder of a scan, or that folder's manifest. The content decides which it is, and not
-    /// the name.
+    /// the name. The numbers of a file may take `memory` bytes.
     ///
     /// # Errors
-    /// [`Error::Input`] if the path is none of these, or if the file is broken.
-    pub fn open(path: &Path) -> Result<Self, Error> {
+    /// [`Error::Input`] if the path is none of these, if the file is broken, or if its numbers take more memory.
+    pub fn open(path: &Path, memory: u64) -> Result<Self, Error> {
         if path.is_dir() {
             return Folder::open(path).map(Self::Folder);
         }
@@ -41,11 +43,21 @@ impl Recorded {
             FileKind::Manifest => {
                 return Folder::open(path.parent().unwrap_or(Path::new(""))).map(Self::Folder);
             }
-            FileKind::Exr => read_exr(&read(path)?).map(Self::Exr),
-            FileKind::Ply => read_ply(&read(path)?).map(Self::Cloud),
+            FileKind::Exr => read_exr(&read(path, MAX_FILE_BYTES.min(memory))?, memory).map(Self::Exr),
+            FileKind::Ply => read_ply(&read(path, MAX_FILE_BYTES.min(memory))?, memory).map(Self::Cloud),
             other => Err(ReadError::new(other.text_instead_of(Wanted::Frames))),
         };
         read.map_err(|e| Error::input(path, e))
+    }
+
+    /// Bytes of memory that the numbers take.
+    pub fn memory(&self) -> u64 {
+        let of_image = |image: &Image| (image.pixels() as u64 * image.channels.len() as u64) * BYTES_A_VALUE;
+        match self {
+            Self::Exr(parts) => parts.iter().map(|part| of_image(&part.image)).sum(),
+            Self::Cloud(cloud) => (cloud.points * cloud.fields.len() * size_of::<f64>()) as u64,
+            Self::Folder(_) => 0,
+        }
     }
 }
 
@@ -63,7 +75,8 @@ impl Folder {
     /// Reads the manifest of a folder.
     ///
     /// # Errors
-    /// [`Error::Input`] if there is no manifest, if it cannot be read, or if it lists a file outside the folder.
+    /// [`Error::Input`] if there is no manifest, if it cannot be read, or if it lists a file outside the folder or one file
+    /// twice.
     pub fn open(path: &Path) -> Result<Self, Error> {
         let name = path.join(Manifest::NAME);
         if !name.exists() {
@@ -71,9 +84,9 @@ impl Folder {
                 format!("has no {}, so no scan wrote it, or none that came to its end", Manifest::NAME);
             return Err(Error::input(path, problem));
         }
-        let manifest: Value = serde_json::from_slice(&read(&name)?)
+        let manifest: Value = serde_json::from_slice(&read(&name, MAX_MANIFEST_BYTES)?)
             .map_err(|e| Error::input(&name, format!("this is not valid JSON: {e}")))?;
-        let mut outputs = Vec::new();
+        let (mut outputs, mut known) = (Vec::new(), BTreeSet::new());
         let listed = manifest.get("outputs").and_then(Value::as_array);
         let listed = listed
             .ok_or_else(|| Error::input(&name, "this is not the manifest of a scan: it has no `outputs`"))?;
@@ -83,6 +96,9 @@ impl Folder {
             let inside = Path::new(output).components().all(|part| matches!(part, Component::Normal(_)));
             if !inside || output.is_empty() || output.contains('\\') {
                 return Err(Error::input(&name, format!("lists {output:?}, which is not in its folder")));
+            }
+            if !known.insert(output) {
+                return Err(Error::input(&name, format!("lists {output:?} twice")));
             }
             outputs.push(output.to_owned());
         }
@@ -94,25 +110,28 @@ impl Folder {
         &self.path
     }
 
-    /// Reads one of [`Folder::outputs`].
+    /// Reads one of [`Folder::outputs`], whose numbers may take `memory` bytes.
     ///
     /// # Errors
     /// [`Error::Input`] if the output cannot be read, does not match its name, or is a link that leads out of the folder.
-    pub fn read(&self, output: &str) -> Result<Recorded, Error> {
+    pub fn read(&self, output: &str, memory: u64) -> Result<Recorded, Error> {
         let path = self.path.join(output);
         let inside =
             fs::canonicalize(&path).and_then(|file| Ok(file.starts_with(fs::canonicalize(&self.path)?)));
         match inside {
-            Ok(true) => Recorded::open(&path),
+            Ok(true) => Recorded::open(&path, memory),
             Ok(false) => Err(Error::input(path, "is a link that leads out of the folder")),
             Err(e) => Err(Error::input(path, format!("can't be read: {e}"))),
         }
     }
 }
 
-/// The largest file that is read.
+/// The largest file of numbers that is read.
 const MAX_FILE_BYTES: u64 = 8 << 30;
 
-fn read(path: &Path) -> Result<Vec<u8>, Error> {
-    read_file(path, MAX_FILE_BYTES).map_err(|e| Error::input(path, e))
+/// The largest manifest that is read. That of a scene of a hundred thousand instances has 12 MB.
+const MAX_MANIFEST_BYTES: u64 = 64 << 20;
+
+fn read(path: &Path, limit: u64) -> Result<Vec<u8>, Error> {
+    read_file(path, limit).map_err(|e| Error::input(path, e))
 }

@@ -55,8 +55,9 @@ enum Encoding {
 /// Reads the vertices of a PLY. Other elements are skipped.
 ///
 /// # Errors
-/// A [`ReadError`] if the bytes are no PLY, are cut short, or have list properties in the vertices.
-pub fn read_ply(bytes: &[u8]) -> Result<Cloud, ReadError> {
+/// A [`ReadError`] if the bytes are no PLY, are cut short, have list properties in the vertices, or have more points than fit
+/// into `memory` bytes.
+pub fn read_ply(bytes: &[u8], memory: u64) -> Result<Cloud, ReadError> {
     let (header, body) = split_header(bytes)?;
     let mut lines = header.lines().map(str::trim_end);
     if lines.next() != Some("ply") {
@@ -103,6 +104,10 @@ pub fn read_ply(bytes: &[u8]) -> Result<Cloud, ReadError> {
     if cloud.fields.len() > MAX_FIELDS {
         return Err(ReadError::new(format!("it has more than {MAX_FIELDS} fields a point")));
     }
+    // Each point takes a byte of the file at least, so that a claim can't be out of proportion.
+    let points = cloud.points.min(body.len()) as u64;
+    let needed = points.saturating_mul((cloud.fields.len() * size_of::<f64>()) as u64);
+    ReadError::check_memory(needed, memory)?;
     match encoding {
         Encoding::Text => read_text(body, &mut cloud)?,
         _ => read_binary(body, &mut cloud, encoding == Encoding::BigEndian)?,
@@ -220,7 +225,7 @@ mod tests {
         }
         let text = format!("ply\nformat ascii 1.0\n{HEADER}0.1 -3\n2.0 7\n");
         for bytes in [little_endian(), big, text.replace('\n', "\r\n").into_bytes()] {
-            let cloud = read_ply(&bytes).unwrap();
+            let cloud = read_ply(&bytes, u64::MAX).unwrap();
             assert_eq!(cloud.points, 2);
             assert_eq!(cloud.field("x").unwrap(), [f64::from(0.1_f32), 2.0]);
             assert_eq!(cloud.field("label").unwrap(), [-3.0, 7.0]);
@@ -230,7 +235,7 @@ mod tests {
 
     #[test]
     fn errors_name_the_problem() {
-        let of = |bytes: &[u8]| read_ply(bytes).unwrap_err().to_string();
+        let of = |bytes: &[u8]| read_ply(bytes, u64::MAX).unwrap_err().to_string();
         let whole = little_endian();
         assert_eq!(of(&whole[..whole.len() - 1]), "it is cut short: its header promises 2 points");
         let replaced = |from: &str, to: &str| {
@@ -250,7 +255,7 @@ mod tests {
             let at = (at * bytes.len() as f64) as usize;
             bytes[at] = value;
             bytes.truncate((keep * bytes.len() as f64) as usize);
-            if let Ok(cloud) = read_ply(&bytes) {
+            if let Ok(cloud) = read_ply(&bytes, u64::MAX) {
                 prop_assert!(cloud.fields.iter().all(|f| f.values.len() == cloud.points));
             }
         }

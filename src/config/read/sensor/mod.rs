@@ -9,7 +9,7 @@ use super::super::keys::sensor::{self as keys, range};
 use super::super::kinds::Nested;
 use super::super::table::{Key, Table};
 use super::rays::RayFiles;
-use crate::sensor::{Limited, Pattern, RangeLimits, Sensor};
+use crate::sensor::{Capture, Limited, Pattern, RangeLimits, Sensor};
 
 /// The reader of a pattern's table.
 type Read = fn(&Table<'_>, &RayFiles) -> Option<Pattern>;
@@ -56,7 +56,13 @@ pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> 
     check_limits(t, &pattern, range)?;
     check_range_offset(t, &pattern, range)?;
     warn_of_ambiguity(t, &pattern, range);
-    Some(Sensor { pattern, range, ring })
+    let sensor = Sensor { pattern, range, ring };
+    if let Some(problem) = Capture::at_origin(&sensor).problem_of_numbers() {
+        let key = given.first().map_or(t.span, |(key, _)| t.span_of(*key));
+        report.error(key, problem.to_string(), "a number here is too large or too small", None);
+        return None;
+    }
+    Some(sensor)
 }
 
 /// Warns of a sensor that sees farther than light goes and comes back from one pulse to the beam's next.
