@@ -95,10 +95,11 @@ impl Command {
             Self::Check(args) => Some(args.threads),
             Self::Diff(args) => Some(args.threads),
             Self::Bench(args) => Some(args.threads()),
-            Self::Lint(_) | Self::Selftest(_) | Self::View(_) | Self::Kernels(_) | Self::Info(_) => {
+            Self::Lint(_) | Self::Selftest(_) | Self::View(_) | Self::Kernels(_) => {
                 Some(threads::Args::default())
             }
-            Self::Presets(_) | Self::Init(_) | Self::Import(_) | Self::Schema(_) => None,
+            Self::Info(_) | Self::Presets(_) => Some(threads::Args::default()),
+            Self::Init(_) | Self::Import(_) | Self::Schema(_) => None,
             Self::Completions(_) | Self::Man => None,
         }
     }

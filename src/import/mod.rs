@@ -24,12 +24,12 @@ mod writer;
 
 use crate::source::csv::rows;
 use crate::source::suggest::quoted;
-use crate::source::{Diagnostic, FileKind, Layer, Report, Unit};
+use crate::source::{Diagnostic, FileKind, Layer, MAX_TEXT_BYTES, Report, Unit};
 use file::File;
 use writer::Toml;
 
 /// The most bytes that are read of a file to import.
-pub const MAX_FILE_BYTES: u64 = 4 << 20;
+pub const MAX_FILE_BYTES: u64 = MAX_TEXT_BYTES;
 
 /// A kind of file that can be imported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,9 +139,17 @@ pub fn import(
         (Format::Camera, None) => camera::write(file, &mut toml),
         (Format::Rays, None) => rays::write(file, &mut toml),
     };
+    let text = toml.into_text();
+    if made.is_some() && text.len() as u64 > MAX_TEXT_BYTES {
+        let bytes = text.len();
+        let message =
+            format!("the sensor file would have {bytes} bytes, and at most {MAX_TEXT_BYTES} are read");
+        let help = "no sensor has so many beams: is this the right file?".to_owned();
+        report.error(file.whole(), message, "", Some(help));
+    }
     let found = report.into_diagnostics();
     match made {
-        Some(()) if found.is_empty() => Ok(toml.into_text()),
+        Some(()) if found.is_empty() => Ok(text),
         _ => Err(found),
     }
 }

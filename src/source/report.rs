@@ -34,8 +34,8 @@ pub(crate) struct Report {
     found: RefCell<Vec<(Span, Diagnostic)>>,
 }
 
-/// The largest file that is read. A parsed file takes about a hundred times its size in memory.
-const MAX_FILE_BYTES: u64 = 4 << 20;
+/// The largest text that is read. A parsed one takes about a hundred times its size in memory.
+pub(crate) const MAX_TEXT_BYTES: u64 = 4 << 20;
 
 /// Most problems that are kept. No one reads more, and a hostile file must not make more work than that.
 const MAX_PROBLEMS: usize = 200;
@@ -43,7 +43,7 @@ const MAX_PROBLEMS: usize = 200;
 impl Report {
     /// Reads a file as a text, as [`read_file`] does, and gives the text's number.
     pub fn open(&mut self, path: &Path, layer: Layer) -> Result<u32, Unreadable> {
-        self.open_up_to(path, layer, MAX_FILE_BYTES)
+        self.open_up_to(path, layer, MAX_TEXT_BYTES)
     }
 
     /// The folder that paths in a text are relative to: that of its file or, for an override from the command line, that of

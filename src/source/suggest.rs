@@ -90,16 +90,17 @@ pub(crate) fn printable(text: &str) -> String {
 /// Lines of text with the codes of characters that a terminal acts on, such as `\u{1b}`, and without commands to CI servers.
 /// Line feeds are kept, so names in the lines must have gone through [`on_one_line`].
 pub(crate) fn escaped(text: &str) -> String {
-    let mut shown = String::with_capacity(text.len());
-    for c in text.chars() {
-        if is_unprintable(c) && c != '\n' { shown.extend(c.escape_default()) } else { shown.push(c) }
-    }
-    without_commands(&shown)
+    let lines: Vec<String> = text.split('\n').map(on_one_line).collect();
+    lines.join("\n")
 }
 
 /// A name or a sentence as [`escaped`] shows it, and its line feeds as `\n`: what comes after one would begin a line.
 pub(crate) fn on_one_line(text: &str) -> String {
-    escaped(text).replace('\n', "\\n")
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        if is_unprintable(c) { shown.extend(c.escape_default()) } else { shown.push(c) }
+    }
+    without_commands(&shown)
 }
 
 /// Lines of text without commands that CI servers look for in logs. GitHub's are lines that begin with `::`, after any

