@@ -145,15 +145,14 @@ fn examine_file(path: &Path, examined: &mut Examined) {
             examined.facts.push(FileFacts { path: name.into_owned(), kind: "sensor", sensors, scene: None });
         }
         Ok(Config::Job(job)) => {
+            let mut problems = format_problems(&job);
             match open_scene(&job.scene_path, &job.scene_as_written, Some(&job), &mut examined.problems) {
                 Ok(scene) => {
                     let sizes = |mounted: &config::MountedSensor| {
                         SensorSizes::of(Some(&mounted.name), &mounted.sensor, &job.output.formats)
                     };
                     let sensors = job.sensors.iter().map(sizes).collect();
-                    let label = label_problem(job.output.formats.iter().copied(), &scene);
-                    let problems = format_problems(&job).into_iter().chain(label);
-                    diagnostics.extend(problems.map(|text| Diagnostic::about_file(path, text, None)));
+                    problems.extend(label_problem(job.output.formats.iter().copied(), &scene));
                     let scene = Some(SceneFacts::of(&job.scene_as_written, &scene));
                     examined.facts.push(FileFacts { path: name.into_owned(), kind: "job", sensors, scene });
                 }
@@ -163,6 +162,10 @@ fn examine_file(path: &Path, examined: &mut Examined) {
                     examined.problems.push(problem);
                 }
             }
+            examined.is_config_wrong |= !problems.is_empty();
+            examined
+                .problems
+                .extend(problems.into_iter().map(|text| Diagnostic::about_file(path, text, None)));
             examined.problems.extend(job.warnings);
         }
         Err(error) => {
