@@ -81,7 +81,7 @@ fn change(bytes: &mut Vec<u8>, other: &[u8], random: &mut Rng) {
             let length = bytes[start..].iter().take_while(|b| is_part(b)).count();
             let number = match random.below(3) {
                 0 => WORDS[random.below(8)].to_vec(),
-                1 => random.below(1 << random.below(40)).to_string().into_bytes(),
+                1 => (random.u64() >> random.below(64)).to_string().into_bytes(),
                 _ => format!("{:e}", random.signed() * 10_f64.powf(random.signed() * 20.0)).into_bytes(),
             };
             bytes.splice(start..start + length, number);

@@ -47,11 +47,14 @@ pub const TARGETS: &[Target] = &[
 const MEMORY: u64 = 256 << 20;
 
 fn repository(file: &str) -> Vec<u8> {
-    fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join(ROOT).join(file)).unwrap()
+    fs::read(root().join(file)).unwrap()
 }
 
-/// The way from the crate that is built to the root of the repository.
-const ROOT: &str = if cfg!(feature = "outside") { ".." } else { "." };
+/// The root of the repository. The driver is built in a folder of it.
+fn root() -> &'static Path {
+    let built = Path::new(env!("CARGO_MANIFEST_DIR"));
+    if built.ends_with("fuzz") { built.parent().unwrap() } else { built }
+}
 
 /// A folder of this process, for readers that take paths.
 fn folder() -> &'static Path {
@@ -274,7 +277,7 @@ fn baseline(bytes: &[u8]) {
 fn baseline_seeds() -> Vec<Vec<u8>> {
     let folder = "configs/room_vlp16.baseline";
     let record = repository(&format!("{folder}/baseline.json"));
-    let pixels = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(ROOT).join(folder)).unwrap();
+    let pixels = fs::read_dir(root().join(folder)).unwrap();
     let pixels =
         pixels.map(|entry| entry.unwrap().path()).find(|path| path.extension() == Some("pixels".as_ref()));
     vec![[record, vec![0], fs::read(pixels.unwrap()).unwrap()].concat()]
