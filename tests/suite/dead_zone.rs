@@ -94,7 +94,7 @@ impl Place {
     fn scan(&self) -> (Image, Value) {
         let output = self.fine(&["scan", "job.toml", "--overwrite", "--json"]);
         let bytes = fs::read(self.path("out/c/000000.exr")).unwrap();
-        let mut parts = read_exr(&bytes).unwrap();
+        let mut parts = read_exr(&bytes, u64::MAX).unwrap();
         assert_eq!(
             parts[0].attributes["beamcast:cause"],
             "0 no_pulse, 1 surface, 2 nothing, 3 too_near, 4 out_of_range"
