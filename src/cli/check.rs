@@ -61,7 +61,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         refuse_to_accept(args)?;
     }
     let Found { mut jobs, passed_over, empty_folders, warnings } =
-        checking::find(&args.paths, &args.overrides, args.html.is_some());
+        checking::find(&args.paths, &args.overrides, args.accept.is_some(), args.html.is_some());
     for name in passed_over {
         terminal.detail(format_args!("{name}: nothing to check"));
     }

@@ -80,8 +80,8 @@ fn parse_share(text: &str) -> Result<f64, String> {
 /// read or run.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
-    let [a, b] = [&args.a, &args.b].map(|path| side(path, terminal, &interrupt));
-    let (a, b) = (a?, b?);
+    let a = side(&args.a, 0, terminal, &interrupt)?;
+    let b = side(&args.b, a.memory(), terminal, &interrupt)?;
     for (name, _) in &args.tolerances {
         let known = CHANNEL_NAMES.contains(&name.as_str()) || a.has(name) || b.has(name);
         if !known {
@@ -109,13 +109,14 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     Err(Error::Difference(format!("{} differs from {}", args.b.display(), args.a.display())))
 }
 
-/// Reads a side, or runs it if it is a job.
-fn side(path: &Path, terminal: &Terminal, interrupt: &Interrupt) -> Result<Side, Error> {
+/// Reads a side, or runs it if it is a job. `held` are the bytes that the other side takes already.
+fn side(path: &Path, held: u64, terminal: &Terminal, interrupt: &Interrupt) -> Result<Side, Error> {
     if !is_config(path) {
         return Side::of_recording(path, memory::for_recordings());
     }
     let job = load_job(path, &[], terminal)?;
     let plan = Plan::of(&job, Holding::Images)?;
+    memory::check("the rig, beside what it is compared with,", plan.bytes.saturating_add(held))?;
     let scene = load_scene(&job, terminal)?.scene;
     interrupt.check()?;
     plan.check_scene(&scene)?;

@@ -1,6 +1,8 @@
 //! Range images: frames as named channels, whether they were just cast or read from a file.
 
-use super::channel::{CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, Place, Values, repeated_for_opencv};
+use super::channel::{
+    BYTES_A_VALUE, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, Place, Values, repeated_for_opencv,
+};
 use super::sensor_frame::SensorFrame;
 
 /// A range image, which has channels of equal size. [`CHANNELS`] declares the meaning of each channel.
@@ -114,6 +116,11 @@ impl Image {
             Some((_, depth)) => depth.iter().map(|d| d.is_finite()).collect(),
             None => vec![true; self.pixels()],
         }
+    }
+
+    /// Bytes of memory that the samples take.
+    pub fn memory(&self) -> u64 {
+        self.pixels() as u64 * self.channels.len() as u64 * BYTES_A_VALUE
     }
 
     /// The number of pixels, with or without a return.

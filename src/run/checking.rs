@@ -81,13 +81,12 @@ pub struct Found {
 
 /// Reads the jobs that the paths name. A file must be a job; of a folder, the jobs that have something to be checked are
 /// taken: a baseline, `[check]` or `[[expect]]`. `overrides` are changes of keys, as [`config::load_job`] takes them.
-/// `with_page` says that views are kept for a page.
-pub fn find(paths: &[PathBuf], overrides: &[String], with_page: bool) -> Found {
-    let holding = if with_page { Holding::ComparedViews } else { Holding::Comparisons };
+/// `accepts` says that runs become baselines, and `page` that views are kept for a page.
+pub fn find(paths: &[PathBuf], overrides: &[String], accepts: bool, page: bool) -> Found {
     let mut found = Found::default();
     let mut seen = Vec::new();
-    // The views of all jobs are in memory until the page is written.
-    let mut bytes = 0_u64;
+    // The views of all jobs are in memory until the page is written. Of other things, only those of one job at a time are.
+    let (mut pages, mut largest) = (0_u64, 0);
     for path in paths {
         let is_folder = path.is_dir();
         let files = if is_folder { configs_in(path) } else { vec![path.clone()] };
@@ -112,9 +111,13 @@ pub fn find(paths: &[PathBuf], overrides: &[String], with_page: bool) -> Found {
                 continue;
             }
             found.warnings.extend(job.warnings.iter().cloned());
-            let plan = Plan::of(&job, holding).and_then(|plan| {
-                bytes = if with_page { bytes.saturating_add(plan.bytes) } else { plan.bytes };
-                memory::check("the rigs of all jobs, with their views,", bytes)?;
+            let compared = accepts || is_compared(&job);
+            let plan = Plan::of(&job, Holding::Check { compared, page }).and_then(|plan| {
+                if page {
+                    pages = pages.saturating_add(memory::of_page(&job.sensors, compared));
+                    largest = plan.bytes.max(largest);
+                    memory::check("the rigs of all jobs, with their views,", pages.saturating_add(largest))?;
+                }
                 Ok(plan)
             });
             found.jobs.push(match plan {
@@ -141,6 +144,11 @@ fn load(file: &Path, overrides: &[String], is_in_folder: bool) -> Result<Option<
         Config::Job(job) => Ok(Some(*job)),
         Config::Sensor(_) => Ok(None),
     }
+}
+
+/// Whether a job's frames are held to a baseline: to one that is there, or one that should be.
+fn is_compared(job: &Job) -> bool {
+    job.check.is_some() || job.expectations.is_empty() || baseline::folder_of(&job.path).is_dir()
 }
 
 fn has_something_to_check(job: &Job) -> bool {
@@ -209,8 +217,7 @@ impl<'r> Run<'r> {
     pub fn judge(&self, outcome: &mut Outcome) {
         self.expect(outcome);
         let (job, scene) = (&self.session.job, self.session.scene());
-        let has_baseline = baseline::folder_of(&job.path).is_dir();
-        if job.check.is_some() || has_baseline || job.expectations.is_empty() {
+        if is_compared(job) {
             baseline::compare(job, scene, &self.taken(), outcome);
         }
         if !outcome.failures().is_empty() {

@@ -84,6 +84,15 @@ impl Side {
         self.0.insert(name, Content::Image(image.without_repeats()));
     }
 
+    /// Bytes of memory that the numbers take.
+    pub fn memory(&self) -> u64 {
+        let of_content = |content: &Content| match content {
+            Content::Image(image) => image.memory(),
+            Content::Cloud(cloud) => cloud.memory(),
+        };
+        self.0.values().map(of_content).sum()
+    }
+
     /// Whether an image has a channel of that name, or a cloud a field.
     pub fn has(&self, field: &str) -> bool {
         self.0.values().any(|content| match content {

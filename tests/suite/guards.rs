@@ -426,3 +426,210 @@ fn lint_finds_what_a_format_can_not_hold() {
         assert_eq!(code(&exr), 0, "{}", stderr(&exr));
     }
 }
+
+/// Runs a command and gives the most memory that it had, in bytes, as the system tells while it runs.
+#[cfg(target_os = "linux")]
+fn peak(mut command: Command) -> f64 {
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak = 0.0_f64;
+    while child.try_wait().unwrap().is_none() {
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kilobytes = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());
+        peak = peak.max(kilobytes.unwrap_or(0.0) * 1024.0);
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    peak
+}
+
+/// Checks that a measured peak is that of the estimate, but for what every process has. The estimate may be too large by a
+/// third, and too small by a quarter: what the system has given to a process isn't all in use.
+#[cfg(target_os = "linux")]
+fn assert_fits(what: &str, estimate: u64, peak: f64, idle: f64) {
+    let ratio = estimate as f64 / (peak - idle);
+    assert!((0.76..1.32).contains(&ratio), "{what}: estimated {estimate}, peak {peak}, idle {idle}: {ratio}");
+}
+
+/// The case memory-estimates: what `check`, `view` and `diff` hold is counted for all frames of a rig, and tables are.
+#[cfg(target_os = "linux")]
+#[test]
+fn case_memory_estimates() {
+    use beamcast::run::memory::{self, Holding};
+    let sensor = |i: usize| {
+        format!(
+            "[[sensor]]\nname = \"s{i}\"\npose = {{ position_m = [0.0, {i}.0, 1.0] }}\n[sensor.rotating]\n\
+             elevations_deg = {{ from = -5.0, to = -30.0, count = 128 }}\ncolumns = 1024\nrate_hz = 10.0\n"
+        )
+    };
+    let small = Workplace::new();
+    let rig = Workplace::with_sensors(&(0..8).map(sensor).collect::<String>());
+    let expect = "[[expect]]\nname = \"it sees\"\nreturns = { at_least = 0.1 }\n";
+    for work in [&small, &rig] {
+        let job = fs::read_to_string(work.path("job.toml")).unwrap();
+        let job = job.replace("formats = [\"exr\", \"ply\", \"png\"]", "formats = [\"exr\"]");
+        fs::write(work.path("job.toml"), job + expect).unwrap();
+    }
+    let job = beamcast::load_job(&rig.path("job.toml"), &[]).unwrap();
+    let estimate = |holding| memory::of_frames(&job.sensors, &job.output.formats, holding);
+    let check = |compared, page| Holding::Check { compared, page };
+    let page = rig.path("page.html");
+    let page = page.to_str().unwrap();
+    for (args, estimate) in [
+        (&["scan"][..], estimate(Holding::Files)),
+        (&["check"], estimate(check(false, false))),
+        (&["check", "--html", page], estimate(check(false, true))),
+        (&["view", "--overwrite", "-o", page], estimate(Holding::Views)),
+        (&["check", "--accept"], estimate(check(true, false))),
+        (&["check"], estimate(check(true, false))),
+    ] {
+        let [idle, peak] = [&small, &rig].map(|work| peak(work.command(args[0], &args[1..])));
+        assert_fits(&args.join(" "), estimate, peak, idle);
+    }
+}
+
+/// The third part of the case memory-estimates: what a scene takes, placed often or stored whole.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_scene_takes_what_is_estimated() {
+    let idle = peak(Workplace::new().command("scan", &["-q"]));
+    for (placements, triangles) in [(60_000, 2), (1, 200_000)] {
+        let work = Workplace::new();
+        write_placed(&work, placements, triangles);
+        let output = work.scan(&["--dry-run", "--json"]);
+        let estimate = json(&output.stdout)["scene_memory_bytes"].as_u64().unwrap();
+        let peak = peak(work.command("scan", &["-q"]));
+        assert_fits(&format!("{placements} times {triangles}"), estimate, peak, idle);
+    }
+}
+
+/// Gives the job a scene of a strip of triangles, placed often.
+#[cfg(target_os = "linux")]
+fn write_placed(work: &Workplace, placements: usize, triangles: usize) {
+    let strip = (0..triangles + 2).flat_map(|i| [i as f32 * 0.01, (i % 7) as f32 * 0.001, (i % 2) as f32]);
+    let vertices = triangles + 2;
+    let mut bytes: Vec<u8> = strip.flat_map(f32::to_le_bytes).collect();
+    bytes.extend((0..triangles as u32).flat_map(|i| [i, i + 1, i + 2]).flat_map(u32::to_le_bytes));
+    let indices = 12 * vertices;
+    let places = bytes.len();
+    let place = |i: usize| [(i % 250) as f32 * 5.0, (i / 250) as f32, (i % 3) as f32];
+    bytes.extend((0..placements).flat_map(place).flat_map(f32::to_le_bytes));
+    fs::write(work.path("ground.bin"), &bytes).unwrap();
+    let view = |from: usize, to: usize| serde_json::json!({ "buffer": 0, "byteOffset": from, "byteLength": to - from });
+    let instancing = serde_json::json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": 2 } } });
+    let scene = serde_json::json!({
+        "asset": { "version": "2.0" },
+        "extensionsUsed": ["EXT_mesh_gpu_instancing"],
+        "buffers": [{ "uri": "ground.bin", "byteLength": bytes.len() }],
+        "bufferViews": [view(0, indices), view(indices, places), view(places, bytes.len())],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": vertices, "type": "VEC3" },
+            { "bufferView": 1, "componentType": 5125, "count": 3 * triangles, "type": "SCALAR" },
+            { "bufferView": 2, "componentType": 5126, "count": placements, "type": "VEC3" },
+        ],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1 }] }],
+        "nodes": [{ "mesh": 0, "extensions": if placements > 1 { instancing } else { serde_json::json!({}) } }],
+        "scenes": [{ "nodes": [0] }],
+        "scene": 0,
+    });
+    fs::write(work.path("ground.gltf"), scene.to_string()).unwrap();
+}
+
+/// A table that 64 sensors name is in memory once.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_table_of_many_sensors_is_held_once() {
+    let sensor = |i: usize| format!("[[sensor]]\nname = \"s{i}\"\n[sensor.rays]\nfile = \"rays.csv\"\n");
+    let [few, many] = [1, 64].map(|count| {
+        let work = Workplace::with_sensors(&(0..count).map(sensor).collect::<String>());
+        fs::write(work.path("rays.csv"), "x,y,z\n".to_owned() + &"1,0,0\n".repeat(100_000)).unwrap();
+        peak(work.command("lint", &[]))
+    });
+    assert!(many < few + 8e6, "{few} and {many} bytes");
+}
+
+/// The case selftest-allocates-unasked, whose refusal tests/suite/cli.rs has for a job, for a sensor file.
+#[test]
+fn case_selftest_allocates_unasked() {
+    let work = Workplace::new();
+    let path = work.path("huge.toml");
+    fs::write(&path, "[pinhole]\nwidth_px = 65536\nheight_px = 65536\nhfov_deg = 90.0\n").unwrap();
+    let output = super::cli::beamcast(&["selftest", path.to_str().unwrap()]);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+    assert!(stderr(&output).contains(" takes about "), "{}", stderr(&output));
+}
+
+/// The case baseline-kept-bomb: a record that lists 20 000 channels, each to be unpacked.
+#[test]
+fn case_baseline_kept_bomb() {
+    let work = Workplace::new();
+    let job = fs::read_to_string(work.path("job.toml")).unwrap();
+    fs::write(work.path("job.toml"), job + "[check]\n").unwrap();
+    assert_eq!(code(&work.command("check", &["--accept"]).output().unwrap()), 0);
+    let path = work.path("job.baseline/baseline.json");
+    let mut baseline = json(&fs::read(&path).unwrap());
+    let sensor = &mut baseline["sensors"][0];
+    sensor["kept"] = (0..20_000)
+        .map(|i| (format!("c{i}"), serde_json::json!(0.5)))
+        .collect::<serde_json::Map<_, _>>()
+        .into();
+    sensor["channels"]["range"] = "another".into();
+    fs::write(&path, baseline.to_string()).unwrap();
+    let check = work.command("check", &[]).output().unwrap();
+    assert_eq!(code(&check), 1, "{}", stderr(&check));
+    let told = String::from_utf8_lossy(&check.stdout).into_owned();
+    assert!(told.contains("top.pixels is not what was accepted"), "{told}");
+    // A record of more than is read of one.
+    fs::write(&path, format!("{baseline}{}", " ".repeat(9 << 20))).unwrap();
+    let check = work.command("check", &[]).output().unwrap();
+    assert!(String::from_utf8_lossy(&check.stdout).contains("more than the 8388608 that are read"));
+}
+
+/// The case diff-outputs-repeated.
+#[test]
+fn case_diff_outputs_repeated() {
+    let work = Workplace::new();
+    assert_eq!(code(&work.scan(&[])), 0);
+    let path = work.path("out/manifest.json");
+    let mut manifest = json(&fs::read(&path).unwrap());
+    let cloud = manifest["outputs"][1].clone();
+    manifest["outputs"] = vec![cloud; 10_000].into();
+    fs::write(&path, manifest.to_string()).unwrap();
+    let out = work.path("out");
+    let out = out.to_str().unwrap();
+    let output = super::cli::beamcast(&["diff", out, out]);
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
+    assert!(stderr(&output).contains("lists \"top/000000.ply\" twice"), "{}", stderr(&output));
+}
+
+/// What one end writes, the other reads: `import` refuses a sensor file that `lint` would refuse.
+#[test]
+fn import_writes_no_more_than_is_read() {
+    let work = Workplace::new();
+    let path = work.path("angles.csv");
+    fs::write(&path, "1.25,0.5\n".repeat(400_000)).unwrap();
+    let output = super::cli::beamcast(&["import", path.to_str().unwrap(), "--as", "robosense"]);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+    assert!(
+        output.stdout.is_empty() && stderr(&output).contains("at most 4194304 are read"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+/// The case junit-not-xml.
+#[test]
+fn case_junit_not_xml() {
+    let work = Workplace::new();
+    let job = fs::read_to_string(work.path("job.toml")).unwrap();
+    let expect = "[[expect]]\nname = \"a\\uFFFFb\\uFFFE\\u001bc\"\nreturns = { at_least = 0.99 }\n";
+    fs::write(work.path("job.toml"), job + expect).unwrap();
+    let report = work.path("report.xml");
+    let output = work.command("check", &["--junit", report.to_str().unwrap()]).output().unwrap();
+    assert_eq!(code(&output), 1, "{}", stderr(&output));
+    let report = fs::read_to_string(report).unwrap();
+    assert!(report.contains("a\u{fffd}b\u{fffd}\u{fffd}c"), "{report}");
+    assert!(!report.contains(['\u{ffff}', '\u{fffe}', '\u{1b}']));
+}

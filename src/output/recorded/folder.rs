@@ -11,7 +11,6 @@ use super::exr::{Part, read_exr};
 use super::ply::{Cloud, read_ply};
 use crate::error::Error;
 use crate::output::manifest::Manifest;
-use crate::output::{BYTES_A_VALUE, Image};
 use crate::source::{FileKind, Wanted, read_file, recognise};
 
 /// A file or a folder of recorded frames.
@@ -52,10 +51,9 @@ impl Recorded {
 
     /// Bytes of memory that the numbers take.
     pub fn memory(&self) -> u64 {
-        let of_image = |image: &Image| (image.pixels() as u64 * image.channels.len() as u64) * BYTES_A_VALUE;
         match self {
-            Self::Exr(parts) => parts.iter().map(|part| of_image(&part.image)).sum(),
-            Self::Cloud(cloud) => (cloud.points * cloud.fields.len() * size_of::<f64>()) as u64,
+            Self::Exr(parts) => parts.iter().map(|part| part.image.memory()).sum(),
+            Self::Cloud(cloud) => cloud.memory(),
             Self::Folder(_) => 0,
         }
     }

@@ -25,6 +25,11 @@ pub struct Field {
 }
 
 impl Cloud {
+    /// Bytes of memory that the values take.
+    pub fn memory(&self) -> u64 {
+        (self.points * self.fields.len() * size_of::<f64>()) as u64
+    }
+
     /// The values of a field.
     pub fn field(&self, name: &str) -> Option<&[f64]> {
         self.fields.iter().find(|f| f.name == name).map(|f| f.values.as_slice())
