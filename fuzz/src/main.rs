@@ -92,7 +92,8 @@ fn fuzz(target: &'static Target, time: Duration, save: bool) -> bool {
             std::thread::sleep(Duration::from_millis(500));
             let now = watched.lock().unwrap().clone();
             if let Some((since, input)) = now.filter(|(since, _)| since.elapsed() > LONGEST) {
-                let path = keep(&folder("found"), &format!("{}-slow-{:016x}", target.name, hash(&input)), &input);
+                let path =
+                    keep(&folder("found"), &format!("{}-slow-{:016x}", target.name, hash(&input)), &input);
                 println!("{}: not done after {:?}: {}", target.name, since.elapsed(), path.display());
                 std::process::exit(1);
             }
