@@ -13,7 +13,9 @@ use serde_json::Value;
 
 use super::compare::Tolerance;
 use super::pixels;
-use crate::output::{Channel, Image, Samples, SensorFrame, is_of_all_pixels, no_return};
+use crate::output::{
+    Channel, Image, Samples, SensorFrame, index_of, is_of_all_pixels, json_lines, no_return,
+};
 use crate::scene::Scene;
 use crate::sensor::Pattern;
 
@@ -135,11 +137,8 @@ impl Baseline {
 
     /// The content of [`Baseline::NAME`].
     pub fn encode(&self) -> Vec<u8> {
-        let mut text = String::new();
         // The value has only numbers and texts, so serialisation cannot fail.
-        write_json(&serde_json::to_value(self).unwrap_or_default(), 0, &mut text);
-        text.push('\n');
-        text.into_bytes()
+        json_lines(&serde_json::to_value(self).unwrap_or_default()).into_bytes()
     }
 
     /// Reads the content of [`Baseline::NAME`].
@@ -200,7 +199,10 @@ impl Snapshot {
                 let mut seen: Vec<u32> = seen.collect();
                 seen.sort_unstable();
                 seen.dedup();
-                let name = |id: u32| scene.geometry.objects.get(id as usize).map(|i| (id, i.name.clone()));
+                let name = |id: u32| {
+                    let object = scene.geometry.objects.get(index_of(id)? as usize)?;
+                    Some((id, object.name.clone()))
+                };
                 seen.into_iter().filter_map(name).collect()
             }
             None => BTreeMap::new(),
@@ -359,42 +361,4 @@ fn beams(pattern: &Pattern) -> Vec<[f64; 3]> {
         [b.elevation.degrees(), b.azimuth_offset.degrees(), b.time_s * 1e6].map(rounded)
     };
     rotating.beams().iter().map(beam).collect()
-}
-
-/// Writes JSON for people and version control, with a line for each key and short arrays on one line.
-fn write_json(value: &Value, indent: usize, text: &mut String) {
-    let is_leaf = |value: &Value| !value.is_object() && !value.is_array();
-    let new_line = |text: &mut String, indent: usize| {
-        text.push('\n');
-        text.extend(std::iter::repeat_n(' ', indent));
-    };
-    match value {
-        Value::Object(keys) if !keys.is_empty() => {
-            text.push('{');
-            for (index, (key, value)) in keys.iter().enumerate() {
-                text.push_str(if index > 0 { "," } else { "" });
-                new_line(text, indent + 2);
-                text.push_str(&Value::from(key.as_str()).to_string());
-                text.push_str(": ");
-                write_json(value, indent + 2, text);
-            }
-            new_line(text, indent);
-            text.push('}');
-        }
-        Value::Array(values) if !values.iter().all(is_leaf) => {
-            text.push('[');
-            for (index, value) in values.iter().enumerate() {
-                text.push_str(if index > 0 { "," } else { "" });
-                new_line(text, indent + 2);
-                write_json(value, indent + 2, text);
-            }
-            new_line(text, indent);
-            text.push(']');
-        }
-        Value::Array(values) => {
-            let values: Vec<String> = values.iter().map(Value::to_string).collect();
-            text.push_str(&format!("[{}]", values.join(", ")));
-        }
-        leaf => text.push_str(&leaf.to_string()),
-    }
 }

@@ -81,6 +81,18 @@ fn kind_of(path: &Path) -> Result<FileKind, Error> {
     Err(Error::input(path, kind.text_instead_of(Wanted::Shown)))
 }
 
+/// The most comments of a cloud's header that are shown. A header of ours has one for each instance.
+const MOST_COMMENTS: usize = 24;
+
+/// The first characters of a text of a header, which may list the names of many instances. `--json` has all of it.
+fn shortened(text: &str) -> String {
+    const LONGEST: usize = 400;
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
 /// A name without the quotes that messages put around it.
 fn plain(name: &str) -> String {
     quoted(name).trim_matches('`').to_owned()
@@ -159,7 +171,7 @@ impl PartFacts {
             text.push('\n');
         }
         for (name, value) in &self.attributes {
-            let _ = writeln!(text, "    {} = {}", on_one_line(name), on_one_line(value));
+            let _ = writeln!(text, "    {} = {}", on_one_line(name), on_one_line(&shortened(value)));
         }
         text
     }
@@ -208,8 +220,11 @@ impl CloudFacts {
         for f in &self.fields {
             let _ = writeln!(text, "    {:<14}{:<7}{}", on_one_line(&f.name), f.kind, span(f.min, f.max));
         }
-        for comment in &self.comments {
-            let _ = writeln!(text, "    {}", on_one_line(comment));
+        for comment in self.comments.iter().take(MOST_COMMENTS) {
+            let _ = writeln!(text, "    {}", on_one_line(&shortened(comment)));
+        }
+        if self.comments.len() > MOST_COMMENTS {
+            let _ = writeln!(text, "    and {} more comments", self.comments.len() - MOST_COMMENTS);
         }
         text
     }
@@ -233,7 +248,7 @@ fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
         "seed": get("/seed"),
         "scene": get("/job/scene"),
         "triangles": get("/scene/triangles"),
-        "instances": count("/scene/instances"),
+        "instances": folder.instances().count(),
         "materials": count("/scene/materials"),
         "sensors": sensors,
         "inputs": get("/inputs"),
@@ -257,7 +272,7 @@ fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
         "    scene         {}, {} triangles, {} instances, {} materials",
         say("/job/scene"),
         say("/scene/triangles"),
-        count("/scene/instances"),
+        folder.instances().count(),
         count("/scene/materials")
     );
     let names: Vec<&str> = sensors.iter().filter_map(Value::as_str).collect();

@@ -26,7 +26,7 @@ pub struct Args {
     /// Write here instead of the job's output.dir
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace outputs that are there already
+    /// Replace outputs that are there already, and remove those of the last run that are not written again
     #[arg(long)]
     overwrite: bool,
     /// Use this seed instead of the job's
@@ -236,6 +236,7 @@ fn print_plan(
     journal: &Journal,
 ) -> Result<(), Error> {
     let outputs = journal.paths().map(|path| path.to_string_lossy().into_owned());
+    let removed = journal.paths_to_remove().map(|path| path.to_string_lossy().into_owned());
     if args.json {
         let sensor = |s: &crate::config::MountedSensor| {
             let pattern = &s.sensor.pattern;
@@ -249,6 +250,7 @@ fn print_plan(
             "triangles": scene.triangle_count(),
             "diagnostics": diagnostics,
             "outputs": outputs.collect::<Vec<_>>(),
+            "removed": removed.collect::<Vec<_>>(),
         });
         return terminal.json(&plan);
     }
@@ -265,6 +267,10 @@ fn print_plan(
     let _ = writeln!(text, "would write:");
     for output in outputs {
         let _ = writeln!(text, "  {}", on_one_line(&output));
+    }
+    for (index, path) in removed.enumerate() {
+        text.push_str(if index == 0 { "would remove, of an earlier run:\n" } else { "" });
+        let _ = writeln!(text, "  {}", on_one_line(&path));
     }
     terminal.print(&text)
 }

@@ -1,6 +1,7 @@
 //! The channels of frames, with one declaration each. A range image holds them, a baseline hashes them, and a page shows
 //! them.
 
+use super::id::id_of;
 use super::sensor_frame::SensorFrame;
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::scan::{Cause, Returns};
@@ -120,16 +121,16 @@ pub static CHANNELS: [ChannelSpec; 11] = [
     ChannelSpec {
         name: "id.instance",
         unit: "",
-        about: "The object that was hit: an index into the manifest's list.",
+        about: "The object that was hit, from 1: the manifest has its name. 0 is nothing.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::U32(|f, at| f.returns().instance[at.slot]),
+        values: Values::U32(|f, at| id_of(f.returns().instance[at.slot])),
         shown: Some(Shown { rank: 4, label: "instance", scale: Scale::Id }),
     },
     ChannelSpec {
         name: "id.semantic",
         unit: "",
-        about: "The semantic label of the object that was hit.",
+        about: "The semantic label of the object that was hit. 0 is no label, of a surface or of nothing.",
         no_return: 0.0,
         sensors: Sensors::All,
         values: Values::U32(|f, at| f.returns().label[at.slot]),
@@ -138,10 +139,10 @@ pub static CHANNELS: [ChannelSpec; 11] = [
     ChannelSpec {
         name: "id.triangle",
         unit: "",
-        about: "The triangle that was hit.",
+        about: "The triangle that was hit, from 1. 0 is nothing.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::U32(|f, at| f.returns().triangle[at.slot]),
+        values: Values::U32(|f, at| id_of(f.returns().triangle[at.slot])),
         shown: None, // there are too many to tell apart
     },
     ChannelSpec {

@@ -121,6 +121,17 @@ fn attributes(frame: &SensorFrame) -> LayerAttributes {
     // An attribute holds one byte for each character.
     set("beamcast:sensor", text(&frame.name.escape_default().to_string()));
     set("beamcast:world_from_sensor", text(&pose_as_toml(&frame.world_from_sensor())));
+    for (what, named) in
+        [("instances", frame.names.instances(frame.frame)), ("labels", frame.names.labels(frame.frame))]
+    {
+        if let Some(names) = named.to_json() {
+            set(&format!("beamcast:{what}"), text(&names));
+        }
+        if named.left_out > 0 {
+            let said = format!("{}, which the manifest names", named.left_out);
+            set(&format!("beamcast:{what}_left_out"), text(&said));
+        }
+    }
     let pattern = &frame.capture.sensor.pattern;
     set("beamcast:pattern", text(pattern.name()));
     set("beamcast:normal_frame", text(if pattern.is_camera() { "optical" } else { "sensor" }));

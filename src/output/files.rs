@@ -153,6 +153,47 @@ impl Destination {
         }
     }
 
+    /// Removes the files `old` of an earlier run, which are paths as those of the destination, except for those that will be
+    /// written now; and the folders that this leaves empty. It removes nothing outside of the destination's folder: a file in a
+    /// folder that is a link to another place stays. What is gone already is fine.
+    ///
+    /// # Errors
+    /// [`Error::Output`] about a file that can't be removed.
+    pub fn remove_old(&self, old: &[String]) -> Result<(), Error> {
+        let Ok(home) = fs::canonicalize(&self.folder) else { return Ok(()) };
+        for path in self.old_paths(old) {
+            let Some(folder) = path.parent() else { continue };
+            let is_inside = fs::canonicalize(folder).is_ok_and(|folder| folder.starts_with(&home));
+            // A link is removed itself, and not what it leads to.
+            let is_file = fs::symlink_metadata(&path).is_ok_and(|found| !found.is_dir());
+            if !(is_inside && is_file) {
+                continue;
+            }
+            match fs::remove_file(&path) {
+                Err(e) if e.kind() != io::ErrorKind::NotFound => {
+                    return Err(Error::output(
+                        &path,
+                        format!("is of an earlier run, and can't be removed: {e}"),
+                    ));
+                }
+                _ => {}
+            }
+            // A folder that still holds something is not removed.
+            for folder in path.ancestors().skip(1).take_while(|folder| *folder != self.folder) {
+                if fs::remove_dir(folder).is_err() {
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The paths of those files of an earlier run that will not be written now.
+    pub fn old_paths<'o>(&'o self, old: &'o [String]) -> impl Iterator<Item = PathBuf> + 'o {
+        let new: BTreeSet<&str> = self.names.iter().map(String::as_str).collect();
+        old.iter().filter(move |name| !new.contains(name.as_str())).map(|name| self.folder.join(name))
+    }
+
     /// Writes the file `name`, completely or not at all.
     ///
     /// # Errors
@@ -329,6 +370,59 @@ mod tests {
         fs::remove_dir_all(tmp.path().join("top")).unwrap();
         destination.write("top/000000.exr", b"pixels").unwrap_err();
         assert_eq!(files_under(tmp.path()), [""; 0]);
+    }
+
+    /// Writes a file with its folder.
+    fn put(path: &Path) {
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, b"old").unwrap();
+    }
+
+    /// Files of an earlier run go unless they are written anew, with the folders that this empties. Whatever else is there stays.
+    #[test]
+    fn files_of_an_earlier_run_are_removed_and_nothing_else() {
+        let tmp = tempfile::tempdir().unwrap();
+        let out = tmp.path().join("out");
+        for file in [
+            "front/000000.exr",
+            "front/000000.ply",
+            "deep/er/000000.exr",
+            "kept/000000.exr",
+            "kept/notes.txt",
+        ] {
+            put(&out.join(file));
+        }
+        put(&out.join("top/000000.exr"));
+        let mut destination = check(&out, true).unwrap();
+        destination.prepare(MANIFEST).unwrap();
+        let old = [
+            "front/000000.exr",
+            "front/000000.ply",
+            "deep/er/000000.exr",
+            "kept/000000.exr",
+            "top/000000.exr",
+        ];
+        let old: Vec<String> =
+            old.into_iter().chain(["gone/000000.exr", "kept"]).map(str::to_owned).collect();
+        destination.remove_old(&old).unwrap();
+        assert_eq!(files_under(tmp.path()), ["out/kept/notes.txt", "out/top/000000.exr"]);
+        assert!(!out.join("front").exists() && !out.join("deep").exists());
+        destination.remove_old(&old).unwrap();
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn nothing_behind_a_link_is_removed() {
+        let tmp = tempfile::tempdir().unwrap();
+        let (out, elsewhere) = (tmp.path().join("out"), tmp.path().join("elsewhere"));
+        put(&elsewhere.join("000000.exr"));
+        fs::create_dir(&out).unwrap();
+        std::os::unix::fs::symlink(&elsewhere, out.join("front")).unwrap();
+        std::os::unix::fs::symlink(elsewhere.join("000000.exr"), out.join("link.exr")).unwrap();
+        let destination = Destination::check(&out, vec!["top/000000.exr".into()], true).unwrap();
+        destination.remove_old(&["front/000000.exr".to_owned(), "link.exr".to_owned()]).unwrap();
+        assert_eq!(fs::read(elsewhere.join("000000.exr")).unwrap(), b"old");
+        assert!(fs::symlink_metadata(out.join("link.exr")).is_err());
     }
 
     #[cfg(unix)]

@@ -1,9 +1,16 @@
 //! The record of a run: its inputs and its outputs.
 
-use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+use serde_json::{Map, Value, json};
 
 use super::files::WrittenFile;
+use super::id::id_of;
+use super::json::json_lines;
 use crate::scene::{Scene, SourceFile};
+
+/// The version of the format. Version 1 had no number, and counted ids from 0.
+const FORMAT: u32 = 2;
 
 /// The content of `manifest.json`. It is written last, so that a folder with a manifest is complete.
 #[derive(Clone, Copy, Debug)]
@@ -14,6 +21,8 @@ pub struct Manifest<'a> {
     pub seed: u64,
     /// The files of the job and of its sensors.
     pub inputs: &'a [SourceFile],
+    /// The job's labels by name.
+    pub labels: &'a BTreeMap<String, u32>,
     /// The scene that was scanned. Its files are inputs too.
     pub scene: &'a Scene,
     /// The files that were written.
@@ -24,8 +33,8 @@ impl Manifest<'_> {
     /// The file's name in the output folder.
     pub const NAME: &'static str = "manifest.json";
 
-    /// The content of the file as JSON, with the keys in a fixed order. Paths are as the user wrote them or relative to the
-    /// manifest.
+    /// The content of the file as JSON, with the keys in a fixed order and a line for each file. Paths are as the user wrote
+    /// them or relative to the manifest.
     pub fn encode(&self) -> Vec<u8> {
         let file = |f: &SourceFile| json!({ "name": f.name, "bytes": f.bytes, "blake3": f.blake3 });
         let inputs: Vec<_> = self.inputs.iter().chain(&self.scene.geometry.files).map(file).collect();
@@ -35,39 +44,63 @@ impl Manifest<'_> {
             .map(|f| json!({ "path": f.path, "bytes": f.bytes, "blake3": f.blake3 }))
             .collect();
         let manifest = json!({
+            "format": FORMAT,
             "tool": { "name": env!("CARGO_PKG_NAME"), "version": env!("CARGO_PKG_VERSION") },
             "seed": self.seed,
             "job": self.job,
             "inputs": inputs,
-            "scene": scene(self.scene),
+            "scene": scene(self.scene, self.labels),
             "outputs": outputs,
         });
-        format!("{manifest:#}\n").into_bytes()
+        json_lines(&manifest).into_bytes()
     }
 }
 
-/// The lists into which the ids of the outputs are indices. The label of a triangle is the first that exists of: the job's
-/// label for the instance, the job's label for the material, the scene file's label for the instance, and 0.
-fn scene(scene: &Scene) -> Value {
-    let instances: Vec<_> = scene
-        .geometry
-        .objects
-        .iter()
-        .enumerate()
-        .map(|(id, o)| json!({ "id": id, "name": o.name, "job_label": o.job_label, "file_label": o.file_label }))
-        .collect();
+/// The names behind the ids of the outputs. Ids count from 1, and 0 means nothing. The label of a triangle is the first that
+/// exists of: the job's label for the instance, the job's label for the material, the scene file's label for the instance, and
+/// 0.
+///
+/// Instances that follow each other with the same name and labels, such as those of an instanced mesh, are one entry with the
+/// first id and the `last`.
+fn scene(scene: &Scene, labels: &BTreeMap<String, u32>) -> Value {
+    let objects = &scene.geometry.objects;
+    let mut instances = Vec::new();
+    let mut first = 0;
+    for run in objects.chunk_by(PartialEq::eq) {
+        let mut entry = Map::new();
+        entry.insert("id".into(), id_of(first).into());
+        if run.len() > 1 {
+            entry.insert("last".into(), (first + run.len() as u32).into());
+        }
+        entry.insert("name".into(), run[0].name.as_str().into());
+        for (key, label) in [("job_label", run[0].job_label), ("file_label", run[0].file_label)] {
+            label.map(|label| entry.insert(key.into(), label.into()));
+        }
+        instances.push(Value::Object(entry));
+        first += run.len() as u32;
+    }
     let materials: Vec<_> = scene
         .geometry
         .materials
         .iter()
         .enumerate()
-        .map(|(id, m)| json!({ "id": id, "name": m.name, "job_label": m.job_label }))
+        .map(|(index, m)| match m.job_label {
+            Some(label) => json!({ "index": index, "name": m.name, "job_label": label }),
+            None => json!({ "index": index, "name": m.name }),
+        })
         .collect();
+    let mut by_label: BTreeMap<u32, Vec<&str>> = BTreeMap::new();
+    for (name, &label) in labels {
+        by_label.entry(label).or_default().push(name);
+    }
+    let labels: Map<String, Value> =
+        by_label.into_iter().map(|(label, names)| (label.to_string(), names.into())).collect();
     json!({
         "centre_m": scene.geometry.centre.to_array(),
         "triangles": scene.triangle_count(),
         "skipped_triangles": scene.geometry.skipped_triangles,
         "instances": instances,
+        "labels": labels,
         "materials": materials,
     })
 }
@@ -83,10 +116,12 @@ mod tests {
     fn it_says_what_went_in_and_what_came_out_in_a_fixed_order() {
         let mesh = Mesh { triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
         let input = |name: &str| SourceFile { name: name.into(), bytes: 5, blake3: "abc".into() };
+        let wall = Object { name: "a \"wall\"\u{202e}".into(), job_label: Some(4), file_label: None };
+        let tree = Object { name: "tree".into(), job_label: None, file_label: Some(7) };
         let geometry = Geometry {
             centre: DVec3::new(1.0, 2.0, 3.0),
             meshes: vec![mesh],
-            objects: vec![Object { name: "a \"wall\"\u{202e}".into(), job_label: Some(4), file_label: None }],
+            objects: vec![wall.clone(), wall, Object::default(), tree.clone(), tree.clone(), tree],
             materials: vec![Material::default()],
             skipped_triangles: 7,
             files: vec![input("../scenes/wall.glb")],
@@ -99,13 +134,15 @@ mod tests {
             job: &json!({ "seed": 3, "scene": "../scenes/wall.glb" }),
             seed: 3,
             inputs: &[input("job.toml"), input("sensors/a.toml")],
+            labels: &BTreeMap::from([("wall".into(), 4), ("fence".into(), 4), ("road".into(), 10)]),
             scene: &scene,
             outputs: &[output],
         };
         let text = String::from_utf8(manifest.encode()).unwrap();
         let read: Value = serde_json::from_str(&text).unwrap();
         let keys: Vec<_> = read.as_object().unwrap().keys().collect();
-        assert_eq!(keys, ["tool", "seed", "job", "inputs", "scene", "outputs"]);
+        assert_eq!(keys, ["format", "tool", "seed", "job", "inputs", "scene", "outputs"]);
+        assert_eq!(read["format"], 2);
         assert_eq!(read["job"], *manifest.job);
         assert_eq!(read["tool"]["version"], env!("CARGO_PKG_VERSION"));
         let names: Vec<_> = read["inputs"].as_array().unwrap().iter().map(|f| &f["name"]).collect();
@@ -113,9 +150,42 @@ mod tests {
         assert_eq!(read["scene"]["triangles"], 2);
         assert_eq!(read["scene"]["skipped_triangles"], 7);
         assert_eq!(read["scene"]["centre_m"], json!([1.0, 2.0, 3.0]));
-        assert_eq!(read["scene"]["instances"][0]["name"], scene.geometry.objects[0].name);
-        assert_eq!(read["scene"]["instances"][0]["job_label"], 4);
+        let instances = [
+            json!({ "id": 1, "last": 2, "name": scene.geometry.objects[0].name, "job_label": 4 }),
+            json!({ "id": 3, "name": "" }),
+            json!({ "id": 4, "last": 6, "name": "tree", "file_label": 7 }),
+        ];
+        assert_eq!(read["scene"]["instances"], json!(instances));
+        assert_eq!(read["scene"]["labels"], json!({ "4": ["fence", "wall"], "10": ["road"] }));
         assert_eq!(read["outputs"], json!([{ "path": "top/000000.exr", "bytes": 9, "blake3": "def" }]));
         assert_eq!(text, String::from_utf8(manifest.encode()).unwrap());
+    }
+
+    /// A file more is a line more, and so is a name; instances of the same name cost nothing.
+    #[test]
+    fn it_grows_by_a_line_a_file() {
+        let size = |files: usize, objects: usize| {
+            let tree = Object { name: "tree".into(), ..Object::default() };
+            let geometry = Geometry { objects: vec![tree; objects], ..Geometry::default() };
+            let scene = Scene { geometry: Arc::new(geometry), arrangement: Arc::default() };
+            let output =
+                |i: usize| WrittenFile { path: format!("top/{i:06}.exr"), bytes: 9, blake3: "0".repeat(64) };
+            let outputs: Vec<WrittenFile> = (0..files).map(output).collect();
+            let (inputs, labels) = ([], BTreeMap::new());
+            let manifest = Manifest {
+                job: &json!({}),
+                seed: 0,
+                inputs: &inputs,
+                labels: &labels,
+                scene: &scene,
+                outputs: &outputs,
+            };
+            let text = String::from_utf8(manifest.encode()).unwrap();
+            (text.lines().count(), text.len())
+        };
+        let ((lines, bytes), (more_lines, more_bytes)) = (size(100, 50), size(200, 50));
+        assert_eq!(more_lines - lines, 100);
+        assert!(more_bytes - bytes < 100 * 140, "{bytes} {more_bytes}");
+        assert!(size(100, 99) == (lines, bytes));
     }
 }

@@ -4,6 +4,7 @@
 //!
 //! ```text
 //! sensor_frame   a sensor's frame with all facts that a writer needs about its origin
+//! id             the ids of objects and triangles, from 1
 //! channel        the channels, with one declaration each
 //! image          a frame as channels, whether it was just cast or read from a file
 //! format         the declaration of a format; registry lists all of them
@@ -13,14 +14,19 @@
 //! files          the output folder of a run, whose files are complete or absent
 //! whole          single files that are complete or absent, and claims on folders
 //! manifest       the record of a run
+//! names          the names behind ids, for headers
+//! json           JSON as people and version control like it
 //! ```
 
 mod channel;
 mod exr;
 mod files;
 mod format;
+mod id;
 mod image;
+mod json;
 mod manifest;
+mod names;
 mod picture;
 pub mod plot;
 mod ply;
@@ -36,8 +42,11 @@ pub use channel::{
 };
 pub use files::{Destination, GrowingFile, WrittenFile};
 pub use format::{EncodeError, FormatSpec, Kind, Stream};
+pub use id::{id_of, index_of};
 pub use image::{Channel, Image, Samples};
+pub use json::json_lines;
 pub use manifest::Manifest;
+pub use names::Names;
 pub use picture::encode_png;
 pub use registry::{FORMATS, Format};
 pub use sensor_frame::{CloudFrame, SensorFrame};

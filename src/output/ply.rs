@@ -1,6 +1,7 @@
 //! Encoding of binary PLY point clouds.
 
 use super::format::{EncodeError, FormatSpec, Kind};
+use super::id::id_of;
 use super::sensor_frame::{CloudFrame, SensorFrame, pose_as_toml};
 use crate::sensor::Sensor;
 
@@ -63,7 +64,7 @@ fn encode(cloud: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
                 file.extend(ring.to_le_bytes());
                 file.extend(int("column", column as u64)?.to_le_bytes());
                 file.extend(nanoseconds(pulse.time_s)?.to_le_bytes());
-                file.extend(int("instance", hit.instance.into())?.to_le_bytes());
+                file.extend(int("instance", id_of(hit.instance).into())?.to_le_bytes());
                 file.extend(int("label", hit.label.into())?.to_le_bytes());
                 file.extend((hit.range_m as f32).to_le_bytes());
             }
@@ -83,9 +84,20 @@ fn header(cloud: &SensorFrame, points: usize) -> String {
     let world_from_points = cloud.world_from_sensor() * cloud.cloud_from_sensor(0.0).inverse();
     let mut header = format!(
         "ply\nformat binary_little_endian 1.0\ncomment frame: {frame}, metres\ncomment world_from_points = {}\n\
-         comment t: nanoseconds from the frame's start\nelement vertex {points}\n",
+         comment t: nanoseconds from the frame's start\n",
         pose_as_toml(&world_from_points)
     );
+    for (what, named) in
+        [("instance", cloud.names.instances(cloud.frame)), ("label", cloud.names.labels(cloud.frame))]
+    {
+        for (number, name) in named.names {
+            header += &format!("comment {what} {number} = {name}\n");
+        }
+        if named.left_out > 0 {
+            header += &format!("comment {} more {what}s are named in the manifest\n", named.left_out);
+        }
+    }
+    header += &format!("element vertex {points}\n");
     for (kind, name) in FIELDS {
         header += &format!("property {kind} {name}\n");
     }

@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
+use super::names::Names;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::scan::Frame;
 use crate::sensor::Capture;
@@ -29,6 +30,8 @@ pub struct SensorFrame<'a> {
     pub name: &'a str,
     /// The frame of the cloud's points.
     pub cloud_frame: CloudFrame,
+    /// The names behind the frame's ids.
+    pub names: Names<'a>,
 }
 
 impl SensorFrame<'_> {

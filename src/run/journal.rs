@@ -6,12 +6,15 @@ use super::plan::{Output, Plan};
 use super::session::Session;
 use crate::config::{InputFile, Job};
 use crate::error::Error;
+use crate::output::recorded::Folder;
 use crate::output::{Destination, GrowingFile, Kind, Manifest, SensorFrame, Stream, WrittenFile};
 use crate::scene::SourceFile;
 
 /// The record of a run: the files that were written, in order. The manifest is made from it.
 pub struct Journal {
     destination: Destination,
+    /// The files that the manifest of an earlier run lists.
+    old: Vec<String>,
     written: Vec<WrittenFile>,
     streams: Vec<(Box<dyn Stream>, GrowingFile)>,
 }
@@ -24,7 +27,12 @@ impl Journal {
     /// unless `overwrite` is given.
     pub fn check(job: &Job, plan: &Plan, overwrite: bool) -> Result<Self, Error> {
         let destination = Destination::check(&job.output.dir, plan.output_names(), overwrite)?;
-        Ok(Self { destination, written: Vec::new(), streams: Vec::new() })
+        // A manifest that can't be read lists nothing that could be removed.
+        let old = match Folder::open(&job.output.dir) {
+            Ok(folder) if overwrite => folder.outputs,
+            _ => Vec::new(),
+        };
+        Ok(Self { destination, old, written: Vec::new(), streams: Vec::new() })
     }
 
     /// The files that the run will write, in order.
@@ -32,12 +40,20 @@ impl Journal {
         self.destination.paths()
     }
 
-    /// Makes the folders, removes the manifest of an earlier run, and opens the files into which all frames go.
+    /// The files of an earlier run that the run will remove, because its own manifest will not list them.
+    pub fn paths_to_remove(&self) -> impl Iterator<Item = PathBuf> + '_ {
+        self.destination.old_paths(&self.old)
+    }
+
+    /// Makes the folders, removes the manifest of an earlier run, then the files that it lists and this run does not write, and
+    /// opens the files into which all frames go. The manifest goes first, so that there is at no time a manifest that lists a
+    /// file that is gone.
     ///
     /// # Errors
     /// [`Error::Output`] about the folder or the file.
     pub fn begin(&mut self, plan: &Plan) -> Result<(), Error> {
         self.destination.prepare(Manifest::NAME)?;
+        self.destination.remove_old(&self.old)?;
         for Output { format, name } in &plan.streams {
             if let Kind::Stream(stream) = format.0.kind {
                 self.streams.push((stream(), self.destination.open(name)?));
@@ -91,6 +107,7 @@ impl Journal {
             job: &job.resolved,
             seed: job.seed,
             inputs: &inputs,
+            labels: &job.labels,
             scene: session.scene(),
             outputs: &self.written,
         };

@@ -7,7 +7,7 @@ use super::paths::tidy;
 use super::plan::{Item, Output};
 use crate::config::{Job, MountedSensor};
 use crate::error::{Error, SceneError};
-use crate::output::SensorFrame;
+use crate::output::{Names, SensorFrame};
 use crate::scan::{self, Frame, Progress};
 use crate::scene::{Scene, gltf};
 use crate::sensor::Capture;
@@ -94,7 +94,9 @@ impl Session {
     /// A frame that was cast, with everything that is known about where it came from.
     pub fn sensor_frame<'f>(&'f self, item: &Item, frame: &'f Frame) -> SensorFrame<'f> {
         let name = &self.sensor(item).name;
-        SensorFrame { capture: self.capture(item), frame, name, cloud_frame: self.job.output.cloud_frame }
+        let names = Names { objects: &self.scene().geometry.objects, labels: Some(&self.job.labels) };
+        let cloud_frame = self.job.output.cloud_frame;
+        SensorFrame { capture: self.capture(item), frame, name, cloud_frame, names }
     }
 
     /// The content of a frame's file.

@@ -31,7 +31,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use crate::angle::Angle;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::motion::Trajectory;
-use crate::output::{CloudFrame, SensorFrame};
+use crate::output::{CloudFrame, Names, SensorFrame};
 use crate::scan::{Cause, Frame, Progress, scan};
 use crate::scene::{
     Material, Object, Scene, SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart,
@@ -439,7 +439,8 @@ impl Sum {
 /// fifth of a nanometre at 200 m, stays clear of that and far below any step of a sensor's table.
 fn geometry(sensor: &Sensor, frame: &Frame) -> Vec<Check> {
     let capture = Capture::at_origin(sensor);
-    let seen = SensorFrame { capture, frame, name: "", cloud_frame: CloudFrame::Body };
+    let names = Names::default();
+    let seen = SensorFrame { capture, frame, name: "", cloud_frame: CloudFrame::Body, names };
     let mut checks = angles(&capture, frame, &|row, column, range| seen.point(row, column, range));
     let time = |row, column| capture.time_s(row, column);
     checks.extend(times((capture.rows(), capture.columns()), sensor.pattern.rate_hz(), &time));

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::output::{CloudFrame, Image, SensorFrame};
+use crate::output::{CloudFrame, Image, Names, SensorFrame, id_of};
 use crate::scan::{Frame, Return};
 use crate::scene::Scene;
 use crate::sensor::{Capture, Sensor};
@@ -25,7 +25,8 @@ impl View {
     /// Shows a frame that was cast. Its points are in the sensor's body frame.
     pub fn of_frame(name: &str, sensor: &Sensor, frame: &Frame, scene: &Scene) -> Self {
         let capture = Capture::at_origin(sensor);
-        let seen = SensorFrame { capture, frame, name, cloud_frame: CloudFrame::Body };
+        let names = Names::default();
+        let seen = SensorFrame { capture, frame, name, cloud_frame: CloudFrame::Body, names };
         let point = |(i, hit): (usize, Return)| {
             seen.point(i / frame.columns(), i % frame.columns(), hit.range_m).map(|p| p.as_vec3().to_array())
         };
@@ -34,6 +35,7 @@ impl View {
             image: Image::of(&seen),
             points: Ok(frame.iter().filter_map(point).collect()),
             instances: (0..)
+                .map(id_of)
                 .zip(scene.geometry.objects.iter().map(|instance| instance.name.clone()))
                 .collect(),
         }

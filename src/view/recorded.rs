@@ -3,12 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use serde_json::Value;
-
 use super::frames::View;
 use crate::error::Error;
 use crate::frame::BODY_FROM_OPTICAL;
-use crate::output::recorded::{Cloud, Folder, Part, Recorded};
+use crate::output::recorded::{Cloud, Folder, InstanceNames, Part, Recorded};
 use crate::output::{Channel, Image, Samples};
 use crate::sensor::Camera;
 
@@ -29,11 +27,11 @@ pub fn of_recording(path: &Path, memory: u64) -> Result<(Vec<View>, String), Err
                 _ => None,
             };
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            Ok((of_exr(&name, parts, cloud.as_ref(), &BTreeMap::new()), String::new()))
+            Ok((of_exr(&name, parts, cloud.as_ref(), None), String::new()))
         }
         Recorded::Cloud(cloud) => {
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            Ok((vec![of_cloud(&name, &cloud, &BTreeMap::new())], String::new()))
+            Ok((vec![of_cloud(&name, &cloud, None)], String::new()))
         }
         Recorded::Folder(folder) => of_folder(&folder, memory),
     }
@@ -55,7 +53,8 @@ fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Er
             "has neither EXR nor PLY files to show: `formats` in the job's [output] says what is written";
         return Err(Error::input(folder.path(), problem));
     }
-    let instances = instances_of(&folder.manifest);
+    let listed = folder.instances();
+    let instances = Some(&listed);
     let mut seen = Vec::new();
     for (&stem, &[has_exr, has_ply]) in frames.iter().take(MAX_FRAMES) {
         let mut read = |extension: &str| -> Result<Recorded, Error> {
@@ -73,8 +72,8 @@ fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Er
             _ => stem,
         };
         match has_exr.then(|| read("exr")).transpose()? {
-            Some(Recorded::Exr(parts)) => seen.extend(of_exr(name, parts, cloud.as_ref(), &instances)),
-            _ => seen.extend(cloud.map(|cloud| of_cloud(name, &cloud, &instances))),
+            Some(Recorded::Exr(parts)) => seen.extend(of_exr(name, parts, cloud.as_ref(), instances)),
+            _ => seen.extend(cloud.map(|cloud| of_cloud(name, &cloud, instances))),
         }
     }
     let note = match frames.len() {
@@ -86,23 +85,12 @@ fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Er
     Ok((seen, note))
 }
 
-/// The names of a manifest's instances.
-fn instances_of(manifest: &Value) -> BTreeMap<u32, String> {
-    let all =
-        manifest.pointer("/scene/instances").and_then(Value::as_array).into_iter().flatten().enumerate();
-    let name = |(index, instance): (usize, &Value)| {
-        let id = instance.get("id").and_then(Value::as_u64).unwrap_or(index as u64);
-        Some((u32::try_from(id).ok()?, instance.get("name")?.as_str()?.to_owned()))
-    };
-    all.filter_map(name).collect()
-}
-
 /// The parts of an EXR. The cloud belongs to the first part, if it has as many points as the part has returns.
 fn of_exr(
     name: &str,
     parts: Vec<Part>,
     cloud: Option<&Cloud>,
-    instances: &BTreeMap<u32, String>,
+    instances: Option<&InstanceNames>,
 ) -> Vec<View> {
     let several = parts.len() > 1;
     let part = |(index, part): (usize, Part)| {
@@ -122,9 +110,20 @@ fn of_exr(
             Ok(points) if points.len() != returns => Err("The cloud does not fit the image.".to_owned()),
             other => other,
         };
-        View { name, image: part.image, points, instances: instances.clone() }
+        let instances = names_of_seen(&part.image, instances, || part.instances());
+        View { name, image: part.image, points, instances }
     };
     parts.into_iter().enumerate().map(part).collect()
+}
+
+/// The names of the instances that an image shows, from the manifest or, without one, from the file's own header.
+fn names_of_seen(
+    image: &Image,
+    listed: Option<&InstanceNames>,
+    own: impl FnOnce() -> InstanceNames,
+) -> BTreeMap<u32, String> {
+    let ids = image.u32("id.instance").unwrap_or_default().iter().copied();
+    listed.map_or_else(own, InstanceNames::clone).of(ids)
 }
 
 /// The points of a camera's image, by the intrinsics in its header: x forward, y left, z up.
@@ -157,7 +156,7 @@ fn positions(cloud: &Cloud) -> Option<Vec<(usize, [f32; 3])>> {
 }
 
 /// A cloud without an image is shown as an image of one row, with a pixel for each point.
-fn of_cloud(name: &str, cloud: &Cloud, instances: &BTreeMap<u32, String>) -> View {
+fn of_cloud(name: &str, cloud: &Cloud, instances: Option<&InstanceNames>) -> View {
     let positions = positions(cloud).unwrap_or_default();
     let kept = |values: &[f64]| positions.iter().map(|&(i, _)| values[i]).collect::<Vec<f64>>();
     let mut channels = Vec::new();
@@ -182,5 +181,6 @@ fn of_cloud(name: &str, cloud: &Cloud, instances: &BTreeMap<u32, String>) -> Vie
     channels.dedup_by(|a, b| a.name == b.name);
     let image = Image { rows: 1, columns: positions.len(), channels };
     let points = positions.into_iter().map(|(_, p)| p).collect();
-    View { name: name.to_owned(), image, points: Ok(points), instances: instances.clone() }
+    let instances = names_of_seen(&image, instances, || cloud.instances());
+    View { name: name.to_owned(), image, points: Ok(points), instances }
 }

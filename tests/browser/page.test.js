@@ -213,7 +213,7 @@ test("the value under the pointer is the value of the frame", async (t) => {
     // Row 15 of 31 is level, column 180 of 360 looks straight ahead: 10 m.
     await page.mouse.move(box.x + box.width * 180.5 / 360, box.y + box.height * 15.5 / 31);
     const values = page.locator("output.values");
-    assert.match(await values.textContent(), /row 15, column 180: range 10\.0000 m, intensity 1\.0+, normal \(-1\.00, 0\.00, 0\.00\), instance 0 /);
+    assert.match(await values.textContent(), /row 15, column 180: range 10\.0000 m, intensity 1\.0+, normal \(-1\.00, 0\.00, 0\.00\), instance 1 /);
     // Columns go clockwise: 90 further left, azimuth 90, is the wall at 4 m.
     await canvas.focus();
     for (let i = 0; i < 9; i++) await page.keyboard.press("Shift+ArrowLeft");

@@ -274,8 +274,8 @@ def surface(world, sensor, directions, triangle):
         "normal": towards @ sensor.axes,
         "intensity": (scene.reflectivity[triangle] * cos)[:, None],
         "id.semantic": scene.labels[placed][:, None],
-        "id.instance": placed[:, None],
-        "id.triangle": world.ids[triangle][:, None],
+        "id.instance": placed[:, None] + 1,
+        "id.triangle": world.ids[triangle][:, None] + 1,
     }
 
 

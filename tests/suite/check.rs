@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 
 use beamcast::check::{Baseline, Changes, Settings, Snapshot, StoredPixels, judge};
 use beamcast::config;
-use beamcast::output::SensorFrame;
+use beamcast::output::{Names, SensorFrame};
 use beamcast::rng::Rng;
 use beamcast::scan::{Progress, scan};
 use beamcast::scene::gltf;
@@ -160,7 +160,8 @@ fn baselines_hold_for_portable_code_and_for_single_rays() {
         let capture = Capture::new(&mounted.sensor, mounted.body_from_sensor, &job.trajectory, 0, job.seed);
         let frame = &scan(&scene, &tracer, &capture, &Progress::default()).unwrap();
         let cloud_frame = job.output.cloud_frame;
-        let seen = SensorFrame { capture, frame, name: &mounted.name, cloud_frame };
+        let names = Names::default();
+        let seen = SensorFrame { capture, frame, name: &mounted.name, cloud_frame, names };
         let taken = Snapshot::of(&seen, &scene);
         let now = Baseline::of(&job.resolved, &scene, vec![taken.record.clone()]);
         let changes = Changes::between(&accepted, &now);

@@ -245,7 +245,10 @@ fn a_sensor_that_sees_nothing_says_so() {
     let work = Workplace::new();
     let output = work.scan(&["--set", "sensor.top.range.max_m=1.5", "--json"]);
     assert_eq!(code(&output), 0);
-    assert!(stderr(&output).contains("0 hits (0.0 %): it sees nothing within its range"));
+    assert!(
+        stderr(&output)
+            .contains("0 hits (0.0 %), 360 beyond its largest range: it sees nothing within its range")
+    );
     assert_eq!(json(&output.stdout)["sensors"][0]["range_min_m"], Value::Null);
 }
 
@@ -315,7 +318,7 @@ fn more_than_the_machine_holds_is_refused_with_an_estimate() {
     let output = work.scan(&["--dry-run"]);
     assert_eq!(code(&output), 2, "{}", stdout(&output));
     let message = stderr(&output);
-    assert!(message.contains("sensor \"wide\" takes about 714.0 GB (714025000000 bytes)"), "{message}");
+    assert!(message.contains("sensor \"wide\" takes about 764.7 GB (764725000000 bytes)"), "{message}");
 }
 
 #[test]

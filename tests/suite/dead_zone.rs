@@ -278,3 +278,74 @@ fn a_check_sees_a_sensor_go_blind_in_the_dead_zone() {
         "{text}"
     );
 }
+
+/// Id 0 is nothing, of an instance as of a triangle, and every return has others. The manifest and the headers name them.
+#[test]
+fn an_id_of_0_is_nothing() {
+    let wall = ("wall", [5.0, -3.0, -1.0], [5.5, 3.0, 1.0]);
+    let place = Place::new(&[wall], LEVEL);
+    let (image, _) = place.scan();
+    let seen = image.mask();
+    assert!(seen.contains(&true) && seen.contains(&false));
+    for channel in ["id.instance", "id.triangle"] {
+        let ids = image.u32(channel).unwrap();
+        assert!(ids.iter().zip(&seen).all(|(id, seen)| (*id != 0) == *seen), "{channel}");
+    }
+    assert!(image.u32("id.instance").unwrap().iter().all(|id| *id <= 1));
+    let manifest: Value =
+        serde_json::from_slice(&fs::read(place.path("out/manifest.json")).unwrap()).unwrap();
+    assert_eq!(manifest["format"], 2);
+    assert_eq!(manifest["scene"]["instances"], json!([{ "id": 1, "name": "wall" }]));
+    let header = fs::read(place.path("out/c/000000.ply")).unwrap();
+    assert!(String::from_utf8_lossy(&header).contains("comment instance 1 = \"wall\"\n"));
+    // A file on its own says what it shows.
+    fs::copy(place.path("out/c/000000.exr"), place.path("alone.exr")).unwrap();
+    place.fine(&["view", "alone.exr"]);
+    assert!(fs::read_to_string(place.path("alone.html")).unwrap().contains("\"instances\":{\"1\":\"wall\"}"));
+}
+
+/// After a sensor is renamed, `--overwrite` leaves what the new manifest lists, and what was never beamcast's.
+#[test]
+fn overwriting_removes_what_the_old_manifest_lists_and_the_new_one_does_not() {
+    let place = Place::new(&[HALL], LEVEL);
+    place.fine(&["scan", "job.toml"]);
+    fs::write(place.path("out/notes.txt"), "mine").unwrap();
+    place.set_job(&LEVEL.replace("\"c\"", "\"renamed\""));
+    let plan = place.fine(&["scan", "job.toml", "--overwrite", "--dry-run"]).stdout;
+    let plan = String::from_utf8(plan).unwrap();
+    assert!(
+        plan.contains("would remove, of an earlier run:\n  out/c/000000.exr\n  out/c/000000.ply\n"),
+        "{plan}"
+    );
+    assert!(place.path("out/c/000000.exr").exists());
+    place.fine(&["scan", "job.toml", "--overwrite"]);
+    assert!(!place.path("out/c").exists());
+    let manifest: Value =
+        serde_json::from_slice(&fs::read(place.path("out/manifest.json")).unwrap()).unwrap();
+    let listed = manifest["outputs"].as_array().unwrap().iter().map(|file| file["path"].as_str().unwrap());
+    let mut expected: Vec<&str> = listed.chain(["manifest.json", "notes.txt"]).collect();
+    expected.sort_unstable();
+    let mut found: Vec<String> = Vec::new();
+    for entry in fs::read_dir(place.path("out")).unwrap().map(Result::unwrap) {
+        let name = entry.file_name().into_string().unwrap();
+        if entry.path().is_dir() {
+            let inside = fs::read_dir(entry.path()).unwrap().map(Result::unwrap);
+            found.extend(inside.map(|file| format!("{name}/{}", file.file_name().to_string_lossy())));
+        } else {
+            found.push(name);
+        }
+    }
+    found.sort_unstable();
+    assert_eq!(found, expected);
+    // A format less is a file less; a manifest that is broken or leads outside removes nothing.
+    place.fine(&["scan", "job.toml", "--overwrite", "--set", "output.formats=[\"exr\"]"]);
+    assert!(!place.path("out/renamed/000000.ply").exists());
+    fs::write(place.path("precious"), "mine").unwrap();
+    fs::write(
+        place.path("out/manifest.json"),
+        "{\"outputs\": [{\"path\": \"../precious\"}, {\"path\": \"notes.txt\"}]}",
+    )
+    .unwrap();
+    place.fine(&["scan", "job.toml", "--overwrite"]);
+    assert!(place.path("precious").exists() && place.path("out/notes.txt").exists());
+}

@@ -1,6 +1,6 @@
 //! Output files hold the frame: every format is read back by other code than the code that wrote it.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::Cursor;
 use std::path::Path;
 
@@ -9,11 +9,12 @@ use beamcast::config::load_job;
 use beamcast::frame::{BODY_FROM_OPTICAL, Pose};
 use beamcast::motion::Trajectory;
 use beamcast::output::{
-    ChannelSpec, CloudFrame, EncodeError, Format, FormatSpec, Image, Kind, SensorFrame, Sensors, Stream,
-    Values,
+    ChannelSpec, CloudFrame, EncodeError, Format, FormatSpec, Image, Kind, Names, SensorFrame, Sensors,
+    Stream, Values,
 };
 use beamcast::run::{Holding, Journal, Plan, Session, load_scene};
 use beamcast::scan::{Cause, Frame, Progress, Return};
+use beamcast::scene::Object;
 use beamcast::sensor::{Beam, Camera, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use exr::meta::attribute::AttributeValue;
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, Text};
@@ -71,7 +72,7 @@ fn capture<'a>(sensor: &'a Sensor, frame: &'a Frame) -> SensorFrame<'a> {
     let turned =
         Pose::from_rpy(DVec3::new(0.5, -0.25, 1.75), Angle::deg(3.0), Angle::deg(-20.0), Angle::deg(110.0));
     let capture = Capture::new(sensor, turned, &BODY, 0, 0);
-    SensorFrame { capture, frame, name: "top", cloud_frame: CloudFrame::Sensor }
+    SensorFrame { capture, frame, name: "top", cloud_frame: CloudFrame::Sensor, names: Names::default() }
 }
 
 struct Exr {
@@ -162,7 +163,8 @@ fn a_lidars_exr_has_every_channel_of_every_return() {
         // There are 16 beams, 2.304 µs apart, and 360 columns in a tenth of a second.
         let time = (i % 360) as f64 / 3600.0 + (i / 360) as f64 * 2.304e-6;
         assert!((f64::from(exr.floats("time")[i]) - time).abs() < 1e-8);
-        assert_eq!(ids, [3, 17, i as u32]);
+        // Ids count from 1, so that 0 is nothing.
+        assert_eq!(ids, [4, 17, i as u32 + 1]);
     }
     assert!(hits > 0 && hits < frame.pixels());
     assert_eq!(
@@ -285,7 +287,7 @@ fn a_cloud_has_the_returns_and_only_them() {
         assert_eq!(get("ring"), 15.0 - row as f64, "counted from the lowest");
         assert_eq!(get("column"), column as f64);
         assert_eq!(get("t"), (column as f64 / 3600.0 * 1e9 + row as f64 * 2304.0).round());
-        assert_eq!((get("instance"), get("label")), (3.0, 17.0));
+        assert_eq!((get("instance"), get("label")), (4.0, 17.0));
         assert_eq!(get("range"), f64::from(hit.range_m as f32));
     }
     assert!(ply.header.contains("comment frame: the sensor's frame"));
@@ -426,6 +428,63 @@ fn a_frame_without_returns_is_written_too() {
     assert!(pixels.chunks(3).all(|p| p == [0x10, 0x10, 0x14]));
 }
 
+/// The headers of an image and of a cloud name what the frame shows, and both are read back to the same names.
+#[test]
+fn headers_name_the_instances_and_labels_of_their_frame() {
+    let object = |name: &str| Object { name: name.to_owned(), ..Object::default() };
+    let objects = ["unseen", "a", "b", "Boden \"ß\"\n\u{202e}"].map(object);
+    let labels = BTreeMap::from([("ground".to_owned(), 17), ("floor".to_owned(), 17), ("sky".to_owned(), 3)]);
+    for sensor in [lidar(16, 36), camera(32, 24)] {
+        let frame = ground(&sensor, DVec3::Z);
+        let names = Names { objects: &objects, labels: Some(&labels) };
+        let seen = SensorFrame { names, ..capture(&sensor, &frame) };
+        let part = beamcast::output::recorded::read_exr(&Format::EXR.encode(&seen).unwrap(), u64::MAX)
+            .unwrap()
+            .remove(0);
+        let cloud =
+            beamcast::output::recorded::read_ply(&Format::PLY.encode(&seen).unwrap(), u64::MAX).unwrap();
+        for listed in [part.instances(), cloud.instances()] {
+            assert_eq!((listed.get(4), listed.count()), (Some(objects[3].name.as_str()), 1));
+            assert_eq!((listed.get(0), listed.get(1), listed.get(5)), (None, None, None));
+        }
+        assert_eq!(part.attributes["beamcast:labels"], "{\"17\": [\"floor\",\"ground\"]}");
+        assert!(
+            cloud.comments.contains(&"label 17 = [\"floor\",\"ground\"]".to_owned()),
+            "{:?}",
+            cloud.comments
+        );
+        assert!(!part.attributes.contains_key("beamcast:instances_left_out"));
+    }
+}
+
+/// A frame that shows a hundred thousand objects has a header of a bounded size, which says how many names it leaves out.
+#[test]
+fn headers_of_very_many_objects_are_bounded() {
+    let sensor = lidar(100, 1000);
+    let objects: Vec<Object> =
+        (0..100_000).map(|i| Object { name: format!("leaf {i}"), ..Object::default() }).collect();
+    let returns: Vec<_> =
+        (0..100_000).map(|i| Some(Return { range_m: 5.0, instance: i, ..Return::default() })).collect();
+    let frame = frame_of(100, 1000, &returns);
+    let names = Names { objects: &objects, labels: None };
+    let seen = SensorFrame { names, ..capture(&sensor, &frame) };
+    let part = beamcast::output::recorded::read_exr(&Format::EXR.encode(&seen).unwrap(), u64::MAX)
+        .unwrap()
+        .remove(0);
+    let file = Format::PLY.encode(&seen).unwrap();
+    let ply = Ply::read(&file);
+    assert!(ply.header.len() < 64_000 && ply.header.lines().all(|line| line.len() < 1024));
+    let cloud = beamcast::output::recorded::read_ply(&file, u64::MAX).unwrap();
+    let left_out = 100_000 - part.instances().count();
+    assert!((98_000..99_999).contains(&left_out), "{left_out}");
+    assert_eq!(cloud.instances(), part.instances());
+    assert_eq!(
+        part.attributes["beamcast:instances_left_out"],
+        format!("{left_out}, which the manifest names")
+    );
+    assert!(cloud.comments.contains(&format!("{left_out} more instances are named in the manifest")));
+}
+
 /// A frame of several returns a pixel gives one part of the EXR for each return number, and a cloud with all returns.
 #[test]
 fn several_returns_of_a_pixel_are_all_written() {
@@ -451,7 +510,7 @@ fn several_returns_of_a_pixel_are_all_written() {
     for (part, ranges) in parts.iter().zip(ranges) {
         assert_eq!(part.image.f32("range").unwrap(), ranges, "{}", part.name);
         assert_eq!(part.image.f32("Y").unwrap(), ranges, "{}", part.name);
-        let ids = ranges.map(|range| if range.is_finite() { range as u32 } else { 0 });
+        let ids = ranges.map(|range| if range.is_finite() { range as u32 + 1 } else { 0 });
         assert_eq!(part.image.u32("id.triangle").unwrap(), ids, "{}", part.name);
         assert_eq!(part.attributes["beamcast:sensor"], "top");
     }

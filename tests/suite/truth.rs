@@ -3,7 +3,7 @@
 use beamcast::angle::Angle;
 use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
-use beamcast::output::{CloudFrame, SensorFrame};
+use beamcast::output::{CloudFrame, Names, SensorFrame};
 use beamcast::rng::Rng;
 use beamcast::scan::{Cause, Frame, Progress, scan};
 use beamcast::scene::Scene;
@@ -11,10 +11,10 @@ use beamcast::sensor::{
     Beam, Camera, Capture, Limited, Pattern, Pulse, RangeLimits, RayTable, RingOrder, Rotating, Sensor,
     direction,
 };
-use beamcast::trace::Tracer;
+use beamcast::trace::{BruteForce, Tracer};
 use glam::{DAffine3, DVec3};
 
-use crate::shapes::{alone, cuboid, mesh, placed, quad, seen_from, sphere};
+use crate::shapes::{alone, cuboid, mesh, placed, quad, seen_from, soup, sphere};
 
 fn lidar(limits: RangeLimits) -> Sensor {
     let beam = |i: i32| Beam {
@@ -365,6 +365,28 @@ fn each_miss_has_its_cause() {
     assert!(counts.iter().all(|count| *count > 10), "{counts:?}");
 }
 
+/// Limits decide after the nearest hit is found, so a frame with limits is that of brute force, bit for bit: its returns, the
+/// surfaces that block beams, and the causes.
+#[test]
+fn frames_with_limits_are_those_of_brute_force() {
+    let mut random = Rng::new(11);
+    let scene = alone(soup(&mut random, 300, 1.0));
+    let limits = RangeLimits { min_m: 0.3, max_m: 0.6, of: Limited::Range };
+    let Pattern::Rotating(head) = lidar(limits).pattern else { unreachable!() };
+    let origins = vec![DVec3::new(0.1, 0.0, 0.05); head.beams().len()];
+    let head = head.with_origins(&origins).unwrap().with_range_offset(0.15).unwrap();
+    let from_axis = Sensor { pattern: Pattern::Rotating(head), ..lidar(limits) };
+    let by_depth = camera(RangeLimits { of: Limited::Depth, ..limits });
+    for sensor in [lidar(limits), from_axis, by_depth] {
+        let pose = Pose::from_rpy(DVec3::splat(0.05), Angle::deg(10.0), Angle::deg(20.0), Angle::deg(30.0));
+        let frame = see(&scene, &sensor, &pose);
+        assert_eq!(frame, seen_from(&scene, &BruteForce(&scene), &sensor, &pose));
+        for cause in [Cause::Surface, Cause::TooNear, Cause::OutOfRange] {
+            assert!(frame.pixels_of(cause) > 100, "{cause:?}: {}", frame.pixels_of(cause));
+        }
+    }
+}
+
 /// A range that counts from the axis of the head begins before the beam's origin. What lies between the two is inside the head,
 /// where no light passes: it blocks nothing. What lies between the origin and the least range does.
 #[test]
@@ -499,7 +521,13 @@ fn each_pulse_of_a_moving_sensor_is_cast_from_its_own_pose() {
     for number in [0, 3] {
         let capture = Capture::new(&sensor, Pose::IDENTITY, &trajectory, number, 0);
         let frame = scan(&scene, &Tracer::build(&scene), &capture, &Progress::default()).unwrap();
-        let seen = SensorFrame { capture, frame: &frame, name: "", cloud_frame: CloudFrame::World };
+        let seen = SensorFrame {
+            capture,
+            frame: &frame,
+            name: "",
+            cloud_frame: CloudFrame::World,
+            names: Names::default(),
+        };
         for (column, (time_s, azimuth)) in rays.into_iter().enumerate() {
             let time = number as f64 / 10.0 + time_s;
             let (yaw, radius) = (rate * time, speed / rate);

@@ -10,6 +10,8 @@ use exr::meta::attribute::AttributeValue;
 use exr::prelude::{ReadChannels, ReadLayers};
 
 use super::error::ReadError;
+use super::instances::InstanceNames;
+use crate::output::names::read_names;
 use crate::output::{Channel, Image, Samples};
 
 /// A part of an EXR file: an image with its attributes.
@@ -21,6 +23,14 @@ pub struct Part {
     pub image: Image,
     /// The header's attributes beyond those of the format itself, as texts (such as `beamcast:world_from_sensor`).
     pub attributes: BTreeMap<String, String>,
+}
+
+impl Part {
+    /// The names of the instances that the header lists.
+    pub fn instances(&self) -> InstanceNames {
+        let listed = self.attributes.get("beamcast:instances").map_or("", String::as_str);
+        read_names(listed).into_iter().collect()
+    }
 }
 
 /// The greatest compression ratio that is believed. The limit of deflate is 1032.

@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use super::error::ReadError;
 use super::exr::{Part, read_exr};
+use super::instances::InstanceNames;
 use super::ply::{Cloud, read_ply};
 use crate::error::Error;
 use crate::output::manifest::Manifest;
@@ -101,6 +102,22 @@ impl Folder {
             outputs.push(output.to_owned());
         }
         Ok(Self { path: path.to_path_buf(), manifest, outputs })
+    }
+
+    /// The names of the instances that the manifest lists.
+    pub fn instances(&self) -> InstanceNames {
+        let listed = self.manifest.pointer("/scene/instances").and_then(Value::as_array);
+        // A manifest without a format counts ids from 0, and may leave them out.
+        let mut next = 0;
+        let run = |instance: &Value| {
+            let id =
+                |key: &str| instance.get(key).and_then(Value::as_u64).and_then(|id| u32::try_from(id).ok());
+            let first = id("id").unwrap_or(next);
+            let last = id("last").unwrap_or(first);
+            next = last.saturating_add(1);
+            Some((first, last, instance.get("name")?.as_str()?.to_owned()))
+        };
+        InstanceNames::new(listed.into_iter().flatten().filter_map(run).collect())
     }
 
     /// The path with which the folder was opened.

@@ -6,9 +6,11 @@
 mod error;
 mod exr;
 mod folder;
+mod instances;
 mod ply;
 
 pub use error::ReadError;
 pub use exr::{Part, read_exr};
 pub use folder::{Folder, Recorded};
+pub use instances::InstanceNames;
 pub use ply::{Cloud, Field, read_ply};

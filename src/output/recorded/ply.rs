@@ -1,6 +1,7 @@
 //! Reading of PLY point clouds: binary of either byte order, and text.
 
 use super::error::ReadError;
+use super::instances::InstanceNames;
 
 /// A point cloud.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,6 +34,17 @@ impl Cloud {
     /// The values of a field.
     pub fn field(&self, name: &str) -> Option<&[f64]> {
         self.fields.iter().find(|f| f.name == name).map(|f| f.values.as_slice())
+    }
+}
+
+impl Cloud {
+    /// The names of the instances that the header lists.
+    pub fn instances(&self) -> InstanceNames {
+        let listed = self.comments.iter().filter_map(|comment| {
+            let (id, name) = comment.strip_prefix("instance ")?.split_once(" = ")?;
+            Some((id.parse().ok()?, serde_json::from_str(name).ok()?))
+        });
+        listed.collect()
     }
 }
 

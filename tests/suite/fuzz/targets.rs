@@ -106,7 +106,13 @@ fn small_sensor() -> Sensor {
 fn encoded(sensor: &Sensor, format: Format) -> Option<Vec<u8>> {
     let capture = Capture::at_origin(sensor);
     let frame = scan(yard(), &Tracer::build(yard()), &capture, &Progress::default())?;
-    let seen = SensorFrame { capture, frame: &frame, name: "top", cloud_frame: Default::default() };
+    let seen = SensorFrame {
+        capture,
+        frame: &frame,
+        name: "top",
+        cloud_frame: Default::default(),
+        names: Default::default(),
+    };
     let bytes = format.encode(&seen).ok()?;
     if format == Format::EXR {
         // What is written is what is read.
