@@ -33,11 +33,7 @@ pub fn main() -> Result<(), Box<dyn Error>> {
         let part = f64::from(index) / 499.0;
         let (sin, cos) = Angle::rad(20.0 * PI * part).sin_cos();
         let (azimuth, elevation) = (Angle::deg(30.0 * part * cos), Angle::deg(30.0 * part * sin));
-        Pulse {
-            origin: DVec3::ZERO,
-            direction: sensor::direction(azimuth, elevation),
-            time_s: f64::from(index) * 20e-6,
-        }
+        Pulse::new(DVec3::ZERO, sensor::direction(azimuth, elevation), f64::from(index) * 20e-6)
     };
     let table = RayTable::new((0..500).map(pulse).collect(), Some(100.0))?;
     let sensor = Sensor::new(Pattern::Rays(table));

@@ -409,7 +409,7 @@ fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m
         let direction = world_from_sensor.direction(pulse.direction);
         let ideal = (offset_m - normal.dot(origin)) / normal.dot(direction);
         // A ray parallel to the plane never meets it.
-        let error = if ideal.is_finite() { point.hit.range_m - ideal } else { f64::INFINITY };
+        let error = if ideal.is_finite() { pulse.along_m(point.hit.range_m) - ideal } else { f64::INFINITY };
         count += 1;
         wrong += usize::from(error.abs() > max_error_m);
         if worst.as_ref().is_none_or(|(e, _)| error.abs() > e.abs()) {

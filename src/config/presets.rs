@@ -13,10 +13,17 @@ macro_rules! built_in {
 }
 built_in![
     "azure/kinect",
+    "hesai/jt128",
+    "hesai/jt16",
+    "hesai/ot128",
     "hesai/pandar128",
+    "hesai/pandar40p",
     "hesai/pandar64",
+    "hesai/qt128",
     "hesai/qt64",
+    "hesai/xt-16",
     "hesai/xt-32",
+    "hesai/xt32m2x",
     "ideal/camera",
     "kinect/v1",
     "kinect/v2",

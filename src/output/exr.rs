@@ -18,7 +18,7 @@ use super::image::{Image, Samples};
 use super::sensor_frame::{SensorFrame, pose_as_toml};
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::scan::Cause;
-use crate::sensor::{Pattern, Sensor};
+use crate::sensor::{Pattern, Ranging, Sensor};
 
 /// The value of the attribute `beamcast:no_return`.
 const NO_RETURN: &str = "+inf in range, Z and Y; 0 in all other channels except cause";
@@ -138,7 +138,14 @@ fn attributes(frame: &SensorFrame) -> LayerAttributes {
     match pattern {
         Pattern::Rotating(p) => {
             set("beamcast:layout", text(if p.is_destaggered() { "destaggered" } else { "staggered" }));
-            set("beamcast:range_offset_m", AttributeValue::F64(p.range_offset_m()));
+            let offset_m = match p.ranging() {
+                Ranging::Along(before) => before,
+                Ranging::FromOrigin => {
+                    set("beamcast:range_from", text("origin"));
+                    0.0
+                }
+            };
+            set("beamcast:range_offset_m", AttributeValue::F64(offset_m));
         }
         Pattern::Camera(camera) => {
             let world_from_optical = frame.world_from_sensor() * BODY_FROM_OPTICAL;

@@ -262,7 +262,7 @@ mod tests {
 
     #[test]
     fn a_table_that_sensors_share_counts_once() {
-        let pulse = Pulse { origin: glam::DVec3::ZERO, direction: glam::DVec3::X, time_s: 0.0 };
+        let pulse = Pulse::new(glam::DVec3::ZERO, glam::DVec3::X, 0.0);
         let table = RayTable::new(vec![pulse; 100], None).unwrap();
         let other = RayTable::new(vec![pulse; 10], None).unwrap();
         let rig = [table.clone(), table, other].map(|table| mounted(Pattern::Rays(table)));

@@ -169,7 +169,7 @@ impl<C: Cast> Scanner<'_, C> {
         let rays = Rays {
             origins: common.map_or(Origins::Each(origins), Origins::Common),
             directions,
-            t_min: self.capture.sensor.pattern.first_light_m(),
+            t_min: 0.0,
             t_max: f64::INFINITY,
             after: None,
         };
@@ -182,7 +182,8 @@ impl<C: Cast> Scanner<'_, C> {
                 continue;
             };
             let at = (strip.first_row + usize::from(row), strip.first_column + usize::from(column));
-            let cause = match limits.place(self.capture.limited_m(at.0, at.1, hit.t)) {
+            let range_m = self.capture.range_m(at.0, at.1, hit.t);
+            let cause = match limits.place(self.capture.limited_m(at.0, at.1, range_m)) {
                 Ordering::Less => Cause::TooNear,
                 Ordering::Equal => Cause::Surface,
                 Ordering::Greater => {
@@ -196,7 +197,7 @@ impl<C: Cast> Scanner<'_, C> {
                 Some(seen) if (seen.placement, seen.triangle) == (hit.placement, hit.triangle) => seen,
                 _ => last.insert(SeenTriangle::of(hit, self.scene)),
             };
-            let one = seen.receive(&pose.sensor_from_world, directions[ray], hit);
+            let one = seen.receive(&pose.sensor_from_world, directions[ray], hit, range_m);
             piece.set(usize::from(column), Some(one), cause);
         }
         pixels.len()
@@ -239,12 +240,12 @@ impl SeenTriangle {
 
     /// The return of a hit as an ideal receiver measures it from a Lambertian surface: its intensity is ρ·cos θ.
     #[inline(always)]
-    fn receive(&self, sensor_from_world: &Pose, direction: DVec3, hit: &Hit) -> Return {
+    fn receive(&self, sensor_from_world: &Pose, direction: DVec3, hit: &Hit, range_m: f64) -> Return {
         let along = hit.normal.dot(direction);
         let towards_sensor = if along > 0.0 { -hit.normal } else { hit.normal };
         let normal = sensor_from_world.direction(towards_sensor);
         Return {
-            range_m: hit.t,
+            range_m,
             normal: normal.as_vec3().to_array(),
             intensity: (self.reflectivity * along.abs().min(1.0)) as f32,
             instance: self.object,

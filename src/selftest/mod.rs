@@ -302,21 +302,23 @@ fn range_tolerance(t: f64) -> f64 {
 fn expected(stage: &Stage, capture: &Capture, (row, column): (usize, usize), pulse: &Pulse) -> Expected {
     let crossing = |grown| stage.solid.crossing(pulse.origin, pulse.direction, grown);
     let Some(outer) = crossing(stage.vertex_error) else { return Expected::Miss(Cause::Nothing) };
-    let first_light = capture.sensor.pattern.first_light_m();
     let (Some(ideal), Some(inner)) = (crossing(0.0), crossing(-stage.vertex_error)) else {
-        let is_behind = outer.1 + range_tolerance(outer.1) < first_light;
+        let is_behind = outer.1 + range_tolerance(outer.1) < 0.0;
         return if is_behind { Expected::Miss(Cause::Nothing) } else { Expected::Either };
     };
-    // A depth is a range times a factor of at most 1, so that it has no larger error.
+    // Along the ray, a range grows by at most as much as the way, and a depth by at most as much as the range, so that neither
+    // has a larger error.
     let place = |range_m| capture.sensor.range.place(capture.limited_m(row, column, range_m));
     // The surface as the ray goes in, and as it comes out.
     for (low, high, ideal) in [(outer.0, inner.0, ideal.0), (inner.1, outer.1, ideal.1)] {
         let (low, high) = (low - range_tolerance(low), high + range_tolerance(high));
-        if high < first_light {
+        if high < 0.0 {
             continue;
         }
+        let is_at_the_origin = low < 0.0;
+        let [low, high, ideal] = [low, high, ideal].map(|along| pulse.range_m(along));
         return match (place(low), place(high)) {
-            _ if low < first_light => Expected::Either,
+            _ if is_at_the_origin => Expected::Either,
             (Ordering::Equal, Ordering::Equal) => Expected::Hit(low, high, ideal),
             (Ordering::Less, Ordering::Less) => Expected::Miss(Cause::TooNear),
             (Ordering::Greater, Ordering::Greater) => Expected::Miss(Cause::OutOfRange),
@@ -386,9 +388,10 @@ fn judge(target: &Target, stage: &Stage, capture: &Capture, frame: &Frame) -> Sh
             let d = pose.direction(pulse.direction);
             let (n, h) = stage.plane(hit.triangle, pose.point(pulse.origin));
             let cos = n.dot(d);
-            let t = h / cos;
+            let along = h / cos;
+            let t = pulse.range_m(along);
             facet.add(hit.range_m - t);
-            let reference = 12.0 * U * (t.abs() + h.abs()) / cos.abs();
+            let reference = 12.0 * U * (along.abs() + h.abs()) / cos.abs();
             let allowed = range_tolerance(t).max(reference);
             let is_near = (hit.range_m - t).abs() <= allowed; // NaN is not
             if !is_near {
@@ -469,7 +472,7 @@ fn angles(
         let d = pulse.direction;
         let p = p - pulse.origin;
         direction.add(p.cross(d).length() / p.length(), at);
-        range.add((p.length() - hit.range_m).abs(), at);
+        range.add((pulse.range_m(p.length()) - hit.range_m).abs(), at);
         match pattern {
             Pattern::Rotating(lidar) => {
                 let beam = &lidar.beams()[row];

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 
 use super::*;
 use crate::scan::{Cause, Return};
-use crate::sensor::{Beam, Camera, Limited, RingOrder, Rotating};
+use crate::sensor::{Beam, Camera, Limited, Phase, RingOrder, Rotating};
 use crate::trace::Tracer;
 
 fn beams(elevations_deg: &[f64]) -> Vec<Beam> {
@@ -29,6 +29,20 @@ fn lidar() -> Sensor {
     lidar_of(beams(&[90.0, 20.0, 10.0, 3.0, 1.0, 0.0, -1.0, -3.0, -10.0, -20.0]))
 }
 
+/// A LiDAR whose light leaves beside the axis, from which its ranges are counted, with beams that fire in turns and before
+/// their column.
+fn beside_its_axis() -> Sensor {
+    let mut beams = beams(&[85.0, 20.0, 3.0, 0.0, -1.0, -10.0, -20.0]);
+    beams[2].time_s = -50e-6;
+    let turn = (Angle::deg(180.0), Angle::deg(-180.0));
+    let origins = vec![DVec3::new(0.04356, 0.012, 0.004); beams.len()];
+    let phases = [Phase { times_s: None, silent: vec![1, 4] }, Phase::default()];
+    let pattern = Rotating::new(beams, 180, turn, 10.0).unwrap().turning_while_firing();
+    let pattern = pattern.with_origins(&origins).unwrap().with_cycle(&phases).unwrap();
+    let range = RangeLimits { min_m: 0.5, max_m: 100.0, ..RangeLimits::default() };
+    Sensor { pattern: Pattern::Rotating(pattern.with_ranges_from_origin()), range, ring: RingOrder::Row }
+}
+
 fn camera() -> Sensor {
     let pattern = Camera::new((64, 48), (40.0, 41.0), (31.3, 24.9), Some(30.0)).unwrap();
     let range = RangeLimits::default();
@@ -41,6 +55,19 @@ fn somewhere() -> Pose {
 
 fn test(sensor: &Sensor, pose: &Pose) -> SelftestReport {
     selftest(sensor, pose, None, &Progress::default()).unwrap().unwrap()
+}
+
+#[test]
+fn a_head_whose_light_leaves_beside_its_axis_passes() {
+    let sensor = beside_its_axis();
+    let silent = Capture::at_origin(&sensor).blind_pixels();
+    for pose in [Pose::IDENTITY, somewhere()] {
+        let report = test(&sensor, &pose);
+        assert!(report.passed(), "{report:#?}");
+        for s in &report.shapes {
+            assert!(s.hits > 0 && s.misses >= silent && s.facet_error.max_m <= 1e-9, "{s:?}");
+        }
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Lens, Limited, Pattern, Pulse, Sensor};
+use super::{Lens, Limited, Pattern, Pulse, Ranging, Sensor};
 use crate::frame::Pose;
 use crate::motion::{AT_ORIGIN, Trajectory};
 
@@ -79,6 +79,17 @@ impl<'a> Capture<'a> {
             // inverted.
             Pattern::Camera(camera) => camera.has_ray(row, column).then_some(0.0),
             pattern => pattern.pulse(row, column, self.start_s).map(|pulse| pulse.time_s),
+        }
+    }
+
+    /// The range that the sensor reports of a point so many metres along a pixel's ray.
+    #[inline]
+    pub fn range_m(&self, row: usize, column: usize, along_m: f64) -> f64 {
+        match &self.sensor.pattern {
+            Pattern::Rotating(rotating) if rotating.ranging() != Ranging::default() => {
+                self.pulse(row, column).map_or(along_m, |pulse| pulse.range_m(along_m))
+            }
+            _ => along_m,
         }
     }
 

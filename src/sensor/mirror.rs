@@ -138,7 +138,7 @@ impl Mirror {
         let (azimuth, elevation) = self.beams[row];
         let at = |axis: &Axis| axis.at(start_s + time_s);
         let direction = direction(at(&self.azimuth) + azimuth, at(&self.elevation) + elevation);
-        Pulse { origin: DVec3::ZERO, direction, time_s }
+        Pulse::new(DVec3::ZERO, direction, time_s)
     }
 }
 

@@ -120,19 +120,69 @@ pub enum Pattern {
 /// One beam of one firing, or one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulse {
-    /// The point from which range is measured, in the sensor's body frame, in metres: the point at range r is origin +
-    /// r·direction.
+    /// The point from which the light leaves, in the sensor's body frame, in metres.
     pub origin: DVec3,
     /// Unit direction in the sensor's body frame (x forward, y left, z up).
     pub direction: DVec3,
     /// The time in seconds from the frame's start. It is negative if a beam fires before the first column's own time.
     pub time_s: f64,
+    /// How the sensor counts the range of a point on the ray.
+    pub ranging: Ranging,
 }
 
+/// How a sensor counts the range of a point on a pulse's ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ranging {
+    /// Along the ray, beginning so many metres before the pulse's origin. Ouster's range counts from the axis to the beam's
+    /// origin and on along the beam.
+    Along(f64),
+    /// From the sensor's origin in a straight line. Hesai's range is the distance of the point from the centre of the head,
+    /// though the light leaves beside it.
+    FromOrigin,
+}
+
+impl Default for Ranging {
+    fn default() -> Self {
+        Self::Along(0.0)
+    }
+}
+
+/// With t along the ray, o the pulse's origin and d its direction, a point's distance from the sensor's origin is r with
+/// r² = |o + t·d|² = (t + o·d)² + |o × d|²: the ray passes the sensor's origin at the distance q = |o × d|, at t = −o·d. Both
+/// directions of the formula are free of cancellation, so that a range and its length along the ray give each other to a few
+/// ulps.
 impl Pulse {
-    /// The point at a range in metres, in the sensor's body frame.
-    pub fn point(&self, range: f64) -> DVec3 {
-        self.origin + self.direction * range
+    /// A pulse whose range counts along the ray from its origin.
+    pub fn new(origin: DVec3, direction: DVec3, time_s: f64) -> Self {
+        Self { origin, direction, time_s, ranging: Ranging::default() }
+    }
+
+    /// The point at a range in metres as the sensor reports it, in the sensor's body frame.
+    pub fn point(&self, range_m: f64) -> DVec3 {
+        self.origin + self.direction * self.along_m(range_m)
+    }
+
+    /// The length along the ray, from the pulse's origin, at which the sensor reports a range, in metres. A range nearer than
+    /// the ray comes to the sensor's origin has none; the length where it is nearest stands for it.
+    pub fn along_m(&self, range_m: f64) -> f64 {
+        match self.ranging {
+            Ranging::Along(before) => range_m - before,
+            Ranging::FromOrigin => {
+                let nearest = self.origin.cross(self.direction).length();
+                ((range_m - nearest).max(0.0) * (range_m + nearest)).sqrt() - self.origin.dot(self.direction)
+            }
+        }
+    }
+
+    /// The range that the sensor reports of a point so many metres along the ray from the pulse's origin.
+    pub fn range_m(&self, along_m: f64) -> f64 {
+        match self.ranging {
+            Ranging::Along(before) => along_m + before,
+            Ranging::FromOrigin => {
+                let nearest = self.origin.cross(self.direction).length();
+                libm::hypot(along_m + self.origin.dot(self.direction), nearest)
+            }
+        }
     }
 }
 
@@ -202,17 +252,8 @@ impl Pattern {
             Self::Rays(p) => Some(p.pulse(column)),
             Self::Camera(p) => {
                 let direction = p.direction(row, column)?;
-                Some(Pulse { origin: DVec3::ZERO, direction, time_s: 0.0 })
+                Some(Pulse::new(DVec3::ZERO, direction, 0.0))
             }
-        }
-    }
-
-    /// The range at which light leaves the sensor, in metres. A pulse whose range begins before the beam's own origin does not
-    /// meet what lies between the two: no light passes there, as it is inside the sensor's head.
-    pub fn first_light_m(&self) -> f64 {
-        match self {
-            Self::Rotating(p) => p.range_offset_m(),
-            _ => 0.0,
         }
     }
 
@@ -284,5 +325,38 @@ impl Sensor {
             (RingOrder::File, Pattern::Rotating(p)) => p.beams()[row].file_index,
             _ => row,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A range and its length along the ray give each other, wherever the light leaves and wherever it goes.
+    #[test]
+    fn a_range_from_the_sensors_origin_is_a_distance_from_it() {
+        let origins = [DVec3::ZERO, DVec3::new(0.0315, 0.013, 0.0), DVec3::new(-0.03, 0.004, 0.21)];
+        for origin in origins {
+            for (azimuth, elevation) in [(0.0, 0.0), (100.0, 15.0), (180.0, -25.0), (-77.0, 89.0)] {
+                let direction = direction(Angle::deg(azimuth), Angle::deg(elevation));
+                let pulse = Pulse { ranging: Ranging::FromOrigin, ..Pulse::new(origin, direction, 0.0) };
+                for along in [0.0, 1e-3, 0.3, 7.25, 200.0, 1e6] {
+                    let range = pulse.range_m(along);
+                    let point = origin + direction * along;
+                    let rounding = 4.0 * f64::EPSILON * (along + 1.0);
+                    assert!((range - point.length()).abs() <= rounding, "{origin} {direction} {along}");
+                    // Where the ray turns back towards the sensor's origin, two lengths have one range.
+                    if along >= -origin.dot(direction) {
+                        // A small length is known as well as the difference of the squares that gives it.
+                        let slope = range / (along + origin.dot(direction)).max(1e-9);
+                        assert!((pulse.along_m(range) - along).abs() <= rounding * slope.max(1.0));
+                    }
+                }
+                assert!(pulse.point(10.0).length() - 10.0 < 1e-14);
+            }
+        }
+        let beside = Pulse { ranging: Ranging::Along(0.25), ..Pulse::new(DVec3::Y, DVec3::X, 0.0) };
+        assert_eq!((beside.range_m(1.0), beside.along_m(1.0)), (1.25, 0.75));
+        assert_eq!(beside.point(1.0), DVec3::new(0.75, 1.0, 0.0));
     }
 }

@@ -126,11 +126,8 @@ impl Raster {
         let in_line =
             if self.order == Order::BackAndForth && row % 2 == 1 { columns - 1 - column } else { column };
         let ((sin_az, cos_az), (sin_el, cos_el)) = (self.azimuths[column], self.elevations[row]);
-        Pulse {
-            origin: DVec3::ZERO,
-            direction: DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el),
-            time_s: self.time_s(row * columns + in_line),
-        }
+        let direction = DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el);
+        Pulse::new(DVec3::ZERO, direction, self.time_s(row * columns + in_line))
     }
 }
 

@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn directions_are_normalised_and_bad_rays_are_refused() {
-        let pulse = |direction, time_s| Pulse { origin: DVec3::X, direction, time_s };
+        let pulse = |direction, time_s| Pulse::new(DVec3::X, direction, time_s);
         let table =
             RayTable::new(vec![pulse(DVec3::Y * 3.0, 0.5), pulse(DVec3::X, 0.25)], Some(2.0)).unwrap();
         assert_eq!((table.len(), table.last_pulse_s(), table.rate_hz()), (2, 0.5, Some(2.0)));

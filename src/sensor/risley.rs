@@ -132,7 +132,7 @@ impl Risley {
             .prisms
             .iter()
             .try_fold(self.beams[row], |beam, prism| prism.refract(beam, start_s + time_s))?;
-        Some(Pulse { origin: DVec3::ZERO, direction: direction.normalize(), time_s })
+        Some(Pulse::new(DVec3::ZERO, direction.normalize(), time_s))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::Pulse;
+use super::{Pulse, Ranging};
 use crate::angle::Angle;
 
 /// A rotating head with beams at fixed elevations. Each beam fires once in each column, unless a cycle says otherwise.
@@ -21,7 +21,7 @@ pub struct Rotating {
     /// The origin of each beam, by row, in the frame of the head when the beam fires. If the list is empty, all beams leave
     /// from the sensor's origin.
     origins: Vec<DVec3>,
-    range_offset_m: f64,
+    ranging: Ranging,
     /// Whether the head turns on between the column's own time and the firing of a beam.
     turns: bool,
     /// The phases of the cycle of columns, at least one. Column k is in phase k modulo their number.
@@ -153,7 +153,7 @@ impl Rotating {
             column_sin_cos: Vec::new(),
             column_times_s: Vec::new(),
             origins: Vec::new(),
-            range_offset_m: 0.0,
+            ranging: Ranging::default(),
             turns: false,
             phases: Vec::new(),
             shifts: Vec::new(),
@@ -188,9 +188,7 @@ impl Rotating {
     /// The same pattern with ranges that begin `metres` before the beam's origin, as the unit reports them.
     ///
     /// Ouster's range r counts from the axis of rotation to the beam's origin and on along the beam: r = n + the length of
-    /// the beam (the lookup table of ouster-sdk goes r − n along the beam). The origin of a pulse then lies n behind the
-    /// origin of the beam, so that origin + r·direction is the point that was hit, and range images are comparable with
-    /// those of the unit.
+    /// the beam (the lookup table of ouster-sdk goes r − n along the beam).
     ///
     /// # Errors
     /// [`RotatingError::RangeOffset`] if the offset is negative or not finite.
@@ -198,8 +196,15 @@ impl Rotating {
         if !(metres >= 0.0 && metres.is_finite()) {
             return Err(RotatingError::RangeOffset);
         }
-        self.range_offset_m = metres;
+        self.ranging = Ranging::Along(metres);
         Ok(self)
+    }
+
+    /// The same pattern with ranges that are distances from the sensor's origin, as Hesai's units report them: a point of
+    /// range r lies at c + s·u with |c + s·u| = r, for the optical centre c and the beam's direction u.
+    #[must_use]
+    pub fn with_ranges_from_origin(self) -> Self {
+        Self { ranging: Ranging::FromOrigin, ..self }
     }
 
     /// The same pattern with a head that keeps turning while the beams of a column fire one after the other. A beam that
@@ -310,9 +315,17 @@ impl Rotating {
         !self.shifts.is_empty()
     }
 
-    /// The part of a range that lies before the beam's origin, in metres.
-    pub fn range_offset_m(&self) -> f64 {
-        self.range_offset_m
+    /// How ranges are counted.
+    pub fn ranging(&self) -> Ranging {
+        self.ranging
+    }
+
+    /// The least range in metres that the point at every beam's own origin may have. A smaller one would lie before it.
+    pub fn least_range_m(&self) -> f64 {
+        match self.ranging {
+            Ranging::Along(before) => before,
+            Ranging::FromOrigin => self.origins.iter().map(|origin| origin.length()).fold(0.0, f64::max),
+        }
     }
 
     /// The beams, highest first. Each is a row of the image.
@@ -423,14 +436,13 @@ impl Rotating {
         let sin_az = sin_turn * cos_offset + cos_turn * sin_offset;
         let cos_az = cos_turn * cos_offset - sin_turn * sin_offset;
         let direction = DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el);
-        let leaves = if self.origins.is_empty() {
+        let origin = if self.origins.is_empty() {
             DVec3::ZERO
         } else {
             rotated_about_z(firing.origin, (sin_turn, cos_turn))
         };
-        let origin =
-            if self.range_offset_m == 0.0 { leaves } else { leaves - direction * self.range_offset_m };
-        Some(Pulse { origin, direction, time_s: self.column_times_s[column] + firing.time_s })
+        let time_s = self.column_times_s[column] + firing.time_s;
+        Some(Pulse { origin, direction, time_s, ranging: self.ranging })
     }
 }
 

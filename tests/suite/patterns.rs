@@ -201,6 +201,17 @@ fn mistakes_in_patterns_are_told() {
              least `range_offset_m` | ",
         ),
         (
+            "[rotating]\nelevations_deg = [1]\ncolumns = 9\nrate_hz = 1\nbeam_origins_m = [0.03, 0.04, 0.0]\n\
+             range_from = \"origin\"\n[range]\nmin_m = 0.04\n",
+            "sensor.toml:7:1: the least range is 0.04 m, and a beam leaves 0.050000 m from the sensor's origin | expected a \
+             `min_m` of at least that | ",
+        ),
+        (
+            "[rotating]\nelevations_deg = [1]\ncolumns = 9\nrate_hz = 1\nrange_offset_m = 0.1\nrange_from = \"origin\"\n",
+            "sensor.toml:5:18: ranges count from the sensor's origin, or begin before the beam's, but not both | one too many \
+             | leave out `range_offset_m`, or `range_from`",
+        ),
+        (
             "[rotating]\nelevations_deg = [1]\ncolumns = 9\nrate_hz = 1\nlayout = \"destaggered\"\n\
              sector_deg = { from = 10, to = -10 }\n",
             "sensor.toml:5:10: only a full turn can be destaggered, because its columns wrap around |  | ",
@@ -342,7 +353,10 @@ const DATA_SHEETS: &[(&str, usize, usize, f64, f64, f64)] = &[
     ("ouster/os1-64", 64, 1024, 360.0, 42.4, 655_360.0), ("ouster/os1-128", 128, 1024, 360.0, 42.4, 1_310_720.0),
     ("ouster/os2-32", 32, 1024, 360.0, 22.5, 327_680.0), ("ouster/os2-64", 64, 1024, 360.0, 22.5, 655_360.0),
     ("ouster/os2-128", 128, 1024, 360.0, 22.5, 1_310_720.0),
-    ("hesai/xt-32", 32, 2000, 360.0, 31.0, 640e3),
+    ("hesai/jt128", 128, 900, 360.0, 93.8, 1.152e6), ("hesai/jt16", 16, 600, 360.0, 40.0, 96e3),
+    ("hesai/ot128", 128, 1800, 360.0, 40.0, 2_304_000.0), ("hesai/pandar40p", 40, 1800, 360.0, 40.0, 720e3),
+    ("hesai/qt128", 128, 900, 360.0, 105.2, 864e3), ("hesai/xt-16", 16, 2000, 360.0, 30.0, 320e3),
+    ("hesai/xt-32", 32, 2000, 360.0, 31.0, 640e3), ("hesai/xt32m2x", 32, 2000, 360.0, 40.3, 640e3),
     ("hesai/qt64", 64, 600, 360.0, 104.2, 384e3),
     ("hesai/pandar64", 64, 1800, 360.0, 40.0, 1_152_000.0),
     ("hesai/pandar128", 128, 1800, 360.0, 40.0, 2_304_000.0),
@@ -408,7 +422,8 @@ fn each_built_in_sensor_has_its_data_sheets_figures_and_sees_the_street() {
         let (azimuth, elevation) = extents(&sensor, if pattern.is_image() { 1 } else { 10 });
         assert!((azimuth - wide).abs() < 0.7, "{name}: {azimuth} degrees wide, {wide} on the sheet");
         assert!((elevation - high).abs() < 1.6, "{name}: {elevation} degrees high, {high} on the sheet");
-        let rate = pattern.rate_hz().unwrap_or(0.0) * pattern.rays() as f64;
+        let pulses = pattern.rays() - Capture::at_origin(&sensor).blind_pixels();
+        let rate = pattern.rate_hz().unwrap_or(0.0) * pulses as f64;
         assert!(
             (rate - points).abs() <= 0.04 * points,
             "{name}: {rate} points a second, {points} on the sheet"

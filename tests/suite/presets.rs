@@ -4,6 +4,7 @@
 //! `tests/presets/`, a file a model, as the source prints them; no code here reads a preset to know what is right. The test
 //! prints a row a preset: the source, the largest errors against it, and what no source gives.
 
+mod hesai;
 mod robosense;
 mod velodyne;
 
@@ -17,6 +18,8 @@ use glam::DVec3;
 /// What a source says of a preset.
 struct Truth {
     preset: &'static str,
+    /// One of its modes.
+    mode: Option<&'static str>,
     /// Where the numbers are from.
     source: &'static str,
     /// What in the preset is no published figure of the model.
@@ -58,10 +61,10 @@ type Place = Box<dyn Fn(f64) -> DVec3>;
 const WITHOUT_A_TABLE: &[(&str, &str)] = &[("ideal/camera", "no maker")];
 
 /// The makers whose tables are not here yet.
-const MAKERS_TO_COME: &[&str] = &["azure", "hesai", "kinect", "livox", "ouster", "realsense"];
+const MAKERS_TO_COME: &[&str] = &["azure", "kinect", "livox", "ouster", "realsense"];
 
 fn truths() -> Vec<Truth> {
-    [robosense::truths(), velodyne::truths()].into_iter().flatten().collect()
+    [hesai::truths(), robosense::truths(), velodyne::truths()].into_iter().flatten().collect()
 }
 
 #[test]
@@ -71,12 +74,12 @@ fn shipped_sensors_equal_their_makers_tables() {
     println!("| preset | pulses | angle, ° | time, ns | point at 2 m, mm | source | nominal |");
     println!("|---|---|---|---|---|---|---|");
     for truth in &truths {
-        let sensor =
-            config::load_preset(truth.preset).unwrap_or_else(|e| panic!("{}: {e}", truth.preset)).sensor;
+        let sensor = sensor_of(truth.preset, truth.mode);
         let found = compare(&sensor, truth);
         println!(
-            "| {} | {} | {:.2e} | {:.3} | {:.2e} | {} | {} |",
+            "| {}{} | {} | {:.2e} | {:.3} | {:.2e} | {} | {} |",
             truth.preset,
+            truth.mode.map_or(String::new(), |mode| format!(", {mode}")),
             truth.shots.len(),
             found.angle_deg,
             found.time_ns,
@@ -98,6 +101,19 @@ fn shipped_sensors_equal_their_makers_tables() {
         let has_a_reason = WITHOUT_A_TABLE.iter().any(|(without, _)| without == name);
         assert!(has_a_row || has_a_reason || is_to_come(name), "{name} has no table to be held to");
     }
+}
+
+/// A preset in one of its modes.
+fn sensor_of(preset: &str, mode: Option<&str>) -> Sensor {
+    let Some(mode) = mode else {
+        return config::load_preset(preset).unwrap_or_else(|e| panic!("{preset}: {e}")).sensor;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("job.toml");
+    let sensor = format!("preset = '{preset}'\nmode = '{mode}'\n");
+    std::fs::write(&path, format!("scene = 'a.glb'\noutput.dir = 'o'\n[[sensor]]\n{sensor}")).unwrap();
+    let job = config::load_job(&path, &[]).unwrap_or_else(|e| panic!("{preset}: {e}"));
+    job.sensors[0].sensor.clone()
 }
 
 /// Compares every shot of a source with the preset's own pulse.
@@ -163,6 +179,8 @@ type Row<'a> = &'a dyn Fn(&str) -> f64;
 /// a time does not fire.
 struct Beams<'a> {
     preset: &'static str,
+    /// One of the preset's modes, whose table has the mode's name in its own.
+    mode: Option<&'static str>,
     /// The name of the column with the elevations in degrees.
     elevations: &'static str,
     /// The number that the driver gives to a beam, of the number of beams below it and of its place in the table.
@@ -179,9 +197,10 @@ impl Beams<'_> {
         allowed: Errors,
         formula: &dyn Fn(Row, f64) -> Place,
     ) -> Truth {
-        let preset = self.preset;
-        let sensor = config::load_preset(preset).unwrap().sensor;
-        let (head, rows, table) = (Head::of(&sensor), rows_of_channels(&sensor), table(preset));
+        let (preset, mode) = (self.preset, self.mode);
+        let sensor = sensor_of(preset, mode);
+        let name = mode.map_or(preset.to_owned(), |mode| format!("{preset}-{}", mode.replace('_', "-")));
+        let (head, rows, table) = (Head::of(&sensor), rows_of_channels(&sensor), table(&name));
         let elevations = &table[self.elevations];
         assert_eq!(rows.len(), elevations.len(), "{preset}");
         let phases: Vec<&Vec<f64>> =
@@ -200,7 +219,7 @@ impl Beams<'_> {
                 shots.push(Shot { row: rows[beam], column, pulse });
             }
         }
-        Truth { preset, source, nominal, allowed, shots }
+        Truth { preset, mode, source, nominal, allowed, shots }
     }
 }
 

@@ -387,6 +387,50 @@ fn frames_with_limits_are_those_of_brute_force() {
     }
 }
 
+/// Hesai's units report the distance of a point from the centre of the head, though the light leaves beside it. The point is
+/// where the ray meets the wall; the range is its distance from the sensor, and the limits are of that range.
+#[test]
+fn a_range_from_the_sensors_origin_is_that_of_the_point_on_the_wall() {
+    let centre = DVec3::new(0.2, 0.1, -0.05);
+    let beams = [-20.0, 0.0, 20.0].map(|elevation| Beam {
+        elevation: Angle::deg(elevation),
+        azimuth_offset: Angle::deg(elevation / 10.0),
+        time_s: elevation * 1e-6,
+        file_index: 0,
+    });
+    let turn = (Angle::deg(180.0), Angle::deg(-180.0));
+    let pattern = Rotating::new(beams.to_vec(), 360, turn, 10.0).unwrap().turning_while_firing();
+    let pattern = pattern.with_origins(&[centre; 3]).unwrap().with_ranges_from_origin();
+    let limits = RangeLimits { min_m: 2.1, max_m: 5.0, of: Limited::Range };
+    let sensor = Sensor { pattern: Pattern::Rotating(pattern), range: limits, ring: RingOrder::Row };
+    let wall = [(-1e3, -1e3), (1e3, -1e3), (1e3, 1e3), (-1e3, 1e3)].map(|(y, z)| DVec3::new(2.0, y, z));
+    let scene = alone(quad(wall));
+    let frame = see(&scene, &sensor, &Pose::IDENTITY);
+    let capture = Capture::at_origin(&sensor);
+    let mut counts = [0; 3];
+    for (pixel, &cause) in frame.causes().iter().enumerate() {
+        let pulse = capture.pulse(pixel / 360, pixel % 360).unwrap();
+        if pulse.direction.x < 0.01 {
+            continue;
+        }
+        // The wall is at x = 2.
+        let hit = pulse.origin + pulse.direction * ((2.0 - pulse.origin.x) / pulse.direction.x);
+        let range = hit.length();
+        let (expected, count) = match range {
+            near if near < limits.min_m => (Cause::TooNear, 0),
+            far if far > limits.max_m => (Cause::OutOfRange, 1),
+            _ => (Cause::Surface, 2),
+        };
+        assert_eq!(cause, expected, "{hit}");
+        counts[count] += 1;
+        if let Some(found) = frame.get(pixel / 360, pixel % 360) {
+            assert!((found.range_m - range).abs() < 1e-14 * range, "{} {range}", found.range_m);
+            assert!(pulse.point(found.range_m).abs_diff_eq(hit, 1e-14 * range));
+        }
+    }
+    assert!(counts.iter().all(|count| *count > 40), "{counts:?}");
+}
+
 /// A range that counts from the axis of the head begins before the beam's origin. What lies between the two is inside the head,
 /// where no light passes: it blocks nothing. What lies between the origin and the least range does.
 #[test]
@@ -506,10 +550,8 @@ fn each_pulse_of_a_moving_sensor_is_cast_from_its_own_pose() {
     let wall = [(-1e3, -1e3), (1e3, -1e3), (1e3, 1e3), (-1e3, 1e3)].map(|(x, z)| DVec3::new(x, 10.0, z));
     let scene = alone(quad(wall));
     let rays = [(0.05, 90.0_f64), (0.1, 60.0), (0.1, 120.0)];
-    let pulse = |(time_s, azimuth): (f64, f64)| Pulse {
-        origin: DVec3::ZERO,
-        direction: direction(Angle::deg(azimuth), Angle::default()),
-        time_s,
+    let pulse = |(time_s, azimuth): (f64, f64)| {
+        Pulse::new(DVec3::ZERO, direction(Angle::deg(azimuth), Angle::default()), time_s)
     };
     let pattern = Pattern::Rays(RayTable::new(rays.map(pulse).to_vec(), Some(10.0)).unwrap());
     let sensor = Sensor { pattern, range: NO_LIMITS, ring: RingOrder::Row };

@@ -98,6 +98,7 @@ pub(crate) mod rotating {
             &CYCLE,
             &BEAM_ORIGINS,
             &RANGE_OFFSET,
+            &RANGE_FROM,
             &TURNS_WHILE_FIRING,
             &LAYOUT,
             &PIXEL_SHIFTS,
@@ -142,6 +143,13 @@ pub(crate) mod rotating {
         "How far before a beam's origin its range begins, as the unit reports it, in metres.",
     )
     .or("0.0");
+    /// Whether ranges count from the sensor's origin.
+    pub static RANGE_FROM: Key<Choice<bool>> = key(
+        "range_from",
+        Choice(&[("beam", false), ("origin", true)]),
+        "What ranges count from, as the unit reports them: along the beam, or in a straight line from the sensor's origin.",
+    )
+    .or("\"beam\"");
     pub static TURNS_WHILE_FIRING: Key<Flag> = key(
         "turns_while_firing",
         Flag,

@@ -260,5 +260,5 @@ fn ray(columns: &[usize], line: (usize, &str)) -> Result<Pulse, Wrong> {
         return Err((span, "`x`, `y` and `z` are no direction".into(), "expected a length".into()));
     }
     let origin = DVec3::new(values[ORIGIN_X], values[ORIGIN_Y], values[ORIGIN_Z]);
-    Ok(Pulse { origin, direction, time_s: values[TIME_S] + values[TIME_US] * 1e-6 })
+    Ok(Pulse::new(origin, direction, values[TIME_S] + values[TIME_US] * 1e-6))
 }

@@ -46,7 +46,7 @@ const MODELS: [Model; 5] = [
 /// when the channel fires.
 pub fn truths() -> Vec<Truth> {
     let truth = |(preset, source, nominal, rx, rz): Model| {
-        let beams = Beams { preset, elevations: "vertical_deg", ring_of: &|below, _| below };
+        let beams = Beams { preset, mode: None, elevations: "vertical_deg", ring_of: &|below, _| below };
         beams.truth(source, nominal, ALLOWED, &|row, azimuth_deg| {
             let (sin_el, cos_el) = sin_cos_deg(row("vertical_deg"));
             let (sin, cos) = sin_cos_deg(azimuth_deg + row("horizontal_deg"));

@@ -26,7 +26,7 @@ pub fn truths() -> Vec<Truth> {
 
 fn truth(preset: &'static str, nominal: &'static str, formula: &dyn Fn(Row, f64) -> Place) -> Truth {
     // The driver numbers rings from the lowest laser.
-    let beams = Beams { preset, elevations: "elevation_deg", ring_of: &|below, _| below };
+    let beams = Beams { preset, mode: None, elevations: "elevation_deg", ring_of: &|below, _| below };
     beams.truth(SOURCE, nominal, ALLOWED, formula)
 }
 

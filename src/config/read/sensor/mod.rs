@@ -9,7 +9,7 @@ use super::super::keys::sensor::{self as keys, range};
 use super::super::kinds::Nested;
 use super::super::table::{Key, Table};
 use super::rays::RayFiles;
-use crate::sensor::{Capture, Limited, Pattern, RangeLimits, Sensor};
+use crate::sensor::{Capture, Limited, Pattern, RangeLimits, Ranging, Sensor};
 
 /// The reader of a pattern's table.
 type Read = fn(&Table<'_>, &RayFiles) -> Option<Pattern>;
@@ -54,7 +54,7 @@ pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> 
     let patterns: Vec<_> = given.iter().map(read).collect();
     let [Some(pattern)] = <[Option<Pattern>; 1]>::try_from(patterns).ok()? else { return None };
     check_limits(t, &pattern, range)?;
-    check_range_offset(t, &pattern, range)?;
+    check_least_range(t, &pattern, range)?;
     warn_of_ambiguity(t, &pattern, range);
     let sensor = Sensor { pattern, range, ring };
     if let Some(problem) = Capture::at_origin(&sensor).problem_of_numbers() {
@@ -108,16 +108,24 @@ fn check_limits(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) -> Option<
 }
 
 /// A sensor reports no range that ends before its beam's origin, so none can be asked of it.
-fn check_range_offset(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) -> Option<()> {
+fn check_least_range(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) -> Option<()> {
     let Pattern::Rotating(rotating) = pattern else { return Some(()) };
-    let offset = rotating.range_offset_m();
-    if offset == 0.0 || range.min_m >= offset {
+    let least = rotating.least_range_m();
+    if least == 0.0 || range.min_m >= least {
         return Some(());
     }
     let span = if t.has(&keys::RANGE) { t.span_of(&keys::RANGE) } else { t.span_of(&keys::ROTATING) };
-    let message =
-        format!("the least range is {} m, and ranges begin {offset} m before the beam", range.min_m);
-    let label = "expected a `min_m` of at least `range_offset_m`";
+    let min_m = range.min_m;
+    let (message, label) = match rotating.ranging() {
+        Ranging::Along(_) => (
+            format!("the least range is {min_m} m, and ranges begin {least} m before the beam"),
+            "expected a `min_m` of at least `range_offset_m`".to_owned(),
+        ),
+        Ranging::FromOrigin => (
+            format!("the least range is {min_m} m, and a beam leaves {least:.6} m from the sensor's origin"),
+            "expected a `min_m` of at least that".to_owned(),
+        ),
+    };
     t.report().error(span, message, label, None);
     None
 }

@@ -26,6 +26,7 @@ pub(super) fn pattern(t: &Table<'_>) -> Option<Rotating> {
     let cycle = cycle(t, beams);
     let origins = origins(t, beams);
     let range_offset = t.value(&keys::RANGE_OFFSET);
+    let is_from_origin = t.value(&keys::RANGE_FROM);
     let turns = t.value(&keys::TURNS_WHILE_FIRING);
     let is_destaggered = t.value(&keys::LAYOUT);
     let columns = t.read(&keys::COLUMNS);
@@ -41,6 +42,13 @@ pub(super) fn pattern(t: &Table<'_>) -> Option<Rotating> {
     }
     if let (Some(beams), Some(columns)) = (beams, columns) {
         check_rays(report, beams as u64, columns.value, columns.span)?;
+    }
+
+    if is_from_origin && range_offset != 0.0 {
+        let message = "ranges count from the sensor's origin, or begin before the beam's, but not both";
+        let help = "leave out `range_offset_m`, or `range_from`";
+        report.error(t.span_of(&keys::RANGE_OFFSET), message, "one too many", Some(help.into()));
+        return None;
     }
 
     // Up to here, each key is checked by itself. From here on, all of them are needed.
@@ -61,6 +69,7 @@ pub(super) fn pattern(t: &Table<'_>) -> Option<Rotating> {
     let made = Rotating::new(list, columns.value as usize, sector.value, rate.value)
         .and_then(|pattern| if origins.is_empty() { Ok(pattern) } else { pattern.with_origins(&origins) })
         .and_then(|pattern| pattern.with_range_offset(range_offset))
+        .map(|pattern| if is_from_origin { pattern.with_ranges_from_origin() } else { pattern })
         .map(|pattern| if turns { pattern.turning_while_firing() } else { pattern })
         .and_then(|pattern| if cycle.is_empty() { Ok(pattern) } else { pattern.with_cycle(&cycle) })
         .and_then(|pattern| match (is_destaggered, shifts.is_empty()) {
@@ -274,25 +283,29 @@ fn warn_of_aliases(report: &Report, elevations: &Numbers, pattern: &Rotating) {
     }
 }
 
-/// Warns of beams that fire in the time of another column.
+/// Warns of beams that fire in the time of another column. Times that are all early or all late by the same amount shift every
+/// column alike, so that the beams' times from each other count.
 fn warn_of_late_beams(report: &Report, times: &Numbers, pattern: &Rotating) {
     let period_us = pattern.column_s() * 1e6;
-    let far = times.value.iter().find(|t| t.value.abs() > period_us);
-    if let Some(far) = far.filter(|_| period_us > 0.0) {
-        let (message, label) = if far.value > 0.0 {
-            let late = far.value;
-            (
-                format!("a beam fires {late} µs after its column, the next column after {period_us:.3} µs"),
-                "later than the next column",
-            )
-        } else {
-            let early = -far.value;
-            (
-                format!("a beam fires {early} µs before its column, the column before by {period_us:.3} µs"),
-                "earlier than the column before",
-            )
-        };
-        let help = "beam times are microseconds from the column's own time, not from the frame's start";
-        report.warning(far.span, message, label, Some(help.into()));
+    let values = times.value.iter().map(|time| time.value);
+    let (first, last) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(f, l), t| (f.min(t), l.max(t)));
+    if period_us == 0.0 || last - first <= period_us {
+        return;
     }
+    let Some(far) = times.value.iter().find(|time| time.value.abs() == last.max(-first)) else { return };
+    let (message, label) = if far.value > 0.0 {
+        let late = far.value;
+        (
+            format!("a beam fires {late} µs after its column, the next column after {period_us:.3} µs"),
+            "later than the next column",
+        )
+    } else {
+        let early = -far.value;
+        (
+            format!("a beam fires {early} µs before its column, the column before by {period_us:.3} µs"),
+            "earlier than the column before",
+        )
+    };
+    let help = "beam times are microseconds from the column's own time, not from the frame's start";
+    report.warning(far.span, message, label, Some(help.into()));
 }
