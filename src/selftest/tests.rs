@@ -60,13 +60,14 @@ fn test(sensor: &Sensor, pose: &Pose) -> SelftestReport {
 #[test]
 fn a_head_whose_light_leaves_beside_its_axis_passes() {
     let sensor = beside_its_axis();
-    let silent = Capture::at_origin(&sensor).blind_pixels();
+    let silent = Capture::at_origin(&sensor).blind_pixels(usize::MAX);
     for pose in [Pose::IDENTITY, somewhere()] {
         let report = test(&sensor, &pose);
         assert!(report.passed(), "{report:#?}");
         for s in &report.shapes {
-            assert!(s.hits > 0 && s.misses >= silent && s.facet_error.max_m <= 1e-9, "{s:?}");
+            assert!(s.misses >= silent && s.facet_error.max_m <= 1e-9, "{s:?}");
         }
+        assert!(report.shapes.iter().map(|s| s.hits).sum::<usize>() > 1000);
     }
 }
 
