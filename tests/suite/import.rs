@@ -73,7 +73,7 @@ fn check_points(sensor: &Sensor, vendor: impl Fn(usize, f64, f64) -> DVec3) {
         for column in (0..columns).step_by(columns / 7 + 1).chain([columns - 1]) {
             let pulse = Capture::at_origin(sensor).pulse(row, column).expect("every beam has a pulse");
             for range in [0.75, 80.0] {
-                let ours = pulse.origin + pulse.direction * range;
+                let ours = pulse.point(range);
                 let theirs = vendor(channel, pattern.azimuth(column).radians(), range);
                 assert!(
                     ours.distance(theirs) < 1e-9,
