@@ -9,7 +9,7 @@ use super::outcome::ExpectationOutcome;
 use super::phrasing::{counted, digits, list, metres};
 use crate::angle::Angle;
 use crate::output::SensorFrame;
-use crate::scan::Return;
+use crate::scan::{Cause, Return};
 use crate::scene::Scene;
 use crate::sensor::{Pattern, Pulse};
 use crate::source::suggest::{self, nearest, quoted};
@@ -388,7 +388,13 @@ fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bounds) -> Fin
             by_sensor.entry(point.seen.name).or_insert((0, f64::INFINITY, f64::NEG_INFINITY));
         (*n, *near, *far) = (*n + 1, near.min(point.hit.range_m), far.max(point.hit.range_m));
     }
-    let elsewhere = if outside > 0 { format!(", {outside} at other ranges") } else { String::new() };
+    let mut elsewhere = if outside > 0 { format!(", {outside} at other ranges") } else { String::new() };
+    // Beams that the target blocks give no point. A person who looks for the points wants to know where they went.
+    let blocked: usize =
+        seen.frames.iter().map(|of| blockers_on(of, seen.scene, target).count()).sum();
+    if blocked > 0 {
+        elsewhere += &format!(", {} nearer than the sensor's least range", counted(blocked, "beam"));
+    }
     let place = by_sensor
         .iter()
         .map(|(name, (n, near, far))| format!("sensor {name}: {n} at {} to {}", metres(*near), metres(*far)));
@@ -605,7 +611,13 @@ fn returns(seen: &Seen, bounds: &Bounds) -> Finding {
     match furthest_outside(seen, bounds, &|of| of.frame.first_returns().flatten().count()) {
         None => Finding::Nothing("no sensor".to_owned()),
         Some(worst) => {
-            let found = format!("{} return", percent(worst.share));
+            let frame = worst.of.frame;
+            let blocked = frame.pixels_of(Cause::TooNear) as f64 / frame.pixels() as f64;
+            let near = match blocked > 0.0 {
+                true => format!(", {} are blocked nearer than the sensor's least range", percent(blocked)),
+                false => String::new(),
+            };
+            let found = format!("{} return{near}", percent(worst.share));
             Finding::new(bounds.hold(worst.share), found, worst.place())
         }
     }

@@ -143,6 +143,16 @@ fn a_mast_nearer_than_the_least_range_hides_the_wall_and_obstructs() {
         ),
         "{text}"
     );
+    // Other expectations say where the missing points are.
+    let others = "[[expect]]\nname = \"seen\"\npoints = { object = \"own_mast\", at_least = 1 }\n\
+                  [[expect]]\nname = \"all\"\nreturns = { at_least = 1.0 }\n";
+    place.set_job(&format!("{LEVEL}[sensor.range]\nmin_m = 0.3\n{others}"));
+    let text = place.failed_check();
+    assert!(text.contains("found 0 points, 39 beams nearer than the sensor's least range"), "{text}");
+    assert!(
+        text.contains("found 89.2 % return, 10.8 % are blocked nearer than the sensor's least range"),
+        "{text}"
+    );
     // The same mast beyond the least range obstructs in the same words as ever, and other things obstruct nothing.
     place.set_job(&job.replace("min_m = 0.3", "min_m = 0.1"));
     let text = place.failed_check();
