@@ -390,8 +390,7 @@ fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bounds) -> Fin
     }
     let mut elsewhere = if outside > 0 { format!(", {outside} at other ranges") } else { String::new() };
     // Beams that the target blocks give no point. A person who looks for the points wants to know where they went.
-    let blocked: usize =
-        seen.frames.iter().map(|of| blockers_on(of, seen.scene, target).count()).sum();
+    let blocked: usize = seen.frames.iter().map(|of| blockers_on(of, seen.scene, target).count()).sum();
     if blocked > 0 {
         elsewhere += &format!(", {} nearer than the sensor's least range", counted(blocked, "beam"));
     }
