@@ -189,6 +189,7 @@ fn open_scene(
         scene_name: job.scene_name.as_deref(),
         up: job.up,
         labels: &job.labels,
+        ..gltf::Options::default()
     });
     let loaded = session::open_scene(path, as_written, &options)?;
     diagnostics.extend(loaded.diagnostics(path));

@@ -19,7 +19,12 @@ use crate::trace::{AnyTracer, Cast};
 /// # Errors
 /// With the element of the file that is wrong.
 pub fn load_scene(job: &Job) -> Result<gltf::Loaded, SceneError> {
-    let options = gltf::Options { scene_name: job.scene_name.as_deref(), up: job.up, labels: &job.labels };
+    let options = gltf::Options {
+        scene_name: job.scene_name.as_deref(),
+        up: job.up,
+        labels: &job.labels,
+        ..gltf::Options::default()
+    };
     open_scene(&job.scene_path, &job.scene_as_written, &options)
 }
 

@@ -3,15 +3,18 @@
 
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::PathBuf;
+use std::rc::Rc;
 
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::validation::Checked;
 use serde::Deserialize;
+use serde_json::value::RawValue;
 
 use super::document::Document;
+use super::draco::Draco;
 use super::fault::{Fault, missing};
+use super::files::{Folders, Resolved};
+use super::notices::Notices;
+use super::schema::{self, Accessor, Component, Kind};
 use super::{files, meshopt};
 use crate::scene::geometry::SourceFile;
 
@@ -21,18 +24,26 @@ pub(super) struct Data<'a> {
     document: &'a Document,
     /// The GLB's binary chunk.
     chunk: Option<&'a [u8]>,
-    /// The canonical path of the folder that URIs are relative to.
-    folder: &'a Path,
+    /// The folders that URIs lead to.
+    folders: &'a Folders,
     buffers: Vec<OnceCell<Content<'a>>>,
     /// The decoded bytes of the views that are stored compressed.
     decoded: Vec<OnceCell<Vec<u8>>>,
-    files: RefCell<BTreeMap<usize, SourceFile>>,
+    /// The decoded primitives of the views that hold some.
+    primitives: Vec<OnceCell<Draco>>,
+    /// The content of every file that was read, by its canonical path, as far as a buffer reaches into it.
+    contents: RefCell<BTreeMap<PathBuf, Rc<Vec<u8>>>>,
+    /// The longest of the buffers that name a URI.
+    longest: BTreeMap<&'a str, u64>,
+    files: RefCell<Vec<SourceFile>>,
     budget: Budget,
 }
 
 enum Content<'a> {
     Chunk(&'a [u8]),
     Own(Vec<u8>),
+    /// The first bytes of a file.
+    File(Rc<Vec<u8>>, usize),
 }
 
 impl Content<'_> {
@@ -40,15 +51,20 @@ impl Content<'_> {
         match self {
             Self::Chunk(bytes) => bytes,
             Self::Own(bytes) => bytes,
+            Self::File(bytes, length) => &bytes[..*length],
         }
     }
 }
 
 /// The memory that a file may expand to. A few bytes of JSON can ask for any number of copies of the same data, or for zeros
 /// without any data. So the bytes that the loader expands are counted, and compared with the bytes that were read.
+///
+/// Bytes that were stored compressed count as what they unpack to, since that is what the same file would have without
+/// compression; but no compressed byte stands for more than [`Self::UNPACKED`] others.
 struct Budget {
     spent: Cell<u64>,
     read: Cell<u64>,
+    unpacked: Cell<u64>,
 }
 
 impl Budget {
@@ -57,6 +73,17 @@ impl Budget {
     /// The bytes that each byte read may expand to in addition. An index of one byte, which is the densest data in glTF, becomes
     /// a triangle of twelve bytes; the rest allows for parts that are used several times.
     const FACTOR: u64 = 64;
+    /// The bytes that each unpacked byte may expand to in addition. A placement of twelve bytes becomes an instance and an
+    /// object of two hundred.
+    const UNPACKED_FACTOR: u64 = 20;
+    /// The most unpacked bytes that a compressed one counts for.
+    const UNPACKED: u64 = 64;
+
+    fn most(&self) -> u64 {
+        let read = self.read.get().saturating_mul(Self::FACTOR);
+        let unpacked = self.unpacked.get().saturating_mul(Self::UNPACKED_FACTOR);
+        Self::BASE.saturating_add(read).saturating_add(unpacked)
+    }
 }
 
 /// The bytes of a view into a buffer.
@@ -70,8 +97,9 @@ struct View<'b> {
 #[derive(Clone, Copy)]
 pub(super) struct Elements<'b> {
     count: usize,
-    component: ComponentType,
-    normalized: bool,
+    component: Component,
+    /// The integer that stands for 1, if the components are normalised.
+    one: Option<f64>,
     /// `None` means zeros.
     base: Option<Strided<'b>>,
     sparse: Option<Sparse<'b>>,
@@ -87,7 +115,7 @@ struct Strided<'b> {
 #[derive(Clone, Copy)]
 struct Sparse<'b> {
     count: usize,
-    index_type: ComponentType,
+    index_type: Component,
     indices: &'b [u8],
     values: Strided<'b>,
 }
@@ -97,9 +125,9 @@ pub(super) struct Layout {
     /// The purpose, such as `POSITION`.
     pub purpose: &'static str,
     /// Scalar, vector or matrix.
-    pub kind: Type,
+    pub kind: Kind,
     /// The component types, each with whether it is normalised.
-    pub components: &'static [(ComponentType, bool)],
+    pub components: &'static [(Component, bool)],
 }
 
 /// EXT_meshopt_compression or KHR_meshopt_compression of a view.
@@ -119,21 +147,43 @@ struct Compressed {
 
 impl<'a> Data<'a> {
     /// The data of a file that has `read` bytes.
-    pub fn new(document: &'a Document, chunk: Option<&'a [u8]>, folder: &'a Path, read: u64) -> Self {
+    pub fn new(
+        document: &'a Document,
+        chunk: Option<&'a [u8]>,
+        folders: &'a Folders,
+        read: u64,
+        notices: &Notices,
+    ) -> Self {
+        let mut longest = BTreeMap::new();
+        for buffer in &document.buffers {
+            if let Some(uri) = &buffer.uri {
+                let longest: &mut u64 = longest.entry(uri.as_str()).or_default();
+                *longest = buffer.byte_length.max(*longest);
+            }
+        }
+        for (index, view) in document.buffer_views.iter().enumerate() {
+            if view.byte_stride == Some(0) {
+                let message = "its byteStride of 0 is read as elements without gaps";
+                notices.warn(|| format!("bufferView {index}"), message);
+            }
+        }
         Self {
             document,
             chunk,
-            folder,
+            folders,
             buffers: document.buffers.iter().map(|_| OnceCell::new()).collect(),
             decoded: document.buffer_views.iter().map(|_| OnceCell::new()).collect(),
+            primitives: document.buffer_views.iter().map(|_| OnceCell::new()).collect(),
+            contents: RefCell::default(),
+            longest,
             files: RefCell::default(),
-            budget: Budget { spent: Cell::new(0), read: Cell::new(read) },
+            budget: Budget { spent: Cell::new(0), read: Cell::new(read), unpacked: Cell::new(0) },
         }
     }
 
-    /// The files that were read, in the order of their buffers.
+    /// The files that were read, each once, in the order in which they were needed.
     pub fn into_files(self) -> impl Iterator<Item = SourceFile> {
-        self.files.into_inner().into_values()
+        self.files.into_inner().into_iter()
     }
 
     /// Counts `count` elements of `each` bytes that the file makes the loader expand. Call it before allocating them.
@@ -141,7 +191,7 @@ impl<'a> Data<'a> {
         let budget = &self.budget;
         let spent = budget.spent.get().saturating_add((count as u64).saturating_mul(each as u64));
         budget.spent.set(spent);
-        let most = budget.read.get().saturating_mul(Budget::FACTOR).saturating_add(Budget::BASE);
+        let most = budget.most();
         if spent <= most {
             return Ok(());
         }
@@ -152,6 +202,12 @@ impl<'a> Data<'a> {
         Err(Fault::new("", problem).help(
             "it asks for data that is not there, or for the same data over and over; place a mesh several times instead",
         ))
+    }
+
+    /// Counts `bytes` that `packed` bytes unpacked to.
+    fn unpack(&self, packed: usize, bytes: u64) {
+        let counted = bytes.min((packed as u64).saturating_mul(Budget::UNPACKED));
+        self.budget.unpacked.set(self.budget.unpacked.get().saturating_add(counted));
     }
 
     fn buffer(&self, index: u32) -> Result<&[u8], Fault> {
@@ -166,8 +222,8 @@ impl<'a> Data<'a> {
         Ok(cell.get_or_init(|| content).bytes())
     }
 
-    fn load(&self, index: usize, buffer: &json::Buffer) -> Result<Content<'a>, Fault> {
-        let byte_length = buffer.byte_length.0;
+    fn load(&self, index: usize, buffer: &schema::Buffer) -> Result<Content<'a>, Fault> {
+        let byte_length = buffer.byte_length;
         let too_short = |place: &str, found: usize| {
             let problem = format!("{place} has {found} bytes, but the buffer's byteLength is {byte_length}");
             Fault::new("", problem)
@@ -182,16 +238,36 @@ impl<'a> Data<'a> {
                 chunk.get(..length).ok_or_else(|| too_short("the GLB's binary chunk", chunk.len()))?;
             return Ok(Content::Chunk(bytes));
         };
-        let (mut bytes, file) = files::resolve(uri, self.folder, byte_length)?;
-        if bytes.len() < length {
-            return Err(too_short("the data: URI", bytes.len()));
+        match files::resolve(uri, self.folders)? {
+            Resolved::Data(mut bytes) => {
+                if bytes.len() < length {
+                    return Err(too_short("the data: URI", bytes.len()));
+                }
+                bytes.truncate(length);
+                Ok(Content::Own(bytes))
+            }
+            Resolved::File(path) => Ok(Content::File(self.file(uri, path, byte_length)?, length)),
         }
-        if let Some(file) = file {
-            self.budget.read.set(self.budget.read.get().saturating_add(file.bytes));
-            self.files.borrow_mut().insert(index, file);
+    }
+
+    /// The content of a file up to byte `length` at least. A file is read once, or twice if another name of it asks for more.
+    fn file(&self, uri: &str, path: PathBuf, length: u64) -> Result<Rc<Vec<u8>>, Fault> {
+        let known = self.contents.borrow().get(&path).cloned();
+        if let Some(known) = known.as_ref().filter(|known| known.len() as u64 >= length) {
+            return Ok(known.clone());
         }
-        bytes.truncate(length);
-        Ok(Content::Own(bytes))
+        let needed = self.longest.get(uri).copied().unwrap_or(length).max(length);
+        let (mut bytes, file) = files::read_buffer(uri, &path, needed, length)?;
+        if known.is_none() {
+            let kept = bytes.len().min(usize::try_from(needed).unwrap_or(usize::MAX));
+            bytes.truncate(kept);
+            bytes.shrink_to_fit();
+            self.budget.read.set(self.budget.read.get().saturating_add(kept as u64));
+            self.files.borrow_mut().push(file);
+        }
+        let bytes = Rc::new(bytes);
+        self.contents.borrow_mut().insert(path, bytes.clone());
+        Ok(bytes)
     }
 
     fn slice(&self, buffer: u32, offset: u64, length: u64) -> Result<&[u8], Fault> {
@@ -213,25 +289,24 @@ impl<'a> Data<'a> {
             return Err(missing("bufferView", index, self.decoded.len()));
         };
         let read = || {
-            let stride = view.byte_stride.map(|stride| stride.0);
+            let stride = view.byte_stride.filter(|stride| *stride > 0);
             if let Some(bytes) = cell.get() {
                 return Ok(View { bytes, stride });
             }
             if let Some(compressed) = compressed(view)? {
                 let bytes = self.decode(&compressed)?;
-                if bytes.len() as u64 != view.byte_length.0 {
+                if bytes.len() as u64 != view.byte_length {
                     let problem = format!(
                         "the view's byteLength is {}, but its compressed content has {} bytes",
-                        view.byte_length.0,
+                        view.byte_length,
                         bytes.len()
                     );
                     return Err(Fault::new("", problem));
                 }
                 return Ok(View { bytes: cell.get_or_init(|| bytes), stride });
             }
-            let offset = view.byte_offset.map_or(0, |offset| offset.0);
-            let buffer = view.buffer.value() as u32;
-            Ok(View { bytes: self.slice(buffer, offset, view.byte_length.0)?, stride })
+            let buffer = view.buffer.ok_or_else(|| Fault::new("", "it names no buffer"))?;
+            Ok(View { bytes: self.slice(buffer, view.byte_offset, view.byte_length)?, stride })
         };
         read().map_err(|fault: Fault| fault.within(format!("bufferView {index}")))
     }
@@ -240,8 +315,30 @@ impl<'a> Data<'a> {
         let bytes = self.slice(compressed.buffer, compressed.byte_offset, compressed.byte_length)?;
         self.spend(compressed.count, compressed.byte_stride)?;
         let &Compressed { count, byte_stride, mode, filter, .. } = compressed;
-        meshopt::decode(bytes, count, byte_stride, mode, filter)
-            .map_err(|error| Fault::new("", format!("the meshopt compression is broken: {error}")))
+        let decoded = meshopt::decode(bytes, count, byte_stride, mode, filter)
+            .map_err(|error| Fault::new("", format!("the meshopt compression is broken: {error}")))?;
+        self.unpack(bytes.len(), decoded.len() as u64);
+        Ok(decoded)
+    }
+
+    /// The primitive that a view holds, compressed with Draco.
+    pub fn draco(&self, view: u32) -> Result<&Draco, Fault> {
+        let bytes = self.view(view)?.bytes;
+        let cell = &self.primitives[view as usize];
+        if let Some(known) = cell.get() {
+            return Ok(known);
+        }
+        let left = self.budget.most().saturating_sub(self.budget.spent.get());
+        let draco = Draco::decode(bytes, left)?;
+        self.spend(draco.bytes(), 1)?;
+        self.unpack(bytes.len(), draco.bytes() as u64);
+        Ok(cell.get_or_init(|| draco))
+    }
+
+    /// Whether an accessor has data of its own, and is not all zeros for want of any.
+    pub fn has_data(&self, accessor: u32) -> bool {
+        let accessor = self.document.accessors.get(accessor as usize);
+        accessor.is_none_or(|accessor| accessor.buffer_view.is_some() || accessor.sparse.is_some())
     }
 
     /// The elements of accessor `index`, which must have the layout, and `count` elements if a count is given.
@@ -262,14 +359,14 @@ impl<'a> Data<'a> {
         read().map_err(|fault: Fault| fault.within(format!("accessor {index}")))
     }
 
-    fn checked_elements(&self, accessor: &json::Accessor, layout: &Layout) -> Result<Elements<'_>, Fault> {
+    fn checked_elements(&self, accessor: &Accessor, layout: &Layout) -> Result<Elements<'_>, Fault> {
         let (component, normalized) = layout.check(accessor)?;
-        let size = component.size() * layout.kind.multiplicity();
-        let count = usize::try_from(accessor.count.0)
-            .map_err(|_| Fault::new("", format!("a count of {} is not possible", accessor.count.0)))?;
-        let offset = accessor.byte_offset.map_or(0, |offset| offset.0);
+        let size = component.size() * layout.kind.components();
+        let count = accessor.count.ok_or_else(|| Fault::new("", "it has no count"))?;
+        let count = usize::try_from(count)
+            .map_err(|_| Fault::new("", format!("a count of {count} is not possible")))?;
         let base = match accessor.buffer_view {
-            Some(view) => Some(self.strided(view.value() as u32, offset, count, size)?),
+            Some(view) => Some(self.strided(view, accessor.byte_offset, count, size)?),
             None => None,
         };
         let sparse = match &accessor.sparse {
@@ -278,7 +375,8 @@ impl<'a> Data<'a> {
             }
             None => None,
         };
-        Ok(Elements { count, component, normalized, base, sparse })
+        let one = normalized.then(|| f64::from(largest_integer(component)));
+        Ok(Elements { count, component, one, base, sparse })
     }
 
     /// The place of `count` elements of `size` bytes in a view.
@@ -309,29 +407,24 @@ impl<'a> Data<'a> {
         }
     }
 
-    fn sparse(
-        &self,
-        sparse: &json::accessor::sparse::Sparse,
-        base_count: usize,
-        size: usize,
-    ) -> Result<Sparse<'_>, Fault> {
-        use json::accessor::IndexComponentType;
-        let count = usize::try_from(sparse.count.0).unwrap_or(usize::MAX);
+    fn sparse(&self, sparse: &schema::Sparse, base_count: usize, size: usize) -> Result<Sparse<'_>, Fault> {
+        let count = usize::try_from(sparse.count).unwrap_or(usize::MAX);
         if count > base_count {
             let problem = format!("there are {count} of them for {base_count} elements");
             return Err(Fault::new("", problem));
         }
-        let Checked::Valid(IndexComponentType(index_type)) = sparse.indices.component_type else {
+        let index_type = Component::numbered(sparse.indices.component_type)
+            .filter(|component| matches!(component, Component::U8 | Component::U16 | Component::U32));
+        let Some(index_type) = index_type else {
             let problem = "the indices' componentType is none that indices may have";
             return Err(Fault::new("", problem).help("5121, 5123 or 5125: unsigned integers"));
         };
-        let view = sparse.indices.buffer_view.value() as u32;
-        let indices = self.strided(view, sparse.indices.byte_offset.0, count, index_type.size())?;
+        let view = sparse.indices.buffer_view;
+        let indices = self.strided(view, sparse.indices.byte_offset, count, index_type.size())?;
         if indices.stride != index_type.size() {
             return Err(Fault::new("", format!("bufferView {view} of indices may have no byteStride")));
         }
-        let view = sparse.values.buffer_view.value() as u32;
-        let values = self.strided(view, sparse.values.byte_offset.0, count, size)?;
+        let values = self.strided(sparse.values.buffer_view, sparse.values.byte_offset, count, size)?;
         let sparse = Sparse { count, index_type, indices: indices.bytes, values };
         // Checking takes time in proportion to the count, each time that the accessor is used.
         self.spend(count, index_type.size())?;
@@ -351,11 +444,10 @@ impl<'a> Data<'a> {
     }
 }
 
-fn compressed(view: &json::buffer::View) -> Result<Option<Compressed>, Fault> {
-    let Some(extensions) = &view.extensions else { return Ok(None) };
+fn compressed(view: &schema::BufferView) -> Result<Option<Compressed>, Fault> {
     for name in ["EXT_meshopt_compression", "KHR_meshopt_compression"] {
-        if let Some(value) = extensions.others.get(name) {
-            let parsed = Compressed::deserialize(value);
+        if let Some(value) = view.extensions.get(name) {
+            let parsed = serde_json::from_str(RawValue::get(value));
             return parsed.map(Some).map_err(|error| Fault::new(name, error.to_string()));
         }
     }
@@ -364,17 +456,17 @@ fn compressed(view: &json::buffer::View) -> Result<Option<Compressed>, Fault> {
 
 impl Layout {
     /// The accessor's component type and whether it is normalised, if the layout allows them.
-    fn check(&self, accessor: &json::Accessor) -> Result<(ComponentType, bool), Fault> {
-        let Checked::Valid(kind) = accessor.type_ else {
+    fn check(&self, accessor: &Accessor) -> Result<(Component, bool), Fault> {
+        let Some(kind) = Kind::named(&accessor.kind) else {
             let problem = "its type is none that glTF knows";
             return Err(Fault::new("", problem).help("SCALAR, VEC2, VEC3, VEC4, MAT2, MAT3 or MAT4"));
         };
-        let Checked::Valid(json::accessor::GenericComponentType(component)) = accessor.component_type else {
+        let Some(component) = Component::numbered(accessor.component_type) else {
             let problem = "its componentType is none that glTF knows";
             return Err(Fault::new("", problem).help("5120, 5121, 5122, 5123, 5125 or 5126"));
         };
         // The flag has no meaning for floats and 32-bit integers.
-        let normalized = accessor.normalized && !matches!(component, ComponentType::F32 | ComponentType::U32);
+        let normalized = accessor.normalized && !matches!(component, Component::F32 | Component::U32);
         if kind == self.kind && self.components.contains(&(component, normalized)) {
             return Ok((component, normalized));
         }
@@ -389,25 +481,9 @@ impl Layout {
     }
 }
 
-fn describe(kind: Type, component: ComponentType, normalized: bool) -> String {
-    let kind = match kind {
-        Type::Scalar => "SCALAR",
-        Type::Vec2 => "VEC2",
-        Type::Vec3 => "VEC3",
-        Type::Vec4 => "VEC4",
-        Type::Mat2 => "MAT2",
-        Type::Mat3 => "MAT3",
-        Type::Mat4 => "MAT4",
-    };
-    let component = match component {
-        ComponentType::I8 => "BYTE",
-        ComponentType::U8 => "UNSIGNED_BYTE",
-        ComponentType::I16 => "SHORT",
-        ComponentType::U16 => "UNSIGNED_SHORT",
-        ComponentType::U32 => "UNSIGNED_INT",
-        ComponentType::F32 => "FLOAT",
-    };
-    format!("{kind} of {}{component}", if normalized { "normalized " } else { "" })
+fn describe(kind: Kind, component: Component, normalized: bool) -> String {
+    let normalized = if normalized { "normalized " } else { "" };
+    format!("{} of {normalized}{}", kind.name(), component.name())
 }
 
 impl Strided<'_> {
@@ -442,15 +518,22 @@ impl Elements<'_> {
         self.count
     }
 
+    /// The elements of a list of `f32` that was decoded, `components` to an element. If integers stand for fractions, `one`
+    /// stands for 1.
+    pub fn decoded(bytes: &[u8], components: usize, one: Option<f64>) -> Elements<'_> {
+        let stride = components * Component::F32.size();
+        let base = Some(Strided { bytes, stride });
+        Elements { count: bytes.len() / stride, component: Component::F32, one, base, sparse: None }
+    }
+
+    /// The integers of a list of `u32` that was decoded.
+    pub fn decoded_integers(bytes: &[u8]) -> Elements<'_> {
+        Elements { component: Component::U32, ..Elements::decoded(bytes, 1, None) }
+    }
+
     /// The largest integer that a component can hold.
     pub fn largest_integer(&self) -> u32 {
-        match self.component {
-            ComponentType::I8 => i8::MAX as u32,
-            ComponentType::U8 => u8::MAX.into(),
-            ComponentType::I16 => i16::MAX as u32,
-            ComponentType::U16 => u16::MAX.into(),
-            ComponentType::U32 | ComponentType::F32 => u32::MAX,
-        }
+        largest_integer(self.component)
     }
 
     /// The first `N` components of an element, which must have as many. Normalised components are converted as glTF defines
@@ -462,9 +545,8 @@ impl Elements<'_> {
         for (at, value) in values.iter_mut().enumerate() {
             *value = component(&bytes[at * size..], self.component);
         }
-        if self.normalized {
-            let largest = f64::from(self.largest_integer());
-            values = values.map(|value| (value / largest).max(-1.0));
+        if let Some(one) = self.one {
+            values = values.map(|value| (value / one).max(-1.0));
         }
         values
     }
@@ -473,8 +555,8 @@ impl Elements<'_> {
     pub fn integer(&self, index: usize) -> u32 {
         let Some(bytes) = self.bytes(index) else { return 0 };
         match self.component {
-            ComponentType::U8 => bytes[0].into(),
-            ComponentType::U16 => u16::from_le_bytes([bytes[0], bytes[1]]).into(),
+            Component::U8 => bytes[0].into(),
+            Component::U16 => u16::from_le_bytes([bytes[0], bytes[1]]).into(),
             _ => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]),
         }
     }
@@ -489,14 +571,25 @@ impl Elements<'_> {
     }
 }
 
+/// The largest integer that a component can hold.
+fn largest_integer(component: Component) -> u32 {
+    match component {
+        Component::I8 => i8::MAX as u32,
+        Component::U8 => u8::MAX.into(),
+        Component::I16 => i16::MAX as u32,
+        Component::U16 => u16::MAX.into(),
+        Component::U32 | Component::F32 => u32::MAX,
+    }
+}
+
 /// The component at the start of `bytes`.
-fn component(bytes: &[u8], kind: ComponentType) -> f64 {
+fn component(bytes: &[u8], kind: Component) -> f64 {
     match kind {
-        ComponentType::I8 => f64::from(bytes[0] as i8),
-        ComponentType::U8 => bytes[0].into(),
-        ComponentType::I16 => i16::from_le_bytes([bytes[0], bytes[1]]).into(),
-        ComponentType::U16 => u16::from_le_bytes([bytes[0], bytes[1]]).into(),
-        ComponentType::U32 => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]).into(),
-        ComponentType::F32 => f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]).into(),
+        Component::I8 => f64::from(bytes[0] as i8),
+        Component::U8 => bytes[0].into(),
+        Component::I16 => i16::from_le_bytes([bytes[0], bytes[1]]).into(),
+        Component::U16 => u16::from_le_bytes([bytes[0], bytes[1]]).into(),
+        Component::U32 => u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]).into(),
+        Component::F32 => f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]).into(),
     }
 }

@@ -3,8 +3,8 @@
 use std::path::{Component, Path, PathBuf};
 
 use super::fault::{Fault, quoted};
+use super::notices::Notices;
 use crate::scene::geometry::SourceFile;
-use crate::scene::notice::Notice;
 use crate::source::{Unreadable, read_file};
 
 /// The most bytes by which a buffer's file may be longer than the buffer. The file is read whole for its hash.
@@ -22,58 +22,74 @@ pub(super) fn source_file(name: &str, bytes: &[u8]) -> SourceFile {
 /// The JSON of a GLB and its binary chunk.
 type Chunks<'a> = (&'a [u8], Option<&'a [u8]>);
 
-/// Splits a GLB into its chunks; `None` if `file` is no GLB. Oddities that do not keep it from being read go to `notices`.
-pub(super) fn split_glb<'a>(file: &'a [u8], notices: &mut Vec<Notice>) -> Result<Option<Chunks<'a>>, Fault> {
+/// Splits a GLB into its chunks; `None` if `file` is no GLB. Lengths that do not keep it from being read are warned of.
+pub(super) fn split_glb<'a>(file: &'a [u8], notices: &Notices) -> Result<Option<Chunks<'a>>, Fault> {
     const JSON: u32 = 0x4e4f_534a;
     const BIN: u32 = 0x004e_4942;
     if !file.starts_with(b"glTF") {
         return Ok(None);
     }
     let fault = |problem: String| Err(Fault::new("GLB", problem));
+    let warn = |problem: String| notices.warn(|| "GLB".to_owned(), problem);
     let (Some(version), Some(length)) = (u32_at(file, 4), u32_at(file, 8)) else {
-        return fault(format!("the file ends within its header, after {} bytes", file.len()));
+        return fault(format!("the file is cut short within its header, after {} bytes", file.len()));
     };
     if version != 2 {
         return Err(
             Fault::new("GLB", format!("the container's version is {version}")).help("glTF 2.0 has version 2")
         );
     }
-    let Some(mut rest) = file.get(12..length as usize) else {
-        return if (length as usize) < 12 {
-            fault(format!("the header gives the file's length as {length} bytes, less than its own 12"))
-        } else {
-            fault(format!(
-                "the file is cut short: it has {} bytes of the {length} that its header tells of",
-                file.len()
-            ))
-        };
-    };
-    if file.len() > length as usize {
-        let problem = format!("{} bytes after its end are ignored", file.len() - length as usize);
-        notices.push(Notice::warning("GLB", problem));
-    }
+    let length = length as usize;
     let mut chunks = Vec::new();
+    let mut at = 12;
     // The JSON and the binary chunk come first; later chunks belong to extensions.
-    while !rest.is_empty() && chunks.len() < 2 {
+    while chunks.len() < 2 && at < file.len() {
         let number = chunks.len();
-        let (Some(length), Some(kind)) = (u32_at(rest, 0), u32_at(rest, 4)) else {
-            return fault(format!("chunk {number}'s header is cut short"));
+        let (Some(size), Some(kind)) = (u32_at(file, at), u32_at(file, at + 4)) else {
+            break;
         };
-        let Some(content) = rest.get(8..8 + length as usize) else {
+        // What lies after the end is a chunk only if the end that the header tells of is wrong.
+        if number == 1 && at >= length && kind != BIN {
+            break;
+        }
+        let Some(content) = file.get(at + 8..).and_then(|rest| rest.get(..size as usize)) else {
             return fault(format!(
-                "chunk {number} has {} bytes of the {length} that its header tells of",
-                rest.len() - 8
+                "the file is cut short: chunk {number} has {} bytes of the {size} that its header tells of",
+                file.len() - at - 8
             ));
         };
         chunks.push((kind, content));
         // A chunk's length includes its padding.
-        rest = &rest[8 + length as usize..];
+        at += 8 + size as usize;
+        let is_bin = |at: usize| u32_at(file, at + 4) == Some(BIN);
+        let aligned = at.next_multiple_of(4);
+        if number == 0 && !is_bin(at) && is_bin(aligned) {
+            warn("the length of chunk 0 leaves out its padding".to_owned());
+            at = aligned;
+        }
     }
-    match chunks[..] {
-        [(JSON, json)] => Ok(Some((json, None))),
-        [(JSON, json), (kind, content)] => Ok(Some((json, (kind == BIN).then_some(content)))),
-        _ => fault("the first chunk is not JSON".to_owned()),
+    let found = match chunks[..] {
+        [(JSON, json)] => (json, None),
+        [(JSON, json), (kind, content)] => (json, (kind == BIN).then_some(content)),
+        [] if file.len() < length.max(20) => {
+            return fault(format!("the file is cut short, after {} bytes", file.len()));
+        }
+        _ => return fault("the first chunk is not JSON".to_owned()),
+    };
+    if length > file.len() && (chunks.len() < 2 || at < file.len() && at + 8 > file.len()) {
+        return fault(format!(
+            "the file is cut short: it has {} bytes of the {length} that its header tells of",
+            file.len()
+        ));
     }
+    match length {
+        _ if length > file.len() || length < at => {
+            warn(format!("the header gives the file's length as {length} bytes, but it has {}", file.len()));
+        }
+        _ if length < file.len() => warn(format!("{} bytes after its end are ignored", file.len() - length)),
+        _ => {}
+    }
+    Ok(Some(found))
 }
 
 fn u32_at(bytes: &[u8], offset: usize) -> Option<u32> {
@@ -81,52 +97,132 @@ fn u32_at(bytes: &[u8], offset: usize) -> Option<u32> {
     Some(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
 }
 
-/// The content that a buffer's `uri` names, which is to have `byte_length` bytes, and the file that it was read from, if any.
-///
-/// Only regular files below `folder`, which is canonical, are opened.
-pub(super) fn resolve(
-    uri: &str,
-    folder: &Path,
-    byte_length: u64,
-) -> Result<(Vec<u8>, Option<SourceFile>), Fault> {
+/// The folders of a scene's files.
+pub(super) struct Folders {
+    /// The folder of the path that the user gave, as it was given. URIs are relative to it.
+    given: PathBuf,
+    /// The folder that the scene's file lies in once all links are followed. URIs are relative to it where the folder that was
+    /// given lacks their file.
+    real: PathBuf,
+    /// The canonical folders that files may lie in.
+    open: Vec<PathBuf>,
+    /// Whether the user has opened folders besides the scene's own.
+    is_widened: bool,
+}
+
+impl Folders {
+    /// The folders of the scene at `path`, and those that the user has allowed besides.
+    ///
+    /// A scene that is itself a link was laid there by its user, or by a tool that keeps the files of a project in a store
+    /// (git-annex, DVC, Bazel, Nix). Its buffers are links into the same store then, so the store is open too: the first
+    /// folder on the way to the scene's real file that is not on the way to the link.
+    pub fn of(path: &Path, allowed: &[PathBuf]) -> Result<Self, Fault> {
+        let file = path.canonicalize().map_err(Unreadable::from)?;
+        let in_no_folder = || Fault::new("", "it is in no folder");
+        let real = file.parent().ok_or_else(in_no_folder)?.to_path_buf();
+        let given = match path.parent().ok_or_else(in_no_folder)? {
+            here if here.as_os_str().is_empty() => PathBuf::from("."),
+            folder => folder.to_path_buf(),
+        };
+        let named = given.canonicalize().map_err(Unreadable::from)?;
+        let mut open = vec![named.clone(), real.clone()];
+        open.extend(store(&named, &real));
+        for folder in allowed {
+            let folder = folder.canonicalize().map_err(|error| {
+                let shown = quoted(&folder.to_string_lossy());
+                Fault::new("--allow-folder", format!("{shown}: {}", Unreadable::from(error)))
+            })?;
+            open.push(folder);
+        }
+        Ok(Self { given, real, open, is_widened: !allowed.is_empty() })
+    }
+
+    fn is_open(&self, file: &Path) -> bool {
+        self.open.iter().any(|folder| file.starts_with(folder))
+    }
+}
+
+/// The folder below which a scene and its links' targets are kept, if the scene's real folder lies outside the named one.
+fn store(named: &Path, real: &Path) -> Option<PathBuf> {
+    if real.starts_with(named) || named.starts_with(real) {
+        return None;
+    }
+    let shared = named.components().zip(real.components()).take_while(|(a, b)| a == b).count();
+    Some(real.components().take(shared + 1).collect())
+}
+
+/// What a buffer's `uri` leads to.
+pub(super) enum Resolved {
+    /// The bytes that a data: URI holds.
+    Data(Vec<u8>),
+    /// The canonical path of a file, which lies in an open folder.
+    File(PathBuf),
+}
+
+/// What a buffer's `uri` leads to. Nothing is opened.
+pub(super) fn resolve(uri: &str, folders: &Folders) -> Result<Resolved, Fault> {
     let shown = quoted(uri);
     let fault = |problem: String| Fault::new("", problem);
     if let Some(data) = uri.get(..5).filter(|s| s.eq_ignore_ascii_case("data:")).and(uri.get(5..)) {
-        return Ok((decode_data_uri(data)?, None));
+        return Ok(Resolved::Data(decode_data_uri(data)?));
     }
     const HELP: &str = "a buffer's uri names a file in the scene's own folder or below it, or is a data: URI";
-    let refuse = |why: &str| fault(format!("the uri {shown} {why}")).help(HELP);
+    const WIDEN: &str = "a buffer's uri names a file in the scene's own folder or below it; --allow-folder DIR \
+                         opens another folder to it";
+    let refuse = |why: &str, help: &str| fault(format!("the uri {shown} {why}")).help(help);
     if has_scheme(uri) {
-        return Err(refuse("is not a relative path"));
+        return Err(refuse("is not a relative path", HELP));
     }
     let decoded = percent_decode(uri.as_bytes());
-    let relative =
-        String::from_utf8(decoded).map_err(|_| refuse("is not UTF-8 once its % codes are decoded"))?;
-    let relative = check_relative(&relative).map_err(refuse)?;
-
-    let path = folder.join(relative).canonicalize().map_err(|error| {
-        Fault::from(Unreadable::from(error))
-            .of_file(&shown)
-            .help("a scene's buffers are kept beside it: copy the .bin file along with the .gltf")
-    })?;
-    if !path.starts_with(folder) {
-        return Err(refuse("leaves the scene's folder through a link"));
-    }
-    let bytes = read_file(&path, byte_length.saturating_add(LONGEST_EXCESS)).map_err(|error| {
-        let fault = match error {
-            Unreadable::TooLarge { bytes, .. } => {
-                fault(format!("its {bytes} bytes are far more than the buffer's byteLength, {byte_length}"))
+    let decoded =
+        String::from_utf8(decoded).map_err(|_| refuse("is not UTF-8 once its % codes are decoded", HELP))?;
+    let mut first_error = None;
+    for folder in [&folders.given, &folders.real] {
+        // Some exporters write names as they are, without % codes, though the name holds what looks like one.
+        for name in [&decoded[..], uri].into_iter().take(if decoded == uri { 1 } else { 2 }) {
+            let Relative { path, leaves } = check_relative(name).map_err(|why| refuse(why, HELP))?;
+            if leaves && !folders.is_widened {
+                return Err(refuse("leaves the scene's folder", WIDEN));
             }
+            match folder.join(path).canonicalize() {
+                Ok(path) if folders.is_open(&path) => return Ok(Resolved::File(path)),
+                Ok(_) if leaves => return Err(refuse("leaves the folders that are allowed", WIDEN)),
+                Ok(_) => return Err(refuse("leaves the scene's folder through a link", WIDEN)),
+                Err(error) => first_error.get_or_insert(error),
+            };
+        }
+    }
+    let error = first_error.unwrap_or_else(|| std::io::ErrorKind::NotFound.into());
+    Err(Fault::from(Unreadable::from(error))
+        .of_file(&shown)
+        .help("a scene's buffers are kept beside it: copy the .bin file along with the .gltf"))
+}
+
+/// The bytes of the file at `path`, of which a buffer needs `needed`, and the record of it. It may be shorter, but has
+/// `byte_length` bytes at least.
+pub(super) fn read_buffer(
+    uri: &str,
+    path: &Path,
+    needed: u64,
+    byte_length: u64,
+) -> Result<(Vec<u8>, SourceFile), Fault> {
+    let shown = quoted(uri);
+    let bytes = read_file(path, needed.saturating_add(LONGEST_EXCESS)).map_err(|error| {
+        let fault = match error {
+            Unreadable::TooLarge { bytes, .. } => Fault::new(
+                "",
+                format!("its {bytes} bytes are far more than the buffer's byteLength, {byte_length}"),
+            ),
             other => other.into(),
         };
         fault.of_file(&shown)
     })?;
     if (bytes.len() as u64) < byte_length {
         let problem = format!("it has {} bytes, but the buffer's byteLength is {byte_length}", bytes.len());
-        return Err(fault(problem).of_file(&shown));
+        return Err(Fault::new("", problem).of_file(&shown));
     }
     let source = source_file(uri, &bytes);
-    Ok((bytes, Some(source)))
+    Ok((bytes, source))
 }
 
 /// Whether a URI starts with a scheme (RFC 3986, section 3.1).
@@ -137,8 +233,15 @@ fn has_scheme(uri: &str) -> bool {
     })
 }
 
-/// Checks that the path stays below the folder that it is relative to, on every operating system.
-fn check_relative(path: &str) -> Result<PathBuf, &'static str> {
+/// A relative path, and whether it leaves the folder that it is relative to.
+#[derive(Debug, PartialEq)]
+struct Relative {
+    path: PathBuf,
+    leaves: bool,
+}
+
+/// Checks that the path is relative, on every operating system.
+fn check_relative(path: &str) -> Result<Relative, &'static str> {
     if path.is_empty() {
         return Err("is empty");
     }
@@ -148,16 +251,19 @@ fn check_relative(path: &str) -> Result<PathBuf, &'static str> {
     if path.contains('\\') {
         return Err("holds a backslash, where a uri has /");
     }
-    let (mut depth, path) = (0_usize, Path::new(path));
+    let (mut depth, mut leaves, path) = (0_usize, false, Path::new(path));
     for component in path.components() {
         match component {
             Component::Normal(_) => depth += 1,
             Component::CurDir => {}
-            Component::ParentDir => depth = depth.checked_sub(1).ok_or("leaves the scene's folder")?,
+            Component::ParentDir => match depth.checked_sub(1) {
+                Some(above) => depth = above,
+                None => leaves = true,
+            },
             Component::RootDir | Component::Prefix(_) => return Err("is not a relative path"),
         }
     }
-    Ok(path.to_path_buf())
+    Ok(Relative { path: path.to_path_buf(), leaves })
 }
 
 /// Decodes `%41` to `A`; a `%` without two hexadecimal digits after it is kept.
@@ -254,9 +360,12 @@ mod tests {
     #[test]
     fn paths_stay_below() {
         for good in ["a.bin", "sub/a.bin", "./a.bin", "sub/../a.bin", "a b.bin", "...", "C"] {
-            assert_eq!(check_relative(good), Ok(PathBuf::from(good)));
+            assert_eq!(check_relative(good), Ok(Relative { path: PathBuf::from(good), leaves: false }));
         }
-        for bad in ["", "/etc/passwd", "..", "../a", "sub/../../a", "a\0b", "..\\a", "\\\\host\\a"] {
+        for outside in ["..", "../a", "sub/../../a", "../a/b/c"] {
+            assert!(check_relative(outside).unwrap().leaves, "{outside}");
+        }
+        for bad in ["", "/etc/passwd", "a\0b", "..\\a", "\\\\host\\a"] {
             assert!(check_relative(bad).is_err(), "{bad}");
         }
         for scheme in ["file:///etc/passwd", "http://a/b", "C:/a", "a+b.c-d:e"] {
@@ -286,23 +395,58 @@ mod tests {
         file
     }
 
+    fn told(file: &[u8]) -> Vec<String> {
+        let notices = Notices::default();
+        split_glb(file, &notices).unwrap().unwrap();
+        notices.into_list().iter().map(ToString::to_string).collect()
+    }
+
     #[test]
     fn glb_chunks() {
         let whole = glb(&[(b"JSON", b"{}  "), (b"BIN\0", b"1234"), (b"XTRA", b"5678")]);
-        let mut warnings = Vec::new();
-        assert_eq!(split_glb(&whole, &mut warnings).unwrap(), Some((&b"{}  "[..], Some(&b"1234"[..]))));
+        let notices = Notices::default();
+        assert_eq!(split_glb(&whole, &notices).unwrap(), Some((&b"{}  "[..], Some(&b"1234"[..]))));
         let other = glb(&[(b"JSON", b"{}  "), (b"XTRA", b"5678")]);
-        assert_eq!(split_glb(&other, &mut warnings).unwrap(), Some((&b"{}  "[..], None)));
-        assert_eq!(split_glb(b"{}", &mut warnings).unwrap(), None);
-        assert!(split_glb(&glb(&[(b"BIN\0", b"1234")]), &mut warnings).is_err());
-        assert!(split_glb(&glb(&[]), &mut warnings).is_err());
-        assert!(warnings.is_empty());
-        for length in 4..whole.len() {
-            let error = split_glb(&whole[..length], &mut warnings).unwrap_err();
-            assert!(length < 12 || error.problem.contains("cut short"), "{error}");
+        assert_eq!(split_glb(&other, &notices).unwrap(), Some((&b"{}  "[..], None)));
+        assert_eq!(split_glb(b"{}", &notices).unwrap(), None);
+        assert!(split_glb(&glb(&[(b"BIN\0", b"1234")]), &notices).is_err());
+        assert!(split_glb(&glb(&[]), &notices).is_err());
+        assert_eq!(notices.into_list(), []);
+        // A file that ends before its binary chunk does is cut short. What comes after that chunk is of no use.
+        for length in 4..24 + 12 {
+            let error = split_glb(&whole[..length], &Notices::default()).unwrap_err();
+            assert!(error.problem.contains("cut short"), "{length}: {error}");
         }
         let longer = [&whole[..], b"tail"].concat();
-        assert!(split_glb(&longer, &mut warnings).is_ok());
-        assert_eq!(warnings, [Notice::warning("GLB", "4 bytes after its end are ignored")]);
+        assert_eq!(told(&longer), ["GLB: 4 bytes after its end are ignored"]);
+    }
+
+    #[test]
+    fn a_wrong_length_is_warned_of() {
+        let whole = glb(&[(b"JSON", b"{}  "), (b"BIN\0", b"1234")]);
+        for length in [0, 11, 12, 24, 35, 37, u32::MAX] {
+            let mut file = whole.clone();
+            file[8..12].copy_from_slice(&length.to_le_bytes());
+            let expected =
+                format!("GLB: the header gives the file's length as {length} bytes, but it has 36");
+            assert_eq!(told(&file), [expected]);
+            let chunks = split_glb(&file, &Notices::default()).unwrap();
+            assert_eq!(chunks, Some((&b"{}  "[..], Some(&b"1234"[..]))));
+        }
+        // Some writers pad a chunk without counting the padding.
+        let mut file = glb(&[(b"JSON", b"{}"), (b"BIN\0", b"1234")]);
+        file.splice(22..22, [b' ', b' ']);
+        let length = file.len() as u32;
+        file[8..12].copy_from_slice(&length.to_le_bytes());
+        assert_eq!(told(&file), ["GLB: the length of chunk 0 leaves out its padding"]);
+    }
+
+    #[test]
+    fn the_store_of_a_link_is_the_first_folder_that_is_not_on_the_way_to_it() {
+        let of = |named: &str, real: &str| store(Path::new(named), Path::new(real));
+        assert_eq!(of("/r/scenes", "/r/.git/annex/objects/a/b"), Some("/r/.git".into()));
+        assert_eq!(of("/home/u/scenes", "/nix/store/hash-scene"), Some("/nix".into()));
+        assert_eq!(of("/r/scenes", "/r/scenes/parts"), None);
+        assert_eq!(of("/r/scenes", "/r"), None);
     }
 }

@@ -3,20 +3,17 @@
 use std::collections::BTreeMap;
 
 use glam::{DAffine3, DMat3, DVec3};
-use gltf::json;
-use gltf::json::accessor::{ComponentType, Type};
-use gltf::json::mesh::{Mode, Semantic};
-use gltf::json::validation::Checked;
 
 use super::data::{Data, Elements, Layout};
-use super::document::{DRACO, Document};
-use super::fault::{Fault, counted, missing};
-use crate::scene::notice::Notice;
+use super::document::{DRACO, Document, GEOMETRY, is_harmless};
+use super::draco::DracoPrimitive;
+use super::fault::{Fault, counted, missing, quoted};
+use super::notices::Notices;
+use super::schema::Component::{F32, I8, I16, U8, U16, U32};
+use super::schema::{Kind, Primitive, Skin};
 use crate::scene::source::{SourceMesh, SourcePart};
 
-use ComponentType::{F32, I8, I16, U8, U16, U32};
-
-const POSITION: Layout = Layout { purpose: "POSITION", kind: Type::Vec3, components: &[(F32, false)] };
+const POSITION: Layout = Layout { purpose: "POSITION", kind: Kind::Vec3, components: &[(F32, false)] };
 /// KHR_mesh_quantization.
 const QUANTIZED_POSITION: Layout = Layout {
     components: &[
@@ -40,23 +37,29 @@ const QUANTIZED_DISPLACEMENT: Layout = Layout {
     ..POSITION
 };
 const INDICES: Layout =
-    Layout { purpose: "indices", kind: Type::Scalar, components: &[(U8, false), (U16, false), (U32, false)] };
+    Layout { purpose: "indices", kind: Kind::Scalar, components: &[(U8, false), (U16, false), (U32, false)] };
 const JOINTS: Layout =
-    Layout { purpose: "JOINTS", kind: Type::Vec4, components: &[(U8, false), (U16, false)] };
+    Layout { purpose: "JOINTS", kind: Kind::Vec4, components: &[(U8, false), (U16, false)] };
 const WEIGHTS: Layout =
-    Layout { purpose: "WEIGHTS", kind: Type::Vec4, components: &[(F32, false), (U8, true), (U16, true)] };
+    Layout { purpose: "WEIGHTS", kind: Kind::Vec4, components: &[(F32, false), (U8, true), (U16, true)] };
 const INVERSE_BIND_MATRICES: Layout =
-    Layout { purpose: "inverseBindMatrices", kind: Type::Mat4, components: &[(F32, false)] };
+    Layout { purpose: "inverseBindMatrices", kind: Kind::Mat4, components: &[(F32, false)] };
 
-/// Counts of the primitives that were left out, for warnings.
+/// What became of primitives of which nothing is hit.
 #[derive(Debug, Default)]
 pub(super) struct LeftOut {
-    /// Primitives of points and lines, in all meshes that were read.
-    pub points_and_lines: u64,
-    /// Primitives without positions.
-    pub without_positions: u64,
-    /// Triangle lists whose last triangle is incomplete.
-    pub incomplete: u64,
+    /// Whether there were points or lines.
+    pub points_and_lines: bool,
+    /// Whether there were primitives without positions.
+    pub without_positions: bool,
+}
+
+/// The ways in which the corners of a primitive make triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    List,
+    Strip,
+    Fan,
 }
 
 /// The pose that the vertices of a mesh are brought into.
@@ -65,6 +68,8 @@ pub(super) struct Pose<'p> {
     pub weights: Option<&'p [f64]>,
     /// The skin of a skinned mesh.
     pub skin: Option<&'p SkinPose>,
+    /// Where the node is, in glTF's world: there stand the primitives of a skinned mesh that lack joints.
+    pub world_from_node: DAffine3,
 }
 
 /// A skin in the pose that the nodes of its joints give it.
@@ -88,10 +93,10 @@ impl SkinPose {
         Self::of(skin, data, world_from_node).map_err(|fault| fault.within(format!("skin {index}")))
     }
 
-    fn of(skin: &json::Skin, data: &Data, world_from_node: &[DAffine3]) -> Result<Self, Fault> {
+    fn of(skin: &Skin, data: &Data, world_from_node: &[DAffine3]) -> Result<Self, Fault> {
         let bind = match skin.inverse_bind_matrices {
             Some(accessor) => {
-                let bind = data.elements(accessor.value() as u32, &INVERSE_BIND_MATRICES, None)?;
+                let bind = data.elements(accessor, &INVERSE_BIND_MATRICES, None)?;
                 if bind.len() < skin.joints.len() {
                     let problem = format!(
                         "there are {} inverse bind matrices for {} joints",
@@ -107,9 +112,9 @@ impl SkinPose {
         data.spend(skin.joints.len(), size_of::<DAffine3>())?;
         let mut matrices = Vec::with_capacity(skin.joints.len());
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for (at, joint) in skin.joints.iter().enumerate() {
+        for (at, &joint) in skin.joints.iter().enumerate() {
             let world_from_joint = world_from_node
-                .get(joint.value())
+                .get(joint as usize)
                 .ok_or_else(|| Fault::new(format!("joint {at}"), format!("node {joint} does not exist")))?;
             low = low.min(world_from_joint.translation);
             high = high.max(world_from_joint.translation);
@@ -133,6 +138,7 @@ fn affine(m: [f64; 16]) -> DAffine3 {
 pub(super) struct MeshReader<'d, 'a> {
     document: &'d Document,
     data: &'d Data<'a>,
+    notices: &'d Notices,
     /// The primitives that were left out so far.
     pub left_out: LeftOut,
     /// Whether a primitive without a material was met.
@@ -153,9 +159,17 @@ struct Vertices<'b> {
     joints_and_weights: Vec<(Elements<'b>, Elements<'b>)>,
 }
 
+/// A primitive, and where it gets its data from.
+struct Source<'p, 'd> {
+    primitive: &'p Primitive,
+    /// Names the primitive in messages.
+    place: &'p dyn Fn() -> String,
+    draco: Option<DracoPrimitive<'d>>,
+}
+
 impl<'d, 'a> MeshReader<'d, 'a> {
-    pub fn new(document: &'d Document, data: &'d Data<'a>) -> Self {
-        Self { document, data, left_out: LeftOut::default(), uses_default_material: false }
+    pub fn new(document: &'d Document, data: &'d Data<'a>, notices: &'d Notices) -> Self {
+        Self { document, data, notices, left_out: LeftOut::default(), uses_default_material: false }
     }
 
     /// The triangles of mesh `index` in its own space; of a skinned mesh, in glTF's world relative to the skin's origin.
@@ -163,78 +177,67 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         let Some(mesh) = self.document.meshes.get(index as usize) else {
             return Err(missing("mesh", index, self.document.meshes.len()));
         };
-        let default_weights: Vec<f64>;
-        let weights = match pose.weights {
-            Some(weights) => weights,
-            None => {
-                default_weights = mesh.weights.iter().flatten().map(|&weight| weight.into()).collect();
-                &default_weights
-            }
-        };
+        let weights = pose.weights.unwrap_or(&mesh.weights);
         // Reading takes time in proportion to these counts, however few triangles result.
-        self.data.spend(mesh.primitives.len() + weights.len(), size_of::<json::mesh::Primitive>())?;
-        let mut source = SourceMesh::default();
+        self.data.spend(mesh.primitives.len() + weights.len(), size_of::<Primitive>())?;
+        let mut mesh_read = SourceMesh::default();
         // The run of positions of each accessor, so that primitives that share an accessor share its positions.
         let mut shared = BTreeMap::new();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
-            self.read_primitive(primitive, weights, pose.skin, &mut source, &mut shared).map_err(
-                |fault| fault.within(format!("{}, primitive {number}", self.document.mesh_label(index))),
-            )?;
+            let document = self.document;
+            let place = move || format!("{}, primitive {number}", document.mesh_label(index));
+            self.read_primitive(primitive, &place, weights, pose, &mut mesh_read, &mut shared)
+                .map_err(|fault| fault.within(place()))?;
         }
-        Ok(source)
+        Ok(mesh_read)
     }
 
     fn read_primitive(
         &mut self,
-        primitive: &json::mesh::Primitive,
+        primitive: &Primitive,
+        place: &dyn Fn() -> String,
         weights: &[f64],
-        skin: Option<&SkinPose>,
-        source: &mut SourceMesh,
+        pose: &Pose,
+        mesh: &mut SourceMesh,
         shared: &mut BTreeMap<u32, Run>,
     ) -> Result<(), Fault> {
-        let Checked::Valid(mode) = primitive.mode else {
-            return Err(Fault::new("", "its mode is none that glTF knows").help("0 to 6"));
+        let mode = match primitive.mode.unwrap_or(4) {
+            4 => Mode::List,
+            5 => Mode::Strip,
+            6 => Mode::Fan,
+            0..=3 => {
+                self.left_out.points_and_lines = true;
+                self.notices.warn(place, "beams do not hit points and lines, which are left out");
+                return Ok(());
+            }
+            other => {
+                let problem = format!("its mode {other} is none that glTF knows");
+                return Err(Fault::new("", problem).help("0 to 6"));
+            }
         };
-        if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
-            self.left_out.points_and_lines += 1;
-            return Ok(());
-        }
-        if self.document.requires(DRACO)
-            && primitive.extensions.as_ref().is_some_and(|extensions| extensions.others.contains_key(DRACO))
-        {
-            return Err(Fault::new("", "it is compressed with Draco, which beamcast does not read")
-                .help("`npx @gltf-transform/cli copy in.glb out.glb` writes it uncompressed"));
-        }
-        let Some(position_accessor) = attribute(primitive, Semantic::Positions) else {
-            self.left_out.without_positions += 1;
+        let Some(&position_accessor) = primitive.attributes.get("POSITION") else {
+            self.left_out.without_positions = true;
+            self.notices.warn(place, "it has no POSITION, and is left out");
             return Ok(());
         };
-        let vertices = self.vertices(primitive, position_accessor, weights, skin.is_some())?;
+        let source = self.source(primitive, place, position_accessor)?;
+        let vertices = self.vertices(&source, position_accessor, weights, pose.skin.is_some())?;
         let vertex_count = vertices.positions.len();
-        let indices = match primitive.indices {
-            Some(accessor) => Some(
-                self.data
-                    .elements(accessor.value() as u32, &INDICES, None)
-                    .map_err(|fault| fault.within("indices"))?,
-            ),
-            None => None,
+        let (mode, indices) = match (&source.draco, primitive.indices) {
+            (Some(draco), _) => (Mode::List, Some(draco.indices())),
+            (None, Some(accessor)) => {
+                let indices = self.data.elements(accessor, &INDICES, None);
+                (mode, Some(indices.map_err(|fault| fault.within("indices"))?))
+            }
+            (None, None) => (mode, None),
         };
-        let mut triangles = self.triangles(mode, indices.as_ref(), vertex_count)?;
+        let mut triangles = self.triangles(mode, indices.as_ref(), vertex_count, place)?;
         if triangles.is_empty() {
             return Ok(());
         }
-        let material = match primitive.material {
-            None => {
-                self.uses_default_material = true;
-                self.document.materials.len() as u32
-            }
-            Some(index) if index.value() < self.document.materials.len() => index.value() as u32,
-            Some(index) => {
-                return Err(missing("material", index.value() as u32, self.document.materials.len()));
-            }
-        };
+        let material = self.material(primitive, place);
 
-        let sharable = vertices.targets.is_empty() && vertices.joints_and_weights.is_empty();
+        let sharable = vertices.targets.is_empty() && pose.skin.is_none() && source.draco.is_none();
         let mut used = Vec::new();
         let known = shared.get(&position_accessor).copied().filter(|_| sharable);
         let Run { base, all_finite } = match known {
@@ -247,11 +250,14 @@ impl<'d, 'a> MeshReader<'d, 'a> {
                 }
                 let count = if is_sparsely_used { used.len() } else { vertex_count };
                 self.data.spend(count, size_of::<[f32; 3]>())?;
-                let base = source.positions.len();
+                // Each vertex is moved by each target and by each set of joints.
+                let moves = vertices.targets.len() + 4 * vertices.joints_and_weights.len();
+                self.data.spend(count.saturating_mul(moves), size_of::<[f32; 3]>())?;
+                let base = mesh.positions.len();
                 if base + count > u32::MAX as usize {
                     return Err(Fault::new("", "the mesh has more than 2³² vertices"));
                 }
-                let all_finite = vertices.read(&used, skin, &mut source.positions)?;
+                let all_finite = vertices.read(&used, pose, &mut mesh.positions)?;
                 let run = Run { base: base as u32, all_finite };
                 if sharable && !is_sparsely_used {
                     shared.insert(position_accessor, run);
@@ -260,7 +266,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
             }
         };
         if !all_finite {
-            check_finite(&triangles, &source.positions[base as usize..]).map_err(|(vertex, p)| {
+            check_finite(&triangles, &mesh.positions[base as usize..]).map_err(|(vertex, p)| {
                 let vertex = used.get(vertex as usize).copied().unwrap_or(vertex);
                 Fault::new(format!("accessor {position_accessor}"), format!("vertex {vertex} lies at {p:?}"))
                     .help("a coordinate is a finite number of metres")
@@ -269,30 +275,87 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         if base > 0 {
             triangles.iter_mut().flatten().for_each(|vertex| *vertex += base);
         }
-        source.parts.push(SourcePart { triangles, material });
+        mesh.parts.push(SourcePart { triangles, material });
         Ok(())
+    }
+
+    /// Where the primitive gets its data from: its accessors if they have any, else the extension that has. What has data
+    /// that can't be read is refused, since it would be missing in silence.
+    fn source<'p>(
+        &self,
+        primitive: &'p Primitive,
+        place: &'p dyn Fn() -> String,
+        positions: u32,
+    ) -> Result<Source<'p, 'd>, Fault> {
+        let mut accessors = [Some(positions), primitive.indices].into_iter().flatten();
+        if accessors.all(|accessor| self.data.has_data(accessor)) {
+            return Ok(Source { primitive, place, draco: None });
+        }
+        if let Some(extension) = primitive.extensions.get(DRACO) {
+            let draco = DracoPrimitive::of(extension.get(), self.data).map_err(|fault| {
+                let help = "`npx @gltf-transform/cli copy in.glb out.glb` writes it uncompressed";
+                fault.within(DRACO).help(help)
+            })?;
+            return Ok(Source { primitive, place, draco: Some(draco) });
+        }
+        let mut others = primitive.extensions.keys().map(String::as_str);
+        if let Some(other) = others.find(|name| !GEOMETRY.contains(name) && !is_harmless(name)) {
+            let problem =
+                format!("its data are in the extension {}, which beamcast does not read", quoted(other));
+            return Err(Fault::new("", problem).help("export the file without it"));
+        }
+        self.notices.warn(place, "an accessor of it has no data: its vertices or indices are all zero");
+        Ok(Source { primitive, place, draco: None })
+    }
+
+    /// The number of the primitive's material.
+    fn material(&mut self, primitive: &Primitive, place: &dyn Fn() -> String) -> u32 {
+        let materials = &self.document.materials;
+        match primitive.material {
+            Some(index) if (index as usize) < materials.len() => return index,
+            Some(_) => self.notices.warn(place, "its material does not exist: it has the default material"),
+            None => {}
+        }
+        self.uses_default_material = true;
+        materials.len() as u32
     }
 
     fn vertices(
         &self,
-        primitive: &json::mesh::Primitive,
+        source: &Source<'_, 'd>,
         positions: u32,
         weights: &[f64],
         is_skinned: bool,
     ) -> Result<Vertices<'d>, Fault> {
-        let quantized = self.document.uses("KHR_mesh_quantization");
+        let Source { primitive, place, draco } = source;
+        let quantized = self.document.is_quantized;
         let (position, displacement) =
             if quantized { (QUANTIZED_POSITION, QUANTIZED_DISPLACEMENT) } else { (POSITION, DISPLACEMENT) };
-        let positions = self.data.elements(positions, &position, None)?;
+        // An attribute is in the stream or, if the stream lacks it, in its accessor.
+        let elements = |name: &str, accessor: u32, layout: &Layout, count: Option<usize>| {
+            if let Some(draco) = draco {
+                let accessor = self.document.accessors.get(accessor as usize);
+                let is_normalized = accessor.is_some_and(|accessor| accessor.normalized);
+                let decoded = draco
+                    .attribute(name, layout.kind.components(), is_normalized)
+                    .map_err(|fault| fault.within(DRACO))?;
+                if let Some(decoded) = decoded {
+                    return Ok(decoded);
+                }
+            }
+            self.data.elements(accessor, layout, count)
+        };
+        let positions =
+            elements("POSITION", positions, &position, draco.as_ref().map(DracoPrimitive::points))?;
         let count = Some(positions.len());
         let mut vertices = Vertices { positions, targets: Vec::new(), joints_and_weights: Vec::new() };
-        for (number, (target, &weight)) in primitive.targets.iter().flatten().zip(weights).enumerate() {
-            if let Some(accessor) = target.positions
+        for (number, (target, &weight)) in primitive.targets.iter().zip(weights).enumerate() {
+            if let Some(accessor) = target.position
                 && weight != 0.0
             {
                 let elements = self
                     .data
-                    .elements(accessor.value() as u32, &displacement, count)
+                    .elements(accessor, &displacement, count)
                     .map_err(|fault| fault.within(format!("target {number}")))?;
                 vertices.targets.push((weight, elements));
             }
@@ -301,70 +364,88 @@ impl<'d, 'a> MeshReader<'d, 'a> {
             return Ok(vertices);
         }
         for set in 0.. {
-            let joints = attribute(primitive, Semantic::Joints(set));
-            let weights = attribute(primitive, Semantic::Weights(set));
-            let Some((joints, weights)) = joints.zip(weights) else { break };
+            let [joints_name, weights_name] = [format!("JOINTS_{set}"), format!("WEIGHTS_{set}")];
+            let joints = primitive.attributes.get(&joints_name);
+            let Some((&joints, &weights)) = joints.zip(primitive.attributes.get(&weights_name)) else {
+                break;
+            };
             vertices.joints_and_weights.push((
-                self.data.elements(joints, &JOINTS, count)?,
-                self.data.elements(weights, &WEIGHTS, count)?,
+                elements(&joints_name, joints, &JOINTS, count)?,
+                elements(&weights_name, weights, &WEIGHTS, count)?,
             ));
         }
         if vertices.joints_and_weights.is_empty() {
-            return Err(Fault::new("", "its node has a skin, but it has no JOINTS_0 and WEIGHTS_0"));
+            let message =
+                "its node has a skin, but it has no JOINTS_0 and WEIGHTS_0: it stands where its node is";
+            self.notices.warn(place, message);
         }
         Ok(vertices)
     }
 
     /// The triangles of a primitive as indices into its vertices, all of which are in bounds.
     fn triangles(
-        &mut self,
+        &self,
         mode: Mode,
         indices: Option<&Elements>,
         vertex_count: usize,
+        place: &dyn Fn() -> String,
     ) -> Result<Vec<[u32; 3]>, Fault> {
         let corners = indices.map_or(vertex_count, Elements::len);
-        let count = if mode == Mode::Triangles {
-            if !corners.is_multiple_of(3) {
-                self.left_out.incomplete += 1;
-            }
-            corners / 3
-        } else {
-            corners.saturating_sub(2)
-        };
+        let count = if mode == Mode::List { corners / 3 } else { corners.saturating_sub(2) };
+        if mode == Mode::List && !corners.is_multiple_of(3) {
+            self.notices.warn(place, "one or two indices after its last triangle are left out");
+        }
         self.data.spend(count, size_of::<[u32; 3]>())?;
-        // The largest integer of an index type restarts the primitive in graphics APIs, so glTF forbids it.
-        let largest = indices.map_or(u32::MAX, Elements::largest_integer);
-        let bound = (vertex_count as u64).min(largest.into());
-        let mut bad = None;
-        let mut corner = |at: usize| {
-            let index = indices.map_or(at as u32, |indices| indices.integer(at));
-            if u64::from(index) >= bound {
-                bad.get_or_insert((at, index));
+        let index = |at: usize| indices.map_or(at as u32, |indices| indices.integer(at));
+        // In graphics APIs the largest integer of an index type restarts a primitive. glTF forbids it, but for an extension.
+        let largest = indices.map(Elements::largest_integer);
+        let restarts = mode != Mode::List && self.document.restarts;
+        let mut triangles = Vec::with_capacity(count);
+        let (mut first, mut bad, mut takes_largest) = (0, None, false);
+        for at in 0..corners {
+            let value = index(at);
+            if restarts && Some(value) == largest {
+                first = at + 1;
+                continue;
             }
-            index
-        };
-        let triangles = (0..count).map(|at| match mode {
-            Mode::TriangleStrip => [corner(at), corner(at + 1 + at % 2), corner(at + 2 - at % 2)],
-            Mode::TriangleFan => [corner(at + 1), corner(at + 2), corner(0)],
-            _ => [corner(3 * at), corner(3 * at + 1), corner(3 * at + 2)],
-        });
-        let triangles = triangles.collect();
+            if value as usize >= vertex_count {
+                bad.get_or_insert((at, value));
+            }
+            takes_largest |= Some(value) == largest;
+            let done = at - first;
+            match mode {
+                Mode::List if done % 3 == 2 => triangles.push([index(at - 2), index(at - 1), value]),
+                // Every other triangle of a strip is turned, so that all face the same way.
+                Mode::Strip if done >= 2 && done % 2 == 0 => {
+                    triangles.push([index(at - 2), index(at - 1), value]);
+                }
+                Mode::Strip if done >= 2 => triangles.push([index(at - 2), value, index(at - 1)]),
+                Mode::Fan if done >= 2 => triangles.push([index(at - 1), value, index(first)]),
+                _ => {}
+            }
+        }
         match bad {
-            None => Ok(triangles),
-            Some((at, index)) if index == largest && indices.is_some() => {
-                let problem = format!("number {at} is {index}, which restarts a primitive");
-                Err(Fault::new("indices", problem).help("glTF has no such thing: make several primitives"))
+            None => {
+                if takes_largest {
+                    let message = "the largest integer of its indices' type is taken as an index, since there is such a \
+                                   vertex; glTF leaves it out";
+                    self.notices.warn(place, message);
+                }
+                Ok(triangles)
             }
-            Some((at, index)) => {
-                let problem = format!("number {at} is {index}, but the number of vertices is {vertex_count}");
+            Some((at, value)) if Some(value) == largest => {
+                let problem = format!("number {at} is {value}, which restarts a primitive");
+                Err(Fault::new("indices", problem).help(
+                    "glTF has that for strips and fans with EXT_mesh_primitive_restart among the extensionsUsed; else \
+                     make several primitives",
+                ))
+            }
+            Some((at, value)) => {
+                let problem = format!("number {at} is {value}, but the number of vertices is {vertex_count}");
                 Err(Fault::new("indices", problem).help("indices count from 0"))
             }
         }
     }
-}
-
-fn attribute(primitive: &json::mesh::Primitive, semantic: Semantic) -> Option<u32> {
-    primitive.attributes.get(&Checked::Valid(semantic)).map(|accessor| accessor.value() as u32)
 }
 
 /// Renumbers the vertices of `triangles` without gaps. Returns the old number of each new one.
@@ -391,12 +472,7 @@ fn check_finite(triangles: &[[u32; 3]], positions: &[[f32; 3]]) -> Result<(), (u
 
 impl Vertices<'_> {
     /// Adds the vertices `used` (all vertices, if it is empty) to `positions`. Returns whether all of them are finite.
-    fn read(
-        &self,
-        used: &[u32],
-        skin: Option<&SkinPose>,
-        positions: &mut Vec<[f32; 3]>,
-    ) -> Result<bool, Fault> {
+    fn read(&self, used: &[u32], pose: &Pose, positions: &mut Vec<[f32; 3]>) -> Result<bool, Fault> {
         let mut all_finite = true;
         let count = if used.is_empty() { self.positions.len() } else { used.len() };
         positions.reserve(count);
@@ -406,8 +482,12 @@ impl Vertices<'_> {
             for (weight, target) in &self.targets {
                 position += *weight * DVec3::from_array(target.get(vertex));
             }
-            if let Some(skin) = skin {
-                position = self.skinned(vertex, position, skin)?;
+            if let Some(skin) = pose.skin {
+                position = if self.joints_and_weights.is_empty() {
+                    pose.world_from_node.transform_point3(position) - skin.origin
+                } else {
+                    self.skinned(vertex, position, skin)?
+                };
             }
             let position = position.as_vec3();
             all_finite &= position.is_finite();
@@ -438,20 +518,5 @@ impl Vertices<'_> {
             return Ok(skin.matrices[0].transform_point3(position) - skin.origin);
         }
         Ok(sum / total - skin.origin)
-    }
-}
-
-impl LeftOut {
-    /// The warnings for the user.
-    pub fn notices(&self) -> Vec<Notice> {
-        let warnings = [
-            (self.points_and_lines, "beams do not hit points and lines, which are left out"),
-            (self.without_positions, "a primitive without POSITION is left out"),
-            (self.incomplete, "one or two indices after the last triangle are left out"),
-        ];
-        let warnings = warnings.into_iter().filter(|(count, _)| *count > 0);
-        warnings
-            .map(|(count, what)| Notice::warning("", format!("{what} ({})", counted(count, "primitive"))))
-            .collect()
     }
 }

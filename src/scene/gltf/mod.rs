@@ -1,13 +1,19 @@
 //! Loads glTF 2.0 files as scenes. No other module knows glTF.
 //!
 //! ```text
-//! options   which scene of a file to load, and how
-//! files     which files may be opened; GLB; URIs
-//! document  the JSON; versions and extensions
-//! data      buffers, views and accessors, with every size checked       meshopt  compressed views
-//! mesh      primitives, morph targets and skins to triangles
-//! nodes     the hierarchy to instances and labels
-//! fault     errors
+//! options    which scene of a file to load, and how
+//! files      which files may be opened; GLB; URIs
+//! text       the JSON's text: what is mended in it, and which element a byte belongs to
+//! schema     the JSON's types
+//! document   the JSON; versions and extensions
+//! data       buffers, views and accessors, with every size checked
+//! meshopt    compressed views
+//! draco      compressed primitives
+//! mesh       primitives, morph targets and skins to triangles
+//! nodes      the hierarchy to instances and labels
+//! materials  colours, and notes on what is not read
+//! fault      errors
+//! notices    what is to be known though it is no error
 //! ```
 //!
 //! Files are treated as hostile: nothing outside the scene's folder is opened, nothing is allocated or iterated on the word
@@ -15,14 +21,19 @@
 
 mod data;
 mod document;
+mod draco;
 mod fault;
 mod files;
+mod materials;
 mod mesh;
 mod meshopt;
 mod nodes;
+mod notices;
 mod options;
+mod schema;
 #[cfg(test)]
 mod tests;
+mod text;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -31,7 +42,9 @@ use std::path::Path;
 use data::Data;
 use document::Document;
 use fault::{Fault, counted, quoted};
+use files::Folders;
 use nodes::{Hierarchy, PlacedMeshes};
+use notices::Notices;
 
 pub use options::Options;
 
@@ -41,7 +54,7 @@ use super::notice::Notice;
 use super::source::{SceneBuildError, SceneBuilder};
 use crate::error::SceneError;
 use crate::source::suggest::nearest;
-use crate::source::{Diagnostic, FileKind, Unreadable, Wanted, read_file};
+use crate::source::{Diagnostic, FileKind, Wanted, read_file};
 
 /// A scene, and what is to be known about how it was read.
 #[derive(Clone, Debug)]
@@ -68,13 +81,15 @@ impl Loaded {
 ///
 /// The geometry is as glTF 2.0 defines it: all triangle modes, node transforms (composed in f64), sparse and normalised
 /// accessors, skins in the pose of their nodes, morph targets at their default weights, and the extensions
-/// KHR_mesh_quantization, EXT_meshopt_compression, KHR_meshopt_compression, EXT_mesh_gpu_instancing and
-/// KHR_node_visibility. Points and lines are left out. Images and animations are not read.
+/// KHR_mesh_quantization, EXT_meshopt_compression, KHR_meshopt_compression, KHR_draco_mesh_compression,
+/// EXT_mesh_gpu_instancing, KHR_node_visibility, CESIUM_RTC (its centre is a translation of all roots, in glTF's axes),
+/// EXT_mesh_primitive_restart and KHR_mesh_primitive_restart. Points and lines are left out. Images and animations are not
+/// read. Violations of glTF that leave no doubt where the geometry is are read, with a warning that names the element.
 ///
 /// # Errors
 /// A [`SceneError`] about `path` that names the element: the file cannot be read, is no glTF 2.0, needs an unknown
 /// extension, contradicts itself, or has no triangles. No file causes a panic, and no file makes this function open
-/// anything outside the folder of `path`.
+/// anything outside the folder of `path`, the store that `path` is a link into, and the folders that the options allow.
 pub fn load(path: &Path, display_name: &str, options: &Options) -> Result<Loaded, SceneError> {
     // Nothing in here is known to panic. This is the last line of defence, not the first.
     catch_unwind(AssertUnwindSafe(|| read_and_build(path, display_name, options)))
@@ -89,8 +104,8 @@ pub fn load(path: &Path, display_name: &str, options: &Options) -> Result<Loaded
 }
 
 fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<Loaded, Fault> {
-    let mut notices = Vec::new();
-    let Read { builder, instance_elements, left_out } = read(path, display_name, options, &mut notices)?;
+    let notices = Notices::default();
+    let Read { builder, instance_elements } = read(path, display_name, options, &notices)?;
     let scene = builder.build().map_err(|error| match &error {
         SceneBuildError::TooFar { instance, .. } => {
             let element = instance_elements(*instance);
@@ -103,7 +118,7 @@ fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<
         }
         SceneBuildError::TooManyTriangles { .. } => Fault::new("", error.to_string()),
     })?;
-    notices.extend(left_out);
+    let mut notices = notices.into_list();
     notices.extend(scene.geometry.rounding.notices(&instance_elements));
     Ok(Loaded { scene, notices })
 }
@@ -113,38 +128,32 @@ struct Read<F> {
     builder: SceneBuilder,
     /// Names the node of an instance.
     instance_elements: F,
-    /// Warnings about the primitives that were left out.
-    left_out: Vec<Notice>,
 }
 
 fn read(
     path: &Path,
     display_name: &str,
     options: &Options,
-    notices: &mut Vec<Notice>,
+    notices: &Notices,
 ) -> Result<Read<impl Fn(usize) -> String + use<>>, Fault> {
     let file = read_file(path, u64::MAX)?;
-    let canonical = path.canonicalize().map_err(Unreadable::from)?;
-    let folder = canonical.parent().ok_or_else(|| Fault::new("", "it is in no folder"))?;
-    // Only what cannot be read is looked at more closely: what it is instead says more than where reading it failed.
-    let or_other_kind = |fault| other_kind(&file).unwrap_or(fault);
-    let (text, chunk) = files::split_glb(&file, notices).map_err(or_other_kind)?.unwrap_or((&file, None));
-    let document = Document::parse(text).map_err(or_other_kind)?;
+    let folders = Folders::of(path, options.allowed_folders)?;
+    let (document, chunk) = parse(&file, notices)?;
 
-    let data = Data::new(&document, chunk, folder, file.len() as u64);
-    let hierarchy = Hierarchy::new(&document, notices)?;
-    let scene = nodes::choose_scene(&document, options.scene_name)?;
-    let placed = nodes::place(&document, &data, &hierarchy, scene, options, notices)?;
+    let data = Data::new(&document, chunk, &folders, file.len() as u64, notices);
+    let scene = nodes::choose_scene(&document, options.scene_name, notices)?;
+    let hierarchy = Hierarchy::new(&document, scene, notices)?;
+    let placed = nodes::place(&document, &data, &hierarchy, options, notices)?;
     if placed.instances.is_empty() {
         return Err(nothing_to_hit(&document, scene, &placed));
     }
     warn_of_unknown_labels(&document, options.labels, notices);
 
-    let mut materials: Vec<_> = document.materials.iter().map(|m| material(m, options)).collect();
+    let mut materials = materials::read(&document, options, notices);
     if placed.uses_default_material {
         materials.push(Material::default());
     }
-    let left_out = placed.left_out.notices();
+    materials::note_what_is_not_read(&document, notices);
     let mut sources = vec![files::source_file(display_name, &file)];
     sources.extend(data.into_files());
     let builder =
@@ -153,7 +162,7 @@ fn read(
         placed.nodes.iter().map(|&node| (node, document.node_label(node))).collect();
     let nodes = placed.nodes;
     let instance_elements = move |instance: usize| labels.get(&nodes[instance]).cloned().unwrap_or_default();
-    Ok(Read { builder, instance_elements, left_out })
+    Ok(Read { builder, instance_elements })
 }
 
 /// The fault of a file that is no glTF 2.0, if its content says what it is.
@@ -166,17 +175,15 @@ fn other_kind(file: &[u8]) -> Option<Fault> {
     Some(Fault { help, ..Fault::new("", problem) })
 }
 
-fn material(material: &document::Material, options: &Options) -> Material {
-    let name = material.name.clone().unwrap_or_default();
-    let color = match &material.extensions.specular_glossiness {
-        Some(older) => older.diffuse_factor,
-        None => material.pbr_metallic_roughness.base_color_factor,
-    };
-    Material {
-        job_label: options.labels.get(&name).copied(),
-        name,
-        base_color: color.unwrap_or([1.0; 4]).map(|c| c.clamp(0.0, 1.0)),
-    }
+/// The document of a file, and the binary chunk beside it.
+fn parse<'f>(file: &'f [u8], notices: &Notices) -> Result<(Document, Option<&'f [u8]>), Fault> {
+    // Only what cannot be read is looked at more closely: what it is instead says more than where reading it failed.
+    let or_other_kind = |fault| other_kind(file).unwrap_or(fault);
+    let chunks = files::split_glb(file, notices).map_err(or_other_kind)?;
+    let is_binary = chunks.is_some();
+    let (text, chunk) = chunks.unwrap_or((file, None));
+    let document = Document::parse(text, is_binary, notices).map_err(or_other_kind)?;
+    Ok((document, chunk))
 }
 
 /// The error that the scene has no mesh with triangles.
@@ -184,9 +191,9 @@ fn nothing_to_hit(document: &Document, scene: Option<u32>, placed: &PlacedMeshes
     let element = scene.map_or(String::new(), |index| document.scene_label(index));
     let place = if scene.is_some() { "the scene" } else { "the file" };
     let PlacedMeshes { left_out, visited, .. } = placed;
-    let found = if left_out.points_and_lines > 0 {
+    let found = if left_out.points_and_lines {
         "has only points and lines".to_owned()
-    } else if left_out.without_positions > 0 {
+    } else if left_out.without_positions {
         "has only primitives without positions".to_owned()
     } else if *visited == 0 && document.meshes.is_empty() {
         "has no nodes".to_owned()
@@ -209,21 +216,23 @@ fn nothing_to_hit(document: &Document, scene: Option<u32>, placed: &PlacedMeshes
 }
 
 /// Warns of the job's labels that no node, material or `extras.label` has.
-fn warn_of_unknown_labels(document: &Document, labels: &BTreeMap<String, u32>, notices: &mut Vec<Notice>) {
+fn warn_of_unknown_labels(document: &Document, labels: &BTreeMap<String, u32>, notices: &Notices) {
+    /// A suggestion looks at every name of the file, so that only so many are made.
+    const MOST_SUGGESTIONS: usize = 10;
+    if labels.is_empty() {
+        return;
+    }
     let nodes = document.nodes.iter().filter_map(|node| node.name.as_deref());
-    let names: BTreeSet<&str> =
-        nodes.chain(document.materials.iter().filter_map(|material| material.name.as_deref())).collect();
+    let materials = document.materials.iter().filter_map(|material| material.name.given());
+    let names: BTreeSet<&str> = nodes.chain(materials.map(String::as_str)).collect();
     // `extras.label` may name a label too.
-    let extras: Vec<&str> =
-        document.nodes.iter().filter_map(|node| node.extras.as_ref()).map(|extras| extras.get()).collect();
-    for name in labels.keys() {
-        let quoted_name = serde_json::Value::from(name.as_str()).to_string();
-        if names.contains(name.as_str()) || extras.iter().any(|extras| extras.contains(&quoted_name)) {
-            continue;
-        }
-        let meant = nearest(name, names.iter().copied());
+    let extras = document.nodes.iter().filter_map(|node| nodes::label_of_extras(node));
+    let named: BTreeSet<String> = extras.filter_map(|label| label.as_str().map(str::to_owned)).collect();
+    let unknown = labels.keys().filter(|name| !names.contains(name.as_str()) && !named.contains(*name));
+    for (number, name) in unknown.enumerate() {
+        let meant = if number < MOST_SUGGESTIONS { nearest(name, names.iter().copied()) } else { None };
         let meant = meant.map_or(String::new(), |meant| format!("; did you mean {}?", quoted(meant)));
         let problem = format!("no node or material is called {}{meant}", quoted(name));
-        notices.push(Notice::warning("labels", problem));
+        notices.warn(|| "labels".to_owned(), problem);
     }
 }

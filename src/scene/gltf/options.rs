@@ -1,6 +1,7 @@
 //! The options of loading a glTF file.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use crate::frame::UpAxis;
 
@@ -15,11 +16,13 @@ pub struct Options<'a> {
     /// Semantic labels by the name of a node (for it and all below it) or of a material. A node's `extras.label` may name
     /// one of them too.
     pub labels: &'a BTreeMap<String, u32>,
+    /// Folders besides the scene's own that its files may lie in, with all below them.
+    pub allowed_folders: &'a [PathBuf],
 }
 
 impl Default for Options<'_> {
     fn default() -> Self {
         static NO_LABELS: BTreeMap<String, u32> = BTreeMap::new();
-        Self { scene_name: None, up: UpAxis::default(), labels: &NO_LABELS }
+        Self { scene_name: None, up: UpAxis::default(), labels: &NO_LABELS, allowed_folders: &[] }
     }
 }

@@ -11,6 +11,11 @@ use super::{Loaded, Options, load};
 use crate::error::SceneError;
 use crate::frame::UpAxis;
 
+#[cfg(test)]
+mod mended;
+#[cfg(test)]
+mod packed;
+
 const BYTE: u32 = 5120;
 const UBYTE: u32 = 5121;
 const SHORT: u32 = 5122;
@@ -178,7 +183,7 @@ fn modes_and_their_winding() {
         for [a, b, c] in triangles {
             assert!((b - a).cross(c - a).z > 0.0, "mode {mode}");
         }
-        let warned = told(&loaded).iter().any(|w| w.contains("after the last triangle"));
+        let warned = told(&loaded).iter().any(|w| w.contains("after its last triangle"));
         assert_eq!(warned, mode == 4, "two of five corners are left over");
     }
 }
@@ -191,7 +196,13 @@ fn points_and_lines_are_counted() {
         asset.push("nodes", json!({ "mesh": mesh }));
     }
     let loaded = asset.load();
-    assert_eq!(told(&loaded), ["beams do not hit points and lines, which are left out (4 primitives)"]);
+    assert_eq!(
+        told(&loaded),
+        [
+            "mesh 1, primitive 0 and 3 others (mesh 2, primitive 0, mesh 3, primitive 0, mesh 4, primitive 0): beams do not \
+             hit points and lines, which are left out"
+        ]
+    );
     assert_eq!(loaded.scene.geometry.objects.len(), 1);
     asset.json["nodes"].as_array_mut().unwrap().remove(0);
     assert!(asset.error().starts_with("the file has only points and lines (beams hit triangles"));
@@ -373,10 +384,6 @@ fn broken_transforms() {
         asset.json["nodes"][0][key] = value;
         asset.error()
     };
-    assert!(
-        of("rotation", json!([0, 0, 0, 0]))
-            .contains("node 0: its rotation [0.0, 0.0, 0.0, 0.0] is no rotation")
-    );
     assert!(of("matrix", json!(vec![0; 16])).contains("the last row of its matrix is [0.0, 0.0, 0.0, 0.0]"));
     assert!(of("scale", json!([1e13, 1, 1])).contains("node 0: a vertex lies at (1e13, 0e0, 0e0) m"));
     let mut asset = Asset::triangle();
@@ -387,7 +394,7 @@ fn broken_transforms() {
     asset.json["nodes"][0]["rotation"] = json!([0, 0, 2, 0]);
     let loaded = asset.load();
     close(&world(&loaded), &[[[0.0; 3], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]], 0.0);
-    assert_eq!(told(&loaded), ["the length of the quaternion of 1 rotation is not 1; it was normalised"]);
+    assert_eq!(told(&loaded), ["node 0: the length of its quaternion is not 1; it was normalised"]);
 }
 
 #[test]
@@ -432,11 +439,7 @@ fn scenes() {
         "scene 2: the scene has 1 node, but no mesh with triangles (beams hit triangles; the file also has scene 0 \
          \"first\", scene 1 \"second\")"
     ), "{error}");
-    asset.json["scene"] = json!(3);
-    assert!(names(&asset, None).unwrap_err().contains("scene 3: it does not exist"));
     asset.json["scene"] = json!(0);
-    asset.json["scenes"][0]["nodes"] = json!([0, 0]);
-    assert!(names(&asset, None).unwrap_err().contains("node 0 \"a\" is listed twice"));
     asset.json["scenes"][0]["nodes"] = json!([7]);
     assert!(names(&asset, None).unwrap_err().contains("node 7 does not exist"));
 }
@@ -454,7 +457,6 @@ fn nodes_must_form_trees() {
         of(json!([{ "children": [2] }, { "children": [2] }, { "mesh": 0 }]))
             .contains("child of node 0 already")
     );
-    assert!(of(json!([{ "children": [2, 2] }, {}, { "mesh": 0 }])).contains("already"));
     assert!(of(json!([{ "children": [1] }])).contains("its child 1 does not exist"));
     assert!(of(json!([{ "mesh": 1 }])).contains("mesh 1: it does not exist: the last one is 0"));
 }
@@ -482,7 +484,7 @@ fn hidden_nodes() {
     assert_eq!(loaded.scene.geometry.objects.len(), 1);
     assert_eq!(
         told(&loaded),
-        ["KHR_node_visibility hides 1 node; a hidden node and all nodes below it are left out"]
+        ["node 0: KHR_node_visibility hides it: it and all nodes below it are left out"]
     );
 }
 
@@ -654,7 +656,10 @@ fn materials() {
     assert_eq!(scene.surface(0, 0).material, 3, "the default material comes after the file's");
     assert_eq!(scene.surface(0, 1).material, 1);
     asset.json["meshes"][0]["primitives"][0]["material"] = json!(3);
-    assert!(asset.error().contains("primitive 0, material 3: it does not exist: the last one is 2"));
+    let loaded = asset.load();
+    assert_eq!(loaded.scene.surface(0, 0).material, 3);
+    let expected = "mesh 0, primitive 0: its material does not exist: it has the default material";
+    assert!(told(&loaded).contains(&expected.to_owned()), "{:?}", told(&loaded));
 }
 
 // ---- Compression ----
@@ -703,15 +708,24 @@ fn meshopt_with_a_fallback_buffer_that_is_not_there() {
 }
 
 #[test]
-fn draco_is_refused_where_there_is_nothing_else() {
+fn draco_is_left_alone_where_there_are_accessors_and_read_where_there_are_none() {
     let mut asset = Asset::triangle();
     asset.json["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"] =
         json!({ "bufferView": 0, "attributes": { "POSITION": 0 } });
-    close(&world(&asset.load()), &[UNIT], 0.0);
-    asset.json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
-    assert_eq!(
-        asset.error(),
-        "node 0, mesh 0, primitive 0: it is compressed with Draco, which beamcast does not read \
-         (`npx @gltf-transform/cli copy in.glb out.glb` writes it uncompressed)"
-    );
+    for extensions in ["extensionsUsed", "extensionsRequired"] {
+        asset.json[extensions] = json!(["KHR_draco_mesh_compression"]);
+        close(&world(&asset.load()), &[UNIT], 0.0);
+    }
+    for accessor in 0..2 {
+        let mut compressed = Asset { json: asset.json.clone(), data: asset.data.clone() };
+        compressed.json["accessors"][accessor].as_object_mut().unwrap().remove("bufferView");
+        let error = compressed.error();
+        let expected =
+            "node 0, mesh 0, primitive 0, KHR_draco_mesh_compression: the Draco compression is broken";
+        assert!(error.starts_with(expected), "{error}");
+        assert!(
+            error.ends_with("(`npx @gltf-transform/cli copy in.glb out.glb` writes it uncompressed)"),
+            "{error}"
+        );
+    }
 }

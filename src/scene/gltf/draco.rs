@@ -1,0 +1,136 @@
+//! KHR_draco_mesh_compression: primitives whose vertices and triangles are one stream of Draco.
+
+use std::collections::BTreeMap;
+
+use draco_core::{DataType, DecodeLimits, DecoderBuffer, ErrorKind, FaceIndex, Mesh, MeshDecoder};
+use serde::Deserialize;
+
+use super::data::{Data, Elements};
+use super::fault::Fault;
+
+/// A primitive that was decoded.
+pub(super) struct Draco {
+    points: usize,
+    /// Three `u32` to a triangle, little-endian.
+    indices: Vec<u8>,
+    /// The attributes by the number that the stream gives them.
+    attributes: BTreeMap<u32, Attribute>,
+}
+
+struct Attribute {
+    components: usize,
+    /// The integer that stands for 1 if the accessor is normalised; `None` if the stream holds floats.
+    largest: Option<f64>,
+    /// `f32`, little-endian, point by point.
+    values: Vec<u8>,
+}
+
+/// The extension of a primitive.
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Extension {
+    buffer_view: u32,
+    attributes: BTreeMap<String, u32>,
+}
+
+/// The compressed content of a primitive.
+pub(super) struct DracoPrimitive<'d> {
+    draco: &'d Draco,
+    attributes: BTreeMap<String, u32>,
+}
+
+impl Draco {
+    /// Decodes a stream that may become at most `limit` bytes.
+    pub fn decode(stream: &[u8], limit: u64) -> Result<Self, Fault> {
+        let vertices = limit / size_of::<[f32; 3]>() as u64;
+        let limits = DecodeLimits::default()
+            .with_max_decoded_bytes(limit)
+            .with_max_points(vertices)
+            .with_max_faces(vertices);
+        let mut mesh = Mesh::new();
+        let mut buffer = DecoderBuffer::new(stream).with_limits(limits);
+        MeshDecoder::new().decode(&mut buffer, &mut mesh).map_err(|error| match error.kind() {
+            ErrorKind::LimitExceeded => Fault::new(
+                "",
+                format!(
+                    "its {} bytes of Draco ask for more bytes of geometry, than the {limit} allowed",
+                    stream.len()
+                ),
+            ),
+            _ => Fault::new("", format!("the Draco compression is broken: {error}")),
+        })?;
+        let points = mesh.num_points();
+        let indices = (0..mesh.num_faces())
+            .flat_map(|face| mesh.face(FaceIndex(face as u32)))
+            .flat_map(|point| point.0.to_le_bytes())
+            .collect();
+        let mut attributes = BTreeMap::new();
+        for id in 0..mesh.num_attributes() {
+            let attribute = mesh.attribute(id);
+            let components = usize::from(attribute.num_components());
+            let largest = match attribute.data_type() {
+                DataType::Int8 => Some(f64::from(i8::MAX)),
+                DataType::Uint8 => Some(f64::from(u8::MAX)),
+                DataType::Int16 => Some(f64::from(i16::MAX)),
+                DataType::Uint16 => Some(f64::from(u16::MAX)),
+                DataType::Float32 => None,
+                // glTF has no such components.
+                _ => continue,
+            };
+            let bytes = (points as u64).saturating_mul(4 * components as u64);
+            if bytes > limit {
+                return Err(Fault::new(
+                    "",
+                    format!("an attribute of {bytes} bytes is more than the {limit} allowed"),
+                ));
+            }
+            let values = attribute.read_f32s(points, components);
+            let values = values.into_iter().flat_map(f32::to_le_bytes).collect();
+            attributes.insert(attribute.unique_id(), Attribute { components, largest, values });
+        }
+        Ok(Self { points, indices, attributes })
+    }
+
+    /// The bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        self.indices.len() + self.attributes.values().map(|attribute| attribute.values.len()).sum::<usize>()
+    }
+}
+
+impl<'d> DracoPrimitive<'d> {
+    /// Decodes what an extension of a primitive names.
+    pub fn of(extension: &str, data: &'d Data) -> Result<Self, Fault> {
+        let Extension { buffer_view, attributes } =
+            serde_json::from_str(extension).map_err(|error| Fault::new("", error.to_string()))?;
+        Ok(Self { draco: data.draco(buffer_view)?, attributes })
+    }
+
+    /// The elements of an attribute, with `components` components at least, if the stream has it.
+    pub fn attribute(
+        &self,
+        name: &str,
+        components: usize,
+        is_normalized: bool,
+    ) -> Result<Option<Elements<'d>>, Fault> {
+        let Some(id) = self.attributes.get(name) else { return Ok(None) };
+        let Some(attribute) = self.draco.attributes.get(id) else {
+            return Err(Fault::new(name, format!("the stream has no attribute {id}")));
+        };
+        if attribute.components < components {
+            let problem = format!("it has {} components where {components} are needed", attribute.components);
+            return Err(Fault::new(name, problem));
+        }
+        let one = attribute.largest.filter(|_| is_normalized);
+        Ok(Some(Elements::decoded(&attribute.values, attribute.components, one)))
+    }
+
+    /// The corners of the triangles, three to a triangle.
+    pub fn indices(&self) -> Elements<'d> {
+        Elements::decoded_integers(&self.draco.indices)
+    }
+
+    /// The number of vertices.
+    pub fn points(&self) -> usize {
+        self.draco.points
+    }
+}
