@@ -14,7 +14,7 @@ use beamcast::{Format, Progress, Session, load_job};
 pub fn main() -> Result<(), Box<dyn Error>> {
     // A job and its scene, as `beamcast scan configs/room_vlp16.toml` reads them.
     let job = load_job(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/room_vlp16.toml"), &[])?;
-    let scene = load_scene(&job)?.scene;
+    let scene = load_scene(&job, &[])?.scene;
     let session = Session::open(job, &scene);
 
     // The first frame of its first sensor, and the files that a scan would write for it.

@@ -43,7 +43,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let job = Arc::new(args.job.load(terminal)?);
     let plan = Plan::of(&job, Holding::Frame)?;
     let start = Instant::now();
-    let scene = load_scene(&job, terminal)?.scene;
+    let scene = load_scene(&job, &args.job.scenes, terminal)?.scene;
     let load_s = start.elapsed().as_secs_f64();
     plan.check_scene(&scene)?;
 

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::interrupt::Interrupt;
-use super::job::load_scene;
+use super::job::{SceneArgs, load_scene};
 use super::terminal::Terminal;
 use super::threads;
 use crate::check::{Outcome, junit, report};
@@ -46,6 +46,8 @@ pub struct Args {
     /// Change a key of every job, such as sensor.top.range.max_m=50, to see what would follow; can be given again
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
+    #[command(flatten)]
+    scenes: SceneArgs,
     #[command(flatten)]
     pub threads: threads::Args,
 }
@@ -131,7 +133,7 @@ fn check_all(
     let mut groups = VecDeque::from(checking::by_scene(jobs));
     while let Some(mut group) = groups.pop_front() {
         let Some(State::Ready(job, _)) = group.first().map(|first| &jobs[*first].state) else { continue };
-        let scene = load_scene(job, terminal);
+        let scene = load_scene(job, &args.scenes, terminal);
         interrupt.check()?;
         let scene = match scene {
             Ok(loaded) => loaded.scene,

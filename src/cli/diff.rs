@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
-use super::job::{load_job, load_scene};
+use super::job::{SceneArgs, load_job, load_scene};
 use super::terminal::Terminal;
 use super::threads;
 use crate::check::cloud::{CloudDifference, compare_clouds};
@@ -44,6 +44,8 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    scenes: SceneArgs,
+    #[command(flatten)]
     pub threads: threads::Args,
 }
 
@@ -80,8 +82,8 @@ fn parse_share(text: &str) -> Result<f64, String> {
 /// read or run.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
-    let a = side(&args.a, 0, terminal, &interrupt)?;
-    let b = side(&args.b, a.memory(), terminal, &interrupt)?;
+    let a = side(&args.a, args, 0, terminal, &interrupt)?;
+    let b = side(&args.b, args, a.memory(), terminal, &interrupt)?;
     for (name, _) in &args.tolerances {
         let known = CHANNEL_NAMES.contains(&name.as_str()) || a.has(name) || b.has(name);
         if !known {
@@ -110,14 +112,20 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 }
 
 /// Reads a side, or runs it if it is a job. `held` are the bytes that the other side takes already.
-fn side(path: &Path, held: u64, terminal: &Terminal, interrupt: &Interrupt) -> Result<Side, Error> {
+fn side(
+    path: &Path,
+    args: &Args,
+    held: u64,
+    terminal: &Terminal,
+    interrupt: &Interrupt,
+) -> Result<Side, Error> {
     if !is_config(path) {
         return Side::of_recording(path, memory::for_recordings());
     }
     let job = load_job(path, &[], terminal)?;
     let plan = Plan::of(&job, Holding::Images)?;
     memory::check("the rig, beside what it is compared with,", plan.bytes.saturating_add(held))?;
-    let scene = load_scene(&job, terminal)?.scene;
+    let scene = load_scene(&job, &args.scenes, terminal)?.scene;
     interrupt.check()?;
     plan.check_scene(&scene)?;
     let session = Session::open(job, &scene);

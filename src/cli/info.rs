@@ -8,12 +8,15 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::facts;
+use super::job::SceneArgs;
+use super::outline;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::output::Samples;
 use crate::output::recorded::{Cloud, Folder, Part, Recorded};
 use crate::run::facts::facts_of;
 use crate::run::{Bytes, memory};
+use crate::scene::gltf;
 use crate::source::suggest::{missing_file_help, on_one_line, quoted};
 use crate::source::{FileKind, Wanted, is_config, recognise};
 
@@ -26,6 +29,8 @@ pub struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    scenes: SceneArgs,
 }
 
 /// Prints the content of a file on stdout, in short.
@@ -36,12 +41,15 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let path = &args.path;
     let kind = if path.is_dir() { FileKind::Manifest } else { kind_of(path)? };
     if !kind.is_recorded() {
-        let (file, warnings) = facts_of(path)?;
+        let (file, warnings) = facts_of(path, &args.scenes.allowed_folders)?;
         terminal.warn_of(&warnings);
+        let outline = if kind.is_scene() { Some(gltf::outline(path)?) } else { None };
         if !args.json {
-            return terminal.print(&facts::text(&file));
+            let outline = outline.as_ref().map_or(String::new(), outline::text);
+            return terminal.print(&(facts::text(&file) + &outline));
         }
         let mut json = serde_json::to_value(&file).map_err(|e| Error::output("stdout", e))?;
+        json["outline"] = json!(outline);
         json["diagnostics"] = json!(warnings);
         return terminal.json(&json);
     }

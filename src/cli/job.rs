@@ -9,6 +9,14 @@ use crate::error::{Error, SceneError};
 use crate::run::{self, Bytes};
 use crate::scene::gltf;
 
+/// The flags of every subcommand that reads scenes.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct SceneArgs {
+    /// Let scenes read buffers from this folder too, and from all below it; can be given again
+    #[arg(long = "allow-folder", value_name = "DIR")]
+    pub allowed_folders: Vec<PathBuf>,
+}
+
 /// The flags that every subcommand that runs one job has.
 #[derive(Debug, clap::Args)]
 pub struct JobArgs {
@@ -18,6 +26,8 @@ pub struct JobArgs {
     /// Change a key of the job, such as sensor.top.range.max_m=50; can be given again
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<String>,
+    #[command(flatten)]
+    pub scenes: SceneArgs,
     #[command(flatten)]
     pub threads: threads::Args,
 }
@@ -46,8 +56,8 @@ pub fn load_job(path: &Path, overrides: &[String], terminal: &Terminal) -> Resul
 ///
 /// # Errors
 /// With the element of the file that is wrong.
-pub fn load_scene(job: &Job, terminal: &Terminal) -> Result<gltf::Loaded, SceneError> {
-    let loaded = run::load_scene(job)?;
+pub fn load_scene(job: &Job, args: &SceneArgs, terminal: &Terminal) -> Result<gltf::Loaded, SceneError> {
+    let loaded = run::load_scene(job, &args.allowed_folders)?;
     terminal.notices(&loaded.notices);
     for file in &loaded.scene.geometry.files {
         terminal.detail(format_args!("read {} ({}, BLAKE3 {})", file.name, Bytes(file.bytes), file.blake3));

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
+use super::job::SceneArgs;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::kernels::{self, AIMS, DISTANCES_M, Figures, HIT_RATIOS};
@@ -19,6 +20,8 @@ pub struct Args {
     /// from its middle [default: a scene made in code]
     #[arg(long, value_name = "SCENE")]
     scene: Option<PathBuf>,
+    #[command(flatten)]
+    scenes: SceneArgs,
     /// Look for leaks with this many rays for each method, and judge against exact arithmetic with a tenth of them
     #[arg(long, value_name = "N", default_value = "1000000", value_parser = clap::value_parser!(u64).range(1000..=1_000_000_000_000))]
     rays: u64,
@@ -36,7 +39,7 @@ pub struct Args {
 /// The errors of the scene.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let scene = match &args.scene {
-        Some(path) => load(path, terminal)?,
+        Some(path) => load(path, args, terminal)?,
         None => kernels::test_scene::yard(),
     };
     let all = kernels::measure(&scene, args.rays, &stopwatch)?;
@@ -51,8 +54,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
 }
 
-fn load(path: &Path, terminal: &Terminal) -> Result<Scene, Error> {
-    let options = gltf::Options::default();
+fn load(path: &Path, args: &Args, terminal: &Terminal) -> Result<Scene, Error> {
+    let options = gltf::Options { allowed_folders: &args.scenes.allowed_folders, ..gltf::Options::default() };
     let gltf::Loaded { scene, notices } = gltf::load(path, &path.to_string_lossy(), &options)?;
     terminal.notices(&notices);
     Ok(scene)

@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 
 use super::facts;
+use super::job::SceneArgs;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::run::facts::examine;
@@ -17,6 +18,8 @@ pub struct Args {
     /// Print the facts and the problems as JSON on stdout
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    scenes: SceneArgs,
 }
 
 /// Reads every path. Facts go to stdout and warnings to stderr; errors are returned, together with the warnings.
@@ -25,7 +28,7 @@ pub struct Args {
 /// [`Error::Config`] with everything that is wrong in any of the paths, or [`Error::Inputs`] if it is all about scenes;
 /// [`Error::Output`] if stdout can't be written to.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
-    let examined = examine(&args.paths);
+    let examined = examine(&args.paths, &args.scenes.allowed_folders);
     if args.json {
         terminal.json(&serde_json::json!({ "files": examined.facts, "diagnostics": examined.problems }))?;
     } else {

@@ -12,6 +12,7 @@ mod interrupt;
 mod job;
 mod kernels;
 mod lint;
+mod outline;
 mod presets;
 mod scan;
 mod schema;

@@ -62,7 +62,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
     let mut journal = Journal::check(&job, &plan, args.overwrite)?;
 
-    let (scene, load) = timed(|| load_scene(&job, terminal));
+    let (scene, load) = timed(|| load_scene(&job, &args.job.scenes, terminal));
     let loaded = scene?;
     let mut diagnostics = job.warnings.clone();
     diagnostics.extend(loaded.diagnostics(&job.scene_path));

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::interrupt::Interrupt;
-use super::job::load_scene;
+use super::job::{SceneArgs, load_scene};
 use super::terminal::Terminal;
 use crate::config::{self, Config, MountedSensor};
 use crate::error::Error;
@@ -24,6 +24,8 @@ pub struct Args {
     /// Replace a page that is there already
     #[arg(long)]
     overwrite: bool,
+    #[command(flatten)]
+    scenes: SceneArgs,
 }
 
 /// Makes a page of what there is at a path.
@@ -38,7 +40,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         check_file(&target, args.overwrite)?;
     }
     let (views, note) = match is_config(&args.path) {
-        true => (of_job(&args.path, &interrupt, terminal)?, String::new()),
+        true => (of_job(&args.path, &args.scenes, &interrupt, terminal)?, String::new()),
         false => of_recording(&args.path, memory::for_recordings())?,
     };
     interrupt.check()?;
@@ -63,7 +65,12 @@ fn default_name(path: &Path) -> PathBuf {
     PathBuf::from(stem.unwrap_or("view".as_ref())).with_added_extension("html")
 }
 
-fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec<View>, Error> {
+fn of_job(
+    path: &Path,
+    scenes: &SceneArgs,
+    interrupt: &Interrupt,
+    terminal: &Terminal,
+) -> Result<Vec<View>, Error> {
     let job = match config::load(path, &[])? {
         Config::Job(job) => *job,
         Config::Sensor(_) => {
@@ -75,7 +82,7 @@ fn of_job(path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Vec
     };
     terminal.warn_of(&job.warnings);
     let plan = Plan::of(&job, Holding::Views)?;
-    let scene = load_scene(&job, terminal)?.scene;
+    let scene = load_scene(&job, scenes, terminal)?.scene;
     interrupt.check()?;
     plan.check_scene(&scene)?;
     let session = Session::open(job, &scene);

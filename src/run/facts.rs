@@ -87,9 +87,10 @@ impl Examined {
     }
 }
 
-/// Reads every path: jobs, sensor files, scenes, and folders of jobs and sensor files. Returns the facts about the good
+/// Reads every path: jobs, sensor files, scenes (whose files may lie in the allowed folders too), and folders of jobs and
+/// sensor files. Returns the facts about the good
 /// ones, and everything that is wrong with the others.
-pub fn examine(paths: &[PathBuf]) -> Examined {
+pub fn examine(paths: &[PathBuf], allowed_folders: &[PathBuf]) -> Examined {
     let mut examined = Examined::default();
     for path in paths {
         let files = if path.is_dir() { configs_in(path) } else { vec![path.clone()] };
@@ -101,7 +102,7 @@ pub fn examine(paths: &[PathBuf]) -> Examined {
             examined.is_config_wrong = true;
         }
         for file in &files {
-            examine_file(file, &mut examined);
+            examine_file(file, allowed_folders, &mut examined);
         }
     }
     examined
@@ -111,9 +112,9 @@ pub fn examine(paths: &[PathBuf]) -> Examined {
 ///
 /// # Errors
 /// [`Error::Config`] if a job or a sensor file is wrong, [`Error::Inputs`] if a scene or another file is.
-pub fn facts_of(path: &Path) -> Result<(FileFacts, Vec<Diagnostic>), Error> {
+pub fn facts_of(path: &Path, allowed_folders: &[PathBuf]) -> Result<(FileFacts, Vec<Diagnostic>), Error> {
     let mut examined = Examined::default();
-    examine_file(path, &mut examined);
+    examine_file(path, allowed_folders, &mut examined);
     let (mut facts, problems) = examined.into_result()?;
     match facts.pop() {
         Some(facts) => Ok((facts, problems)),
@@ -121,7 +122,10 @@ pub fn facts_of(path: &Path) -> Result<(FileFacts, Vec<Diagnostic>), Error> {
     }
 }
 
-fn examine_file(path: &Path, examined: &mut Examined) {
+fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examined) {
+    let open = |path: &Path, as_written: &str, job: Option<&Job>, problems: &mut Vec<Diagnostic>| {
+        open_scene(path, as_written, job, allowed_folders, problems)
+    };
     let name = path.to_string_lossy();
     if !is_config(path)
         && let Ok(kind) = recognise(path)
@@ -132,7 +136,7 @@ fn examine_file(path: &Path, examined: &mut Examined) {
             examined.problems.push(Diagnostic::about_file(path, message, help));
             return;
         }
-        match open_scene(path, &name, None, &mut examined.problems) {
+        match open(path, &name, None, &mut examined.problems) {
             Ok(scene) => examined.facts.push(FileFacts::of_scene(&name, &scene)),
             Err(error) => examined.problems.push(about_scene(error)),
         }
@@ -146,7 +150,7 @@ fn examine_file(path: &Path, examined: &mut Examined) {
         }
         Ok(Config::Job(job)) => {
             let mut problems = format_problems(&job);
-            match open_scene(&job.scene_path, &job.scene_as_written, Some(&job), &mut examined.problems) {
+            match open(&job.scene_path, &job.scene_as_written, Some(&job), &mut examined.problems) {
                 Ok(scene) => {
                     let sizes = |mounted: &config::MountedSensor| {
                         SensorSizes::of(Some(&mounted.name), &mounted.sensor, &job.output.formats)
@@ -183,13 +187,15 @@ fn open_scene(
     path: &Path,
     as_written: &str,
     job: Option<&Job>,
+    allowed_folders: &[PathBuf],
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Result<Scene, SceneError> {
-    let options = job.map_or_else(gltf::Options::default, |job| gltf::Options {
+    let of_file = gltf::Options { allowed_folders, ..gltf::Options::default() };
+    let options = job.map_or(of_file, |job| gltf::Options {
         scene_name: job.scene_name.as_deref(),
         up: job.up,
         labels: &job.labels,
-        ..gltf::Options::default()
+        allowed_folders,
     });
     let loaded = session::open_scene(path, as_written, &options)?;
     diagnostics.extend(loaded.diagnostics(path));

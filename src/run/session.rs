@@ -1,6 +1,6 @@
 //! A job with its scene and its tracer, which casts the job's frames.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::paths::tidy;
@@ -14,16 +14,16 @@ use crate::sensor::Capture;
 use crate::source::suggest::missing_file_help;
 use crate::trace::{AnyTracer, Cast};
 
-/// Reads a job's scene.
+/// Reads a job's scene, whose files may lie in its own folder and in those that are allowed besides.
 ///
 /// # Errors
 /// With the element of the file that is wrong.
-pub fn load_scene(job: &Job) -> Result<gltf::Loaded, SceneError> {
+pub fn load_scene(job: &Job, allowed_folders: &[PathBuf]) -> Result<gltf::Loaded, SceneError> {
     let options = gltf::Options {
         scene_name: job.scene_name.as_deref(),
         up: job.up,
         labels: &job.labels,
-        ..gltf::Options::default()
+        allowed_folders,
     };
     open_scene(&job.scene_path, &job.scene_as_written, &options)
 }

@@ -150,7 +150,7 @@ fn shipped_jobs_match_their_baselines_with_any_number_of_threads() {
 #[test]
 fn baselines_hold_for_portable_code_and_for_single_rays() {
     let job = config::load_job(&shipped(ROOM), &[]).unwrap();
-    let options = gltf::Options { scene_name: None, up: job.up, labels: &job.labels };
+    let options = gltf::Options { up: job.up, labels: &job.labels, ..gltf::Options::default() };
     let scene = gltf::load(&job.scene_path, &job.scene_as_written, &options).unwrap().scene;
     let folder = shipped("configs/room_vlp16.baseline");
     let accepted = Baseline::decode(&fs::read(folder.join(Baseline::NAME)).unwrap()).unwrap();

@@ -29,7 +29,7 @@ pub fn open_in_time(path: &Path) -> Result<Loaded, SceneError> {
 }
 
 /// A buffer of three positions followed by three indices.
-fn buffer() -> Vec<u8> {
+pub fn buffer() -> Vec<u8> {
     let corners = [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let mut bytes: Vec<u8> = corners.iter().flatten().flat_map(|c| c.to_le_bytes()).collect();
     bytes.extend([0, 0, 1, 0, 2, 0, 0, 0]);
@@ -37,7 +37,7 @@ fn buffer() -> Vec<u8> {
 }
 
 /// A file with one triangle whose data are those of [`buffer`].
-fn triangle(uri: Option<&str>) -> Value {
+pub fn triangle(uri: Option<&str>) -> Value {
     let mut json = json!({
         "asset": { "version": "2.0" },
         "buffers": [{ "byteLength": 44 }],
@@ -256,6 +256,14 @@ fn small_files_do_not_ask_for_much() {
     names["nodes"] = json!(vec![json!({ "mesh": 0 }); 100_000]);
     let error = of(&names).unwrap_err();
     assert!(error.problem.contains("bytes of geometry, more than the"), "{error}");
+    // Targets of which each moves all vertices, and whose values are not stored.
+    let mut targets = triangle(None);
+    targets["accessors"][0] = json!({ "componentType": 5126, "count": 6_000_000, "type": "VEC3" });
+    targets["meshes"][0]["weights"] = json!(vec![1; 1000]);
+    targets["meshes"][0]["primitives"] =
+        json!([{ "attributes": { "POSITION": 0 }, "targets": vec![json!({ "POSITION": 0 }); 1000] }]);
+    let error = of(&targets).unwrap_err();
+    assert!(error.problem.contains("bytes of geometry, more than the"), "{error}");
     // The file has as many primitives with shared data as fit into a small file.
     let mut copies = triangle(None);
     let large = vec![0; 3_000_000];
@@ -269,6 +277,28 @@ fn small_files_do_not_ask_for_much() {
     std::fs::write(&path, glb(&copies, &large)).unwrap();
     let error = open_in_time(&path).unwrap_err();
     assert!(error.problem.contains("bytes of geometry, more than the"), "{error}");
+}
+
+/// The case gltf-extensions-quadratic: every primitive asks whether an extension is among the file's.
+#[test]
+fn time_grows_with_the_file_and_not_with_its_square() {
+    let mut json = triangle(None);
+    let names: Vec<String> = (0..100_000).map(|number| format!("ACME_materials_{number}")).collect();
+    json["extensionsUsed"] = json!(names);
+    json["extensionsRequired"] = json!(names);
+    let primitive = json["meshes"][0]["primitives"][0].clone();
+    json["meshes"][0]["primitives"] = json!(vec![primitive; 20_000]);
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("scene.glb");
+    std::fs::write(&path, glb(&json, &buffer())).unwrap();
+    assert_eq!(open_in_time(&path).unwrap().scene.triangle_count(), 20_000);
+    // A million odd elements are one warning.
+    let mut odd = triangle(None);
+    odd["nodes"] = json!(vec![json!({ "mesh": 0, "rotation": [0, 0, 0, 0] }); 30_000]);
+    std::fs::write(&path, glb(&odd, &buffer())).unwrap();
+    let notices = open_in_time(&path).unwrap().notices;
+    assert_eq!(notices.len(), 1, "{notices:?}");
+    assert!(notices[0].place.contains("and 29999 others"), "{}", notices[0]);
 }
 
 /// A file with many features: several kinds of accessors, a skin, a morph target, instances, labels.

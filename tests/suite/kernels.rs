@@ -509,7 +509,7 @@ fn scans_by_any_method_differ_from_the_exact_one_by_rounding_only() {
 fn in_the_street_rounding_at_edges_explains_every_difference() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/street_128.toml");
     let job = load_job(&path, &["sensor.roof.rotating.columns=256".to_owned()]).unwrap();
-    let options = gltf::Options { scene_name: None, up: job.up, labels: &job.labels };
+    let options = gltf::Options { up: job.up, labels: &job.labels, ..gltf::Options::default() };
     let scene = gltf::load(&job.scene_path, "street.glb", &options).unwrap().scene;
     let sensor = &job.sensors[0].sensor;
     let pose = job.trajectory.pose_at(0.0) * job.sensors[0].body_from_sensor;

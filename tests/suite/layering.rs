@@ -87,7 +87,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
     ),
     ("clap::", &["cli/"], "only the command line has flags"),
     ("toml::", &["config/"], "only config knows TOML"),
-    ("use gltf::", &["scene/gltf/"], "only the loader knows glTF"),
+    ("draco_core::", &["scene/gltf/draco.rs"], "only the loader of compressed primitives knows Draco"),
     ("unsafe", &["trace/simd/x86/"], "intrinsics are the one thing that needs it"),
 ];
 

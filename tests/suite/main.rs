@@ -21,6 +21,7 @@ mod patterns;
 mod presets;
 mod recognition;
 mod regions;
+mod scene_files;
 mod scenes;
 mod selftest;
 mod shapes;

@@ -574,7 +574,7 @@ fn a_format_of_ones_own_is_one_declaration() {
     job.output.formats = vec![Format(&TALLY), Format::PLY];
     let plan = Plan::of(&job, Holding::Files).unwrap();
     let mut journal = Journal::check(&job, &plan, false).unwrap();
-    let scene = load_scene(&job).unwrap().scene;
+    let scene = load_scene(&job, &[]).unwrap().scene;
     let session = Session::open(job, &scene);
     journal.begin(&plan).unwrap();
     let mut returns = 0;

@@ -61,7 +61,7 @@ fn a_folder_is_walked_in_order_and_everything_wrong_is_told() {
     write(".hidden/c.toml", "nonsense");
     write("a.toml", "scene = 'romo.glb'\noutput.dir = 'out'\n[[sensor]]\npreset = 'sensors/good.toml'\n");
     write("room.glb", "");
-    let Examined { facts, problems: diagnostics, .. } = examine(&[folder.path().to_path_buf()]);
+    let Examined { facts, problems: diagnostics, .. } = examine(&[folder.path().to_path_buf()], &[]);
     assert_eq!(facts.len(), 1);
     assert_eq!((facts[0].kind, facts[0].sensors[0].facts.rays_per_frame), ("sensor", 12));
     let told: BTreeMap<_, _> = diagnostics
@@ -73,6 +73,6 @@ fn a_folder_is_walked_in_order_and_everything_wrong_is_told() {
     assert_eq!(told, BTreeMap::from(expected));
 
     let empty = tempfile::tempdir().unwrap();
-    let diagnostics = examine(&[empty.path().to_path_buf()]).problems;
+    let diagnostics = examine(&[empty.path().to_path_buf()], &[]).problems;
     assert_eq!(diagnostics[0].message, "the folder has no *.toml files");
 }

@@ -1,42 +1,29 @@
-//! KHR_draco_mesh_compression: primitives whose vertices and triangles are one stream of Draco.
+//! Streams of Draco, each of which holds the vertices and the triangles of a primitive.
 
 use std::collections::BTreeMap;
 
 use draco_core::{DataType, DecodeLimits, DecoderBuffer, ErrorKind, FaceIndex, Mesh, MeshDecoder};
-use serde::Deserialize;
 
-use super::data::{Data, Elements};
 use super::fault::Fault;
 
 /// A primitive that was decoded.
 pub(super) struct Draco {
-    points: usize,
+    /// The number of vertices.
+    pub points: usize,
     /// Three `u32` to a triangle, little-endian.
-    indices: Vec<u8>,
+    pub indices: Vec<u8>,
     /// The attributes by the number that the stream gives them.
-    attributes: BTreeMap<u32, Attribute>,
+    pub attributes: BTreeMap<u32, Attribute>,
 }
 
-struct Attribute {
-    components: usize,
+/// An attribute of the vertices.
+pub(super) struct Attribute {
+    /// The components of a value.
+    pub components: usize,
     /// The integer that stands for 1 if the accessor is normalised; `None` if the stream holds floats.
-    largest: Option<f64>,
+    pub largest: Option<f64>,
     /// `f32`, little-endian, point by point.
-    values: Vec<u8>,
-}
-
-/// The extension of a primitive.
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
-struct Extension {
-    buffer_view: u32,
-    attributes: BTreeMap<String, u32>,
-}
-
-/// The compressed content of a primitive.
-pub(super) struct DracoPrimitive<'d> {
-    draco: &'d Draco,
-    attributes: BTreeMap<String, u32>,
+    pub values: Vec<u8>,
 }
 
 impl Draco {
@@ -94,43 +81,5 @@ impl Draco {
     /// The bytes that it takes.
     pub fn bytes(&self) -> usize {
         self.indices.len() + self.attributes.values().map(|attribute| attribute.values.len()).sum::<usize>()
-    }
-}
-
-impl<'d> DracoPrimitive<'d> {
-    /// Decodes what an extension of a primitive names.
-    pub fn of(extension: &str, data: &'d Data) -> Result<Self, Fault> {
-        let Extension { buffer_view, attributes } =
-            serde_json::from_str(extension).map_err(|error| Fault::new("", error.to_string()))?;
-        Ok(Self { draco: data.draco(buffer_view)?, attributes })
-    }
-
-    /// The elements of an attribute, with `components` components at least, if the stream has it.
-    pub fn attribute(
-        &self,
-        name: &str,
-        components: usize,
-        is_normalized: bool,
-    ) -> Result<Option<Elements<'d>>, Fault> {
-        let Some(id) = self.attributes.get(name) else { return Ok(None) };
-        let Some(attribute) = self.draco.attributes.get(id) else {
-            return Err(Fault::new(name, format!("the stream has no attribute {id}")));
-        };
-        if attribute.components < components {
-            let problem = format!("it has {} components where {components} are needed", attribute.components);
-            return Err(Fault::new(name, problem));
-        }
-        let one = attribute.largest.filter(|_| is_normalized);
-        Ok(Some(Elements::decoded(&attribute.values, attribute.components, one)))
-    }
-
-    /// The corners of the triangles, three to a triangle.
-    pub fn indices(&self) -> Elements<'d> {
-        Elements::decoded_integers(&self.draco.indices)
-    }
-
-    /// The number of vertices.
-    pub fn points(&self) -> usize {
-        self.draco.points
     }
 }

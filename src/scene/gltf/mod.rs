@@ -8,10 +8,11 @@
 //! document   the JSON; versions and extensions
 //! data       buffers, views and accessors, with every size checked
 //! meshopt    compressed views
-//! draco      compressed primitives
+//! draco      streams of Draco         compressed  primitives that get their elements from one
 //! mesh       primitives, morph targets and skins to triangles
 //! nodes      the hierarchy to instances and labels
 //! materials  colours, and notes on what is not read
+//! outline    what a file holds, by name
 //! fault      errors
 //! notices    what is to be known though it is no error
 //! ```
@@ -19,6 +20,7 @@
 //! Files are treated as hostile: nothing outside the scene's folder is opened, nothing is allocated or iterated on the word
 //! of the file alone, and every index is checked where it is used.
 
+mod compressed;
 mod data;
 mod document;
 mod draco;
@@ -30,6 +32,7 @@ mod meshopt;
 mod nodes;
 mod notices;
 mod options;
+mod outline;
 mod schema;
 #[cfg(test)]
 mod tests;
@@ -47,6 +50,7 @@ use nodes::{Hierarchy, PlacedMeshes};
 use notices::Notices;
 
 pub use options::Options;
+pub use outline::{CameraOutline, MeshOutline, NodeOutline, Outline, SceneOutline};
 
 use super::arrangement::Scene;
 use super::material::Material;
@@ -91,8 +95,25 @@ impl Loaded {
 /// extension, contradicts itself, or has no triangles. No file causes a panic, and no file makes this function open
 /// anything outside the folder of `path`, the store that `path` is a link into, and the folders that the options allow.
 pub fn load(path: &Path, display_name: &str, options: &Options) -> Result<Loaded, SceneError> {
+    guarded(path, || read_and_build(path, display_name, options))
+}
+
+/// What a `.gltf` or `.glb` file holds, by name. Its buffers are not read.
+///
+/// # Errors
+/// As [`load`], as far as the file's JSON is concerned.
+pub fn outline(path: &Path) -> Result<Outline, SceneError> {
+    guarded(path, || {
+        let file = read_file(path, u64::MAX)?;
+        let (document, _) = parse(&file, &Notices::default())?;
+        Ok(Outline::of(document))
+    })
+}
+
+/// Does the work, and makes of its faults errors about the file at `path`.
+fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, SceneError> {
     // Nothing in here is known to panic. This is the last line of defence, not the first.
-    catch_unwind(AssertUnwindSafe(|| read_and_build(path, display_name, options)))
+    catch_unwind(AssertUnwindSafe(work))
         .unwrap_or_else(|_| Err(Fault::new("", "the reader failed on it; this is an error in beamcast")))
         .map_err(|Fault { element, problem, help, source }| SceneError {
             path: path.to_path_buf(),
