@@ -82,12 +82,14 @@ fn draco_that_is_broken_names_the_primitive_and_a_way_out() {
     // No byte of a stream makes the decoder panic or allocate without end.
     for stream in [SEQUENTIAL, EDGEBREAKER].map(bytes) {
         for at in 0..stream.len() {
-            for value in [0, 1, 0x7f, 0x80, 0xff] {
+            for value in [0, 0x7f, 0xff] {
                 let mut broken = stream.clone();
                 broken[at] = value;
+                let start = std::time::Instant::now();
                 if let Err(error) = compressed(&broken).load_with(&plain()) {
                     assert!(!error.problem.contains("error in beamcast"), "byte {at} is {value}: {error}");
                 }
+                assert!(start.elapsed().as_secs() < 10, "byte {at} is {value}");
             }
         }
     }
