@@ -19,6 +19,7 @@ pub mod exact;
 mod hit_attributes;
 pub mod methods;
 mod packet;
+mod policy;
 mod rays;
 mod rounding;
 mod simd;

@@ -12,6 +12,7 @@ use super::bvh::{self, Bvh8, Child, LeafBlock, TriangleRef};
 use super::exact::{self, Candidate, Corners, Limits, LocalRay};
 use super::hit_attributes::Surfaces;
 use super::packet::{self, PacketStack, RayData, RayPacket};
+use super::policy::{self, PACKET_NODE, PACKET_RAY, PacketPolicy};
 use super::rays::{Cast, Hit, Origins, Rays};
 use super::simd::{self, F32x8, SimdTask};
 use super::single::{RayStack, SingleRay};
@@ -153,13 +154,32 @@ impl Tracer {
                 let to = from + (rejected >> from).trailing_ones() as usize;
                 rejected &= !(ones(to - from) << from);
                 if singles.end != start + from || singles.len() >= STREAM_RUN {
-                    self.cast_singles::<S, false>(rays, singles, hits, &mut origins, &mut scratch.single);
+                    self.cast_rejected::<S>(rays, singles, hits, &mut origins, scratch);
                     singles = start + from..start + from;
                 }
                 singles.end = start + to;
             }
         }
-        self.cast_singles::<S, false>(rays, singles, hits, &mut origins, &mut scratch.single);
+        self.cast_rejected::<S>(rays, singles, hits, &mut origins, scratch);
+    }
+
+    /// Writes the hits of rays that are in no packet, and remembers what they cost.
+    #[inline(always)]
+    fn cast_rejected<S: F32x8>(
+        &self,
+        rays: &Rays,
+        range: Range<usize>,
+        hits: &mut [Option<Hit>],
+        origins: &mut Vec<DVec3>,
+        scratch: &mut Scratch,
+    ) {
+        if range.is_empty() {
+            return;
+        }
+        let (count, before) = (range.len(), scratch.single.stats());
+        self.cast_singles::<S, false>(rays, range, hits, origins, &mut scratch.single);
+        let effort = scratch.single.stats() - before;
+        scratch.policy.measured(count, effort, self.top.nodes.is_empty());
     }
 
     /// Writes the hits of rays of which some must come after a given hit ([`Rays::after`]). These rays make no packets: a packet
@@ -202,6 +222,9 @@ impl Tracer {
         hits: &mut [Option<Hit>],
         scratch: &mut Scratch,
     ) -> RaySet {
+        if !self.packets || scratch.policy.begin_tile() == 0 {
+            return ones(hits.len());
+        }
         let mut pending = [(0, 0); 8];
         pending[0] = (0, hits.len());
         let mut count = 1;
@@ -211,18 +234,26 @@ impl Tracer {
             count -= 1;
             let (from, to) = pending[count];
             let part = batch.part(from..to);
-            // A packet takes as long as a few single rays. Rays with origins of their own that do not make a packet together
-            // seldom make one in pieces.
-            let least = if matches!(part.origins, Origins::Common(_)) { 4 } else { PACKET_RAYS / 4 };
-            if self.packets && to - from >= 4 && packet::may_be_packet(top, part.origins) {
+            // Rays with origins of their own that do not make a packet together seldom make one in pieces.
+            let least =
+                if matches!(part.origins, Origins::Common(_)) { policy::LEAST } else { PACKET_RAYS / 4 };
+            let most = scratch.policy.most();
+            if to - from <= most && to - from >= 4 && packet::may_be_packet(top, part.origins) {
                 let mut nearest = NearestHits::new(part.t_max);
-                if self.cast_packet::<S>(&part, &mut nearest, scratch) {
-                    self.surfaces().write_hits::<S>(&part, &nearest, &mut hits[from..to]);
-                    continue;
+                match self.cast_packet::<S>(&part, &mut nearest, scratch) {
+                    PacketEnd::Cast => {
+                        self.surfaces().write_hits::<S>(&part, &nearest, &mut hits[from..to]);
+                        continue;
+                    }
+                    PacketEnd::GivenUp => {
+                        rejected |= ones(to - from) << from;
+                        continue;
+                    }
+                    PacketEnd::NoPyramid => {}
                 }
             }
-            if self.packets && to - from > least {
-                // The rays are no narrow pyramid, but their halves may be.
+            if to - from > least && most > 0 {
+                // The rays are no narrow pyramid, or too many, but their halves may do.
                 let middle = from + (to - from) / 2;
                 (pending[count], pending[count + 1]) = ((middle, to), (from, middle));
                 count += 2;
@@ -257,9 +288,14 @@ impl Tracer {
         }
     }
 
-    /// Finds the nearest hits of up to [`PACKET_RAYS`] rays. Returns false if they are no narrow pyramid.
+    /// Finds the nearest hits of up to [`PACKET_RAYS`] rays, unless they are better cast one by one.
     #[inline(always)]
-    fn cast_packet<S: F32x8>(&self, rays: &Batch, nearest: &mut NearestHits, scratch: &mut Scratch) -> bool {
+    fn cast_packet<S: F32x8>(
+        &self,
+        rays: &Batch,
+        nearest: &mut NearestHits,
+        scratch: &mut Scratch,
+    ) -> PacketEnd {
         match rays.origins {
             Origins::Common(_) => self.cast_packet_of::<S, false>(rays, nearest, scratch),
             Origins::Each(_) => self.cast_packet_of::<S, true>(rays, nearest, scratch),
@@ -272,7 +308,7 @@ impl Tracer {
         rays: &Batch,
         nearest: &mut NearestHits,
         scratch: &mut Scratch,
-    ) -> bool {
+    ) -> PacketEnd {
         let limits = (rays.t_min, rays.t_max);
         let Scratch {
             top: stack,
@@ -282,7 +318,10 @@ impl Tracer {
             single,
             rays: top_rays,
             mesh_rays,
+            policy,
         } = scratch;
+        let ray_count = rays.directions.len();
+        let budget = policy.budget(ray_count);
         if self.top.nodes.is_empty() {
             let bvh = &self.meshes[0];
             let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
@@ -294,11 +333,15 @@ impl Tracer {
                 nearest,
                 mesh_rays,
             ) else {
-                return false;
+                return PacketEnd::NoPyramid;
             };
-            packet.traverse_mesh::<S>(mesh_stack);
+            let Some(work) = packet.traverse_mesh::<S>(mesh_stack, budget) else {
+                policy.gave_up(ray_count);
+                return PacketEnd::GivenUp;
+            };
             packet.write_hits(nearest, false);
-            return true;
+            policy.succeeded(ray_count, work);
+            return PacketEnd::Cast;
         }
         let Some(mut top) = RayPacket::<MULTI_ORIGIN>::new::<S>(
             &self.top,
@@ -309,10 +352,18 @@ impl Tracer {
             nearest,
             top_rays,
         ) else {
-            return false;
+            return PacketEnd::NoPyramid;
         };
+        // The work of the placements so far, and of the nodes above them.
+        let (mut work, visited) = (0, stack.visited);
         top.push_root::<S>(stack);
         while let Some(leaf) = top.next_leaf::<S>(stack) {
+            let done = work + PACKET_NODE * (stack.visited - visited);
+            if done > budget {
+                policy.gave_up(ray_count);
+                return PacketEnd::GivenUp;
+            }
+            work += PACKET_RAY * ray_count as u64;
             let index = leaf.number;
             let placement = &self.scene.arrangement.placements[index as usize];
             let origins = exact::carry(placement, rays.origins, rays.directions, directions, origin_buffer);
@@ -320,9 +371,14 @@ impl Tracer {
             if let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
                 bvh, index, origins, directions, limits, nearest, mesh_rays,
             ) {
-                packet.traverse_mesh::<S>(mesh_stack);
+                let Some(more) = packet.traverse_mesh::<S>(mesh_stack, budget - done) else {
+                    policy.gave_up(ray_count);
+                    return PacketEnd::GivenUp;
+                };
+                work += more;
                 packet.write_hits(nearest, true);
             } else {
+                work += policy.single_work(ray_count);
                 for ray in 0..rays.directions.len() {
                     let mut best = nearest.get(ray);
                     let limits = rays.limits::<false>(ray);
@@ -340,7 +396,8 @@ impl Tracer {
             }
             top.update_depths(nearest);
         }
-        true
+        policy.succeeded(ray_count, work + PACKET_NODE * (stack.visited - visited));
+        PacketEnd::Cast
     }
 
     /// Finds the nearest hits (any hits, if `any`) of eight more rays of a batch, and returns which group of eight it was.
@@ -622,6 +679,7 @@ struct Scratch {
     rays: RayData,
     mesh_rays: RayData,
     single: SingleScratch,
+    policy: PacketPolicy,
 }
 
 impl Scratch {
@@ -636,17 +694,21 @@ impl Scratch {
     fn stats(&self) -> TraversalStats {
         let mut stats =
             TraversalStats { nodes: self.top.visited + self.mesh.visited, ..TraversalStats::default() };
-        for more in [
-            self.rays.stats(),
-            self.mesh_rays.stats(),
-            self.single.top.stats,
-            self.single.mesh.stats,
-            self.single.stream.stats(),
-        ] {
+        for more in [self.rays.stats(), self.mesh_rays.stats(), self.single.stats()] {
             stats += more;
         }
         stats
     }
+}
+
+/// How an attempt at a packet ended.
+enum PacketEnd {
+    /// Its rays have their hits.
+    Cast,
+    /// Its rays are no narrow pyramid.
+    NoPyramid,
+    /// It cost more than its rays are expected to cost one by one.
+    GivenUp,
 }
 
 /// The memory for rays in no packet.
@@ -656,6 +718,16 @@ struct SingleScratch {
     mesh: RayStack,
     stream: RayStream,
     scalar: ScalarScratch,
+}
+
+impl SingleScratch {
+    /// The work that was done in this memory so far.
+    fn stats(&self) -> TraversalStats {
+        let mut stats = self.top.stats;
+        stats += self.mesh.stats;
+        stats += self.stream.stats();
+        stats
+    }
 }
 
 /// The traversal stacks of a ray that is cast in f64.

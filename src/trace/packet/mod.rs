@@ -23,20 +23,33 @@ mod prepare;
 mod tests;
 mod traverse;
 
+use super::policy::{PACKET_LEAF, PACKET_LEAF_MET, PACKET_NODE};
 use super::simd::F32x8;
 pub(super) use prepare::{RayData, RayPacket, may_be_packet};
 pub(super) use traverse::PacketStack;
 
 impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
-    /// Finds the nearest hits in a mesh.
+    /// Finds the nearest hits in a mesh, and returns the work that it took. Gives up, and returns `None`, when the work
+    /// passes `budget`.
     #[inline(always)]
-    pub fn traverse_mesh<S: F32x8>(&mut self, stack: &mut PacketStack) {
+    pub fn traverse_mesh<S: F32x8>(&mut self, stack: &mut PacketStack, budget: u64) -> Option<u64> {
+        let (visited, before) = (stack.visited, self.rays.stats());
+        let mut leaves = 0;
         self.push_root::<S>(stack);
         loop {
             self.visit_nodes::<S>(stack);
-            if stack.leaf_count == 0 {
-                return;
+            let at_leaves = self.rays.stats() - before;
+            let work = PACKET_NODE * (stack.visited - visited)
+                + PACKET_LEAF * leaves
+                + PACKET_LEAF_MET * at_leaves.leaves
+                + at_leaves.tests;
+            if work > budget {
+                return None;
             }
+            if stack.leaf_count == 0 {
+                return Some(work);
+            }
+            leaves += stack.leaf_count as u64;
             for k in 0..stack.leaf_count {
                 let entry = stack.leaves[k];
                 if entry.near <= self.farthest {
