@@ -39,11 +39,6 @@ const PATIENCE: f64 = 1.5;
 /// reason to lose as much in another.
 const MOST_CREDIT_RAYS: f64 = 8.0 * PACKET_RAYS as f64;
 
-/// Larger packets are tried after as many tiles at most as this many rays go into one of them. An attempt that is given up costs
-/// one and a half times what its rays cost one by one, so this bounds the loss to some two percent, and small packets, which
-/// lose little, are tried again soon.
-const RAYS_A_TILE_OF_WAIT: usize = 2;
-
 /// Packets that cost less than this a ray are better than single rays in any scene.
 const CHEAP: u64 = 60;
 
@@ -97,8 +92,8 @@ impl PacketPolicy {
         if self.most < PACKET_RAYS {
             if self.wait == 0 {
                 self.most = (2 * self.most).max(LEAST);
-                // What smaller packets saved is no reason to lose as much on larger ones.
-                self.credit = 0.0;
+                // What smaller packets saved is no reason to lose as much on larger ones, but one loss is no proof.
+                self.credit = PATIENCE * self.single * self.most as f64;
                 self.wait = self.next_wait;
                 self.grew = true;
             } else {
@@ -130,12 +125,14 @@ impl PacketPolicy {
     #[cold]
     pub fn gave_up(&mut self, rays: usize) {
         self.credit -= PATIENCE * self.single * rays as f64;
-        if self.credit >= 0.0 {
+        if self.credit > -1e-6 * self.single {
             return;
         }
         (self.credit, self.grew) = (0.0, false);
         self.most = if rays / 2 >= LEAST { (rays / 2).next_power_of_two().min(self.most) } else { 0 };
-        let longest = ((2 * self.most).max(LEAST) / RAYS_A_TILE_OF_WAIT) as u32;
+        // Two packets of the next larger size, which are given up at one and a half times their rays' work, in as many tiles as
+        // they have rays: a loss of two percent. Small packets, which lose little, are so tried again soon.
+        let longest = (2 * self.most).max(LEAST) as u32;
         self.wait = self.next_wait.min(longest);
         self.next_wait = (2 * self.next_wait).min(longest);
     }
