@@ -22,6 +22,7 @@ mod terminal;
 mod threads;
 mod view;
 
+use std::io::{self, Write as _};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -77,7 +78,10 @@ enum Command {
 /// Runs the tool on the process's arguments.
 pub fn main() -> ExitCode {
     interrupt::outlive_file_limits();
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(shown) => return show(&shown),
+    };
     let terminal = Terminal::new(&cli.terminal);
     match run(&cli.command, &terminal) {
         Ok(()) => ExitCode::SUCCESS,
@@ -85,6 +89,19 @@ pub fn main() -> ExitCode {
             terminal.error(&error);
             ExitCode::from(error.exit_code())
         }
+    }
+}
+
+/// Shows help, the version, or what is wrong with the arguments.
+fn show(shown: &clap::Error) -> ExitCode {
+    match shown.print().and_then(|()| io::stdout().flush()) {
+        // A reader that has gone away has read enough.
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            let error = Error::output("stdout", error);
+            let _ = writeln!(io::stderr(), "error: {error}");
+            ExitCode::from(error.exit_code())
+        }
+        _ => ExitCode::from(u8::try_from(shown.exit_code()).unwrap_or(2)),
     }
 }
 

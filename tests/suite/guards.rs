@@ -633,3 +633,47 @@ fn case_junit_not_xml() {
     assert!(report.contains("a\u{fffd}b\u{fffd}\u{fffd}c"), "{report}");
     assert!(!report.contains(['\u{ffff}', '\u{fffe}', '\u{1b}']));
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_a_full_device_does_not_take_is_an_error() {
+    let work = Workplace::new();
+    let job = work.path("job.toml");
+    let job = job.to_str().unwrap();
+    for args in [
+        &["--help"][..],
+        &["scan", "--help"],
+        &["--version"],
+        &["lint", job],
+        &["lint", job, "--json"],
+        &["man"],
+    ] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let output = super::cli::command(args).stdout(full).output().unwrap();
+        assert_eq!(code(&output), 4, "{args:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains("stdout"), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn what_expectations_ask_for_is_limited_together() {
+    let job = |expectations: &str| {
+        lint(&format!(
+            "scene = \"ground.gltf\"\n[[sensor]]\nname = \"top\"\n[sensor.pinhole]\nwidth_px = 4\nheight_px = 4\n\
+             hfov_deg = 60.0\n{expectations}[output]\ndir = \"out\"\nformats = [\"exr\"]\n"
+        ))
+    };
+    let zone = |i: usize| {
+        format!(
+            "[[expect]]\nname = \"e{i}\"\ncoverage = {{ x_m = [0.0, 10.0], y_m = [0.0, 10.0], cell_m = 0.0035, at_least = 0.1 }}\n"
+        )
+    };
+    let (code, message) = job(&(0..13).map(zone).collect::<String>());
+    assert_eq!(code, 2);
+    assert!(message.contains("have more than 1e8 cells in all"), "{message}");
+    assert_eq!(job(&(0..12).map(zone).collect::<String>()).0, 0);
+    let returns = |i: usize| format!("[[expect]]\nname = \"e{i}\"\nreturns = {{ at_least = 0.1 }}\n");
+    let (code, message) = job(&(0..1001).map(returns).collect::<String>());
+    assert_eq!(code, 2);
+    assert!(message.contains("1000"), "{message}");
+}

@@ -13,6 +13,9 @@ use crate::trace::methods::{METHODS, Method};
 /// Most sensors of a rig.
 pub(crate) const MAX_SENSORS: usize = 64;
 
+/// Most expectations of a job: each looks at all rays.
+const MAX_EXPECTATIONS: usize = 1000;
+
 pub(crate) static JOB: TableKeys = table(
     "a job",
     &[
@@ -73,7 +76,7 @@ pub(crate) static CHECK: Key<Nested> = key(
 );
 pub(crate) static EXPECTATIONS: Key<Tables> = key(
     "expect",
-    Tables::with_headers(&EXPECT, "expectation", 0),
+    Tables::with_headers(&EXPECT, "expectation", 0).at_most(MAX_EXPECTATIONS),
     "What the rig should see: one table an expectation.",
 );
 

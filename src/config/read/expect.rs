@@ -1,5 +1,7 @@
 //! A job's `[[expect]]` tables → [`Expectation`]s.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 
 use super::super::keys::expect as keys;
@@ -11,23 +13,24 @@ use crate::check::expect::{Bounds, Expectation, Expected, Ground, Target, Zone};
 use crate::source::Spanned;
 use crate::source::suggest::{list, nearest, quoted};
 
-/// Most cells of a zone.
+/// Most cells of a zone, and of all zones of a job.
 const MAX_CELLS: f64 = 1e7;
+const MAX_CELLS_OF_ALL: f64 = 1e8;
 
 /// The job's `[[expect]]`, in their order; `sensors` are the names of its sensors.
 pub(super) fn expectations(job: &Table<'_>, sensors: &[String]) -> Vec<Expectation> {
     let Some(tables) = job.read(&EXPECTATIONS) else { return Vec::new() };
     let report = job.report();
     let mut found = Vec::new();
-    let mut taken: Vec<&str> = Vec::new();
+    let mut taken: BTreeSet<&str> = BTreeSet::new();
+    let mut cells = 0.0;
     for t in &tables.value {
         let name = t.read(&keys::NAME);
         if let Some(name) = name {
-            if taken.contains(&name.value) {
+            if !taken.insert(name.value) {
                 let message = format!("two expectations are called {}", quoted(name.value));
                 report.error(name.span, message, "expected another name", None);
             }
-            taken.push(name.value);
         }
         let sensor = t.read(&keys::SENSOR);
         if let Some(Spanned { value, span }) = sensor
@@ -42,6 +45,15 @@ pub(super) fn expectations(job: &Table<'_>, sensors: &[String]) -> Vec<Expectati
             report.error(span, format!("there is no sensor {}", quoted(value)), "", Some(help));
         }
         let what = expected(t);
+        if let Some(Expected::Coverage { zone, .. }) = &what {
+            cells += cells_of(zone);
+            if cells > MAX_CELLS_OF_ALL {
+                let message =
+                    format!("the zones of the job have more than {MAX_CELLS_OF_ALL:e} cells in all");
+                report.error(t.span, message, "too many from here on", None);
+                break;
+            }
+        }
         if let (Some(name), Some(what)) = (name, what) {
             let sensor = sensor.map(|sensor| sensor.value.to_owned());
             found.push(Expectation { name: name.value.to_owned(), sensor, what });
@@ -139,14 +151,19 @@ fn coverage(t: &Table<'_>) -> Option<Expected> {
     let at_least = t.read(&AT_LEAST);
     let ground = ground(t);
     let (x_m, y_m, cell) = (x_m?, y_m?, cell?);
-    let cells = ((x_m[1] - x_m[0]) / cell.value).ceil() * ((y_m[1] - y_m[0]) / cell.value).ceil();
+    let zone = Zone { ground, x_m, y_m, cell_m: cell.value };
+    let cells = cells_of(&zone);
     if cells.is_nan() || cells > MAX_CELLS {
         let message = format!("a zone of {cells:e} cells");
         t.report().error(cell.span, message, format!("expected at most {MAX_CELLS:e}"), None);
         return None;
     }
-    let zone = Zone { ground, x_m, y_m, cell_m: cell.value };
     Some(Expected::Coverage { zone, at_least: at_least?.value })
+}
+
+fn cells_of(zone: &Zone) -> f64 {
+    let cells = |[low, high]: [f64; 2]| ((high - low) / zone.cell_m).ceil();
+    cells(zone.x_m) * cells(zone.y_m)
 }
 
 fn blind_zone(t: &Table<'_>) -> Option<Expected> {
