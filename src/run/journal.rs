@@ -7,7 +7,7 @@ use super::session::Session;
 use crate::config::{InputFile, Job};
 use crate::error::Error;
 use crate::output::recorded::Folder;
-use crate::output::{Destination, GrowingFile, Kind, Manifest, SensorFrame, Stream, WrittenFile};
+use crate::output::{Destination, Format, GrowingFile, Kind, Manifest, SensorFrame, Stream, WrittenFile};
 use crate::scene::SourceFile;
 
 /// The record of a run: the files that were written, in order. The manifest is made from it.
@@ -29,7 +29,7 @@ impl Journal {
         let destination = Destination::check(&job.output.dir, plan.output_names(), overwrite)?;
         // A manifest that can't be read lists nothing that could be removed.
         let old = match Folder::open(&job.output.dir) {
-            Ok(folder) if overwrite => folder.outputs,
+            Ok(folder) if overwrite => folder.outputs.into_iter().filter(|name| is_of_a_run(name)).collect(),
             _ => Vec::new(),
         };
         Ok(Self { destination, old, written: Vec::new(), streams: Vec::new() })
@@ -113,5 +113,38 @@ impl Journal {
         };
         self.destination.write(Manifest::NAME, &manifest.encode())?;
         Ok(())
+    }
+}
+
+/// Whether a path is one that a run gives an output: `SENSOR/000000.exr`, or `run.exr` for a file of all frames. A manifest is a
+/// file that anybody may have written, and `--overwrite` removes no other file of its folder because of it.
+fn is_of_a_run(name: &str) -> bool {
+    let Some((stem, extension)) = name.rsplit_once('.') else { return false };
+    let is_frame = |(sensor, frame): (&str, &str)| {
+        !sensor.contains('/') && frame.len() >= 6 && frame.bytes().all(|b| b.is_ascii_digit())
+    };
+    Format::named(extension).is_some() && (stem == "run" || stem.split_once('/').is_some_and(is_frame))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_outputs_are_outputs_of_a_run() {
+        for name in ["top/000000.exr", "front_left/1234567.ply", "run.png"] {
+            assert!(is_of_a_run(name), "{name}");
+        }
+        for name in [
+            "src/main.rs",
+            "a.exr",
+            "a/b/000000.exr",
+            "top/notes.exr",
+            "top/00000.exr",
+            "top/000000",
+            "000000.exr",
+        ] {
+            assert!(!is_of_a_run(name), "{name}");
+        }
     }
 }
