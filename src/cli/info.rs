@@ -13,7 +13,7 @@ use super::outline;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::output::Samples;
-use crate::output::recorded::{Cloud, Folder, Part, Recorded};
+use crate::output::recorded::{Cloud, Folder, Part, Recorded, RecordedManifest};
 use crate::run::facts::facts_of;
 use crate::run::{Bytes, memory};
 use crate::scene::gltf;
@@ -240,58 +240,42 @@ impl CloudFacts {
 
 /// The content of a scan's manifest.
 fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
-    let manifest = &folder.manifest;
-    let get = |pointer: &str| manifest.pointer(pointer).cloned().unwrap_or(Value::Null);
-    let sensors: Vec<Value> = match get("/job/sensor") {
-        Value::Array(sensors) => {
-            sensors.iter().map(|s| s.get("name").cloned().unwrap_or_else(|| "sensor".into())).collect()
-        }
-        _ => Vec::new(),
-    };
-    let count = |pointer: &str| get(pointer).as_array().map_or(0, Vec::len);
+    let RecordedManifest { tool, seed, job, inputs, scene, outputs } = &folder.manifest;
+    let sensors: Vec<&str> =
+        job.sensor.iter().map(|sensor| sensor.name.as_deref().unwrap_or("sensor")).collect();
+    let instances = scene.instances().count();
     let json = json!({
         "path": name,
         "kind": "scan",
-        "tool": get("/tool"),
-        "seed": get("/seed"),
-        "scene": get("/job/scene"),
-        "triangles": get("/scene/triangles"),
-        "instances": folder.instances().count(),
-        "materials": count("/scene/materials"),
+        "tool": tool,
+        "seed": seed,
+        "scene": job.scene,
+        "triangles": scene.triangles,
+        "instances": instances,
+        "materials": scene.materials(),
         "sensors": sensors,
-        "inputs": get("/inputs"),
-        "outputs": get("/outputs"),
+        "inputs": inputs,
+        "outputs": outputs,
     });
-    let say = |pointer: &str| match get(pointer) {
-        Value::String(text) => on_one_line(&text),
-        Value::Null => "?".to_owned(),
-        other => other.to_string(),
-    };
+    let say = |text: &Option<String>| text.as_deref().map_or_else(|| "?".to_owned(), on_one_line);
+    let count = |number: &Option<u64>| number.map_or_else(|| "?".to_owned(), |number| number.to_string());
     let mut text = String::new();
+    let _ =
+        writeln!(text, "    made by       {} {}, seed {}", say(&tool.name), say(&tool.version), count(seed));
     let _ = writeln!(
         text,
-        "    made by       {} {}, seed {}",
-        say("/tool/name"),
-        say("/tool/version"),
-        say("/seed")
+        "    scene         {}, {} triangles, {instances} instances, {} materials",
+        say(&job.scene),
+        count(&scene.triangles),
+        scene.materials()
     );
-    let _ = writeln!(
-        text,
-        "    scene         {}, {} triangles, {} instances, {} materials",
-        say("/job/scene"),
-        say("/scene/triangles"),
-        folder.instances().count(),
-        count("/scene/materials")
-    );
-    let names: Vec<&str> = sensors.iter().filter_map(Value::as_str).collect();
-    let _ = writeln!(text, "    sensors       {}", on_one_line(&names.join(", ")));
-    for (label, list, key) in [("input", "/inputs", "name"), ("output", "/outputs", "path")] {
-        for file in get(list).as_array().into_iter().flatten() {
-            let word = |key: &str| on_one_line(file.get(key).and_then(Value::as_str).unwrap_or("?"));
-            let bytes = Bytes(file.get("bytes").and_then(Value::as_u64).unwrap_or(0));
-            let hash: String = word("blake3").chars().take(16).collect();
-            let _ = writeln!(text, "    {label:<14}{} ({bytes}, BLAKE3 {hash}…)", word(key));
-        }
+    let _ = writeln!(text, "    sensors       {}", on_one_line(&sensors.join(", ")));
+    let inputs = inputs.iter().map(|file| ("input", &file.name, file.bytes, &file.blake3));
+    let outputs = outputs.iter().map(|file| ("output", &file.path, file.bytes, &file.blake3));
+    for (label, name, bytes, hash) in inputs.chain(outputs) {
+        let (name, bytes) = (on_one_line(name), Bytes(bytes.unwrap_or(0)));
+        let hash: String = say(hash).chars().take(16).collect();
+        let _ = writeln!(text, "    {label:<14}{name} ({bytes}, BLAKE3 {hash}…)");
     }
     (json, text)
 }

@@ -29,7 +29,9 @@ impl Journal {
         let destination = Destination::check(&job.output.dir, plan.output_names(), overwrite)?;
         // A manifest that can't be read lists nothing that could be removed.
         let old = match Folder::open(&job.output.dir) {
-            Ok(folder) if overwrite => folder.outputs.into_iter().filter(|name| is_of_a_run(name)).collect(),
+            Ok(folder) if overwrite => {
+                folder.outputs().filter(|name| is_of_a_run(name)).map(str::to_owned).collect()
+            }
             _ => Vec::new(),
         };
         Ok(Self { destination, old, written: Vec::new(), streams: Vec::new() })

@@ -38,13 +38,12 @@ impl Side {
                 let is = |output: &str, extension: &str| {
                     Path::new(output).extension().is_some_and(|e| e == extension)
                 };
-                let all: BTreeSet<&Path> = folder.outputs.iter().map(Path::new).collect();
+                let all: BTreeSet<&Path> = folder.outputs().map(Path::new).collect();
                 let has_image = |cloud: &str| all.contains(Path::new(cloud).with_extension("exr").as_path());
                 // A cloud says nothing that the image of the same frame doesn't say.
-                let wanted =
-                    |output: &&String| is(output, "exr") || (is(output, "ply") && !has_image(output));
-                for output in folder.outputs.iter().filter(wanted) {
-                    let frame = output.rsplit_once('.').map_or(output.as_str(), |(stem, _)| stem);
+                let wanted = |output: &&str| is(output, "exr") || (is(output, "ply") && !has_image(output));
+                for output in folder.outputs().filter(wanted) {
+                    let frame = output.rsplit_once('.').map_or(output, |(stem, _)| stem);
                     let recorded = folder.read(output, memory)?;
                     memory = memory.saturating_sub(recorded.memory());
                     side.add_recorded(frame, recorded);

@@ -40,7 +40,7 @@ pub fn of_recording(path: &Path, memory: u64) -> Result<(Vec<View>, String), Err
 /// The frames of a scan's folder. Each is read from its EXR with the points of its PLY, or from the one that is there.
 fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Error> {
     let mut frames: BTreeMap<&str, [bool; 2]> = BTreeMap::new();
-    for output in &folder.outputs {
+    for output in folder.outputs() {
         let Some((stem, extension)) = output.rsplit_once('.') else { continue };
         match extension {
             "exr" => frames.entry(stem).or_default()[0] = true,
@@ -53,7 +53,7 @@ fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Er
             "has neither EXR nor PLY files to show: `formats` in the job's [output] says what is written";
         return Err(Error::input(folder.path(), problem));
     }
-    let listed = folder.instances();
+    let listed = folder.manifest.scene.instances();
     let instances = Some(&listed);
     let mut seen = Vec::new();
     for (&stem, &[has_exr, has_ply]) in frames.iter().take(MAX_FRAMES) {

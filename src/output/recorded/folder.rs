@@ -1,14 +1,11 @@
 //! Files and folders of recorded frames, recognised by their content.
 
-use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Component, Path, PathBuf};
-
-use serde_json::Value;
+use std::path::{Path, PathBuf};
 
 use super::error::ReadError;
 use super::exr::{Part, read_exr};
-use super::instances::InstanceNames;
+use super::manifest::RecordedManifest;
 use super::ply::{Cloud, read_ply};
 use crate::error::Error;
 use crate::output::manifest::Manifest;
@@ -65,9 +62,7 @@ impl Recorded {
 pub struct Folder {
     path: PathBuf,
     /// The content of the manifest.
-    pub manifest: Value,
-    /// The outputs that the manifest lists, as paths in the folder with forward slashes. No path leads out of the folder.
-    pub outputs: Vec<String>,
+    pub manifest: RecordedManifest,
 }
 
 impl Folder {
@@ -83,41 +78,14 @@ impl Folder {
                 format!("has no {}, so no scan wrote it, or none that came to its end", Manifest::NAME);
             return Err(Error::input(path, problem));
         }
-        let manifest: Value = serde_json::from_slice(&read(&name, MAX_MANIFEST_BYTES)?)
-            .map_err(|e| Error::input(&name, format!("this is not valid JSON: {e}")))?;
-        let (mut outputs, mut known) = (Vec::new(), BTreeSet::new());
-        let listed = manifest.get("outputs").and_then(Value::as_array);
-        let listed = listed
-            .ok_or_else(|| Error::input(&name, "this is not the manifest of a scan: it has no `outputs`"))?;
-        for output in listed {
-            let output = output.get("path").and_then(Value::as_str);
-            let output = output.ok_or_else(|| Error::input(&name, "an output has no `path`"))?;
-            let inside = Path::new(output).components().all(|part| matches!(part, Component::Normal(_)));
-            if !inside || output.is_empty() || output.contains('\\') {
-                return Err(Error::input(&name, format!("lists {output:?}, which is not in its folder")));
-            }
-            if !known.insert(output) {
-                return Err(Error::input(&name, format!("lists {output:?} twice")));
-            }
-            outputs.push(output.to_owned());
-        }
-        Ok(Self { path: path.to_path_buf(), manifest, outputs })
+        let manifest = RecordedManifest::decode(&read(&name, MAX_MANIFEST_BYTES)?);
+        let manifest = manifest.map_err(|e| Error::input(&name, e))?;
+        Ok(Self { path: path.to_path_buf(), manifest })
     }
 
-    /// The names of the instances that the manifest lists.
-    pub fn instances(&self) -> InstanceNames {
-        let listed = self.manifest.pointer("/scene/instances").and_then(Value::as_array);
-        // A manifest without a format counts ids from 0, and may leave them out.
-        let mut next = 0;
-        let run = |instance: &Value| {
-            let id =
-                |key: &str| instance.get(key).and_then(Value::as_u64).and_then(|id| u32::try_from(id).ok());
-            let first = id("id").unwrap_or(next);
-            let last = id("last").unwrap_or(first);
-            next = last.saturating_add(1);
-            Some((first, last, instance.get("name")?.as_str()?.to_owned()))
-        };
-        InstanceNames::new(listed.into_iter().flatten().filter_map(run).collect())
+    /// The outputs that the manifest lists, as paths in the folder with forward slashes.
+    pub fn outputs(&self) -> impl Iterator<Item = &str> {
+        self.manifest.outputs.iter().map(|output| output.path.as_str())
     }
 
     /// The path with which the folder was opened.

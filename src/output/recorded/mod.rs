@@ -7,10 +7,12 @@ mod error;
 mod exr;
 mod folder;
 mod instances;
+mod manifest;
 mod ply;
 
 pub use error::ReadError;
 pub use exr::{Part, read_exr};
 pub use folder::{Folder, Recorded};
 pub use instances::InstanceNames;
+pub use manifest::{Input, Output, RecordedJob, RecordedManifest, RecordedScene, RecordedSensor, Tool};
 pub use ply::{Cloud, Field, read_ply};

@@ -249,7 +249,7 @@ fn ply_seeds() -> Vec<Vec<u8>> {
 fn manifest(bytes: &[u8]) {
     let path = file("manifest.json", bytes);
     if let Ok(Recorded::Folder(folder)) = Recorded::open(&path, MEMORY) {
-        for output in folder.outputs.iter().take(10) {
+        for output in folder.outputs().take(10) {
             // There is nothing to be read in this folder but what other targets write.
             let _ = folder.read(output, MEMORY);
         }

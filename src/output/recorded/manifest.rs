@@ -1,0 +1,158 @@
+//! The manifest of a scan, as far as it is used when it is read back.
+
+use std::collections::BTreeSet;
+use std::path::{Component, Path};
+
+use serde::de::IgnoredAny;
+use serde::{Deserialize, Serialize};
+
+use super::error::ReadError;
+use super::instances::InstanceNames;
+
+/// The content of a manifest. Anybody may have written it. What is not used of it is not kept: a tree of values would take
+/// some thirty times the file's length.
+#[derive(Clone, Debug, Default, Deserialize)]
+pub struct RecordedManifest {
+    /// The program that wrote it.
+    #[serde(default)]
+    pub tool: Tool,
+    /// The seed of all random numbers.
+    #[serde(default)]
+    pub seed: Option<u64>,
+    /// The job.
+    #[serde(default)]
+    pub job: RecordedJob,
+    /// The files that went in.
+    #[serde(default)]
+    pub inputs: Vec<Input>,
+    /// The scene.
+    #[serde(default)]
+    pub scene: RecordedScene,
+    /// The files that came out, each once. No path leads out of the folder.
+    pub outputs: Vec<Output>,
+}
+
+/// The program that wrote a manifest.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+pub struct Tool {
+    /// Its name.
+    pub name: Option<String>,
+    /// Its version.
+    pub version: Option<String>,
+}
+
+/// What is used of a recorded job.
+#[derive(Clone, Debug, Default, Deserialize)]
+pub struct RecordedJob {
+    /// The scene's path, as the job has it.
+    pub scene: Option<String>,
+    /// The sensors.
+    #[serde(default)]
+    pub sensor: Vec<RecordedSensor>,
+}
+
+/// What is used of a recorded sensor.
+#[derive(Clone, Debug, Default, Deserialize)]
+pub struct RecordedSensor {
+    /// The sensor's name, which one that is alone may lack.
+    pub name: Option<String>,
+}
+
+/// A file that went in.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Input {
+    /// The name as the user wrote it.
+    pub name: String,
+    /// Its length.
+    pub bytes: Option<u64>,
+    /// Its hash.
+    pub blake3: Option<String>,
+}
+
+/// A file that came out.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Output {
+    /// The path in the folder, with forward slashes.
+    pub path: String,
+    /// Its length.
+    pub bytes: Option<u64>,
+    /// Its hash.
+    pub blake3: Option<String>,
+}
+
+/// What is used of a recorded scene.
+#[derive(Clone, Debug, Default, Deserialize)]
+pub struct RecordedScene {
+    /// The number of triangles, each counted as often as it is placed.
+    pub triangles: Option<u64>,
+    #[serde(default)]
+    instances: Vec<Instances>,
+    #[serde(default)]
+    materials: Vec<IgnoredAny>,
+}
+
+/// Instances that follow each other and have the same name.
+#[derive(Clone, Debug, Deserialize)]
+struct Instances {
+    id: Option<u32>,
+    last: Option<u32>,
+    name: String,
+}
+
+impl RecordedManifest {
+    /// Reads a manifest.
+    pub(super) fn decode(bytes: &[u8]) -> Result<Self, ReadError> {
+        let manifest: Self = serde_json::from_slice(bytes).map_err(|e| {
+            let is = if e.is_data() { "the manifest of a scan" } else { "valid JSON" };
+            ReadError::new(format!("this is not {is}: {e}"))
+        })?;
+        let mut known = BTreeSet::new();
+        for Output { path, .. } in &manifest.outputs {
+            let inside = Path::new(path).components().all(|part| matches!(part, Component::Normal(_)));
+            if !inside || path.is_empty() || path.contains('\\') {
+                return Err(ReadError::new(format!("lists {path:?}, which is not in its folder")));
+            }
+            if !known.insert(path) {
+                return Err(ReadError::new(format!("lists {path:?} twice")));
+            }
+        }
+        Ok(manifest)
+    }
+}
+
+impl RecordedScene {
+    /// The names of the instances.
+    pub fn instances(&self) -> InstanceNames {
+        // A manifest without a format counts ids from 0, and may leave them out.
+        let mut next = 0;
+        let run = |instances: &Instances| {
+            let first = instances.id.unwrap_or(next);
+            let last = instances.last.unwrap_or(first);
+            next = last.saturating_add(1);
+            (first, last, instances.name.clone())
+        };
+        InstanceNames::new(self.instances.iter().map(run).collect())
+    }
+
+    /// The number of materials.
+    pub fn materials(&self) -> usize {
+        self.materials.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_manifest_is_told() {
+        let problem = |text: &str| RecordedManifest::decode(text.as_bytes()).unwrap_err().to_string();
+        assert!(problem("{").starts_with("this is not valid JSON"));
+        assert!(problem("{}").starts_with("this is not the manifest of a scan: missing field `outputs`"));
+        assert!(problem("{\"outputs\":[{}]}").contains("missing field `path`"));
+        assert!(problem("{\"outputs\":[{\"path\":\"../a\"}]}").contains("is not in its folder"));
+        assert!(problem("{\"outputs\":[{\"path\":\"a\"},{\"path\":\"a\"}]}").contains("lists \"a\" twice"));
+        let least = RecordedManifest::decode(b"{\"outputs\":[],\"more\":[[[{}]]]}").unwrap();
+        assert_eq!((least.outputs.len(), least.scene.instances().count()), (0, 0));
+    }
+}
