@@ -54,9 +54,13 @@ fn pixels(sensor: &Sensor) -> u64 {
     (sensor.pattern.rows() as u64).saturating_mul(sensor.pattern.columns() as u64)
 }
 
-/// The memory that one frame of a sensor takes, in bytes.
+/// The memory that one frame of a sensor takes, in bytes, with the directions of a distorted camera's pixels.
 pub fn of_frame(sensor: &Sensor) -> u64 {
-    pixels(sensor).saturating_mul(FRAME_BYTES_A_RAY)
+    let directions = match &sensor.pattern {
+        Pattern::Camera(camera) => camera.table_bytes(),
+        _ => 0,
+    };
+    pixels(sensor).saturating_mul(FRAME_BYTES_A_RAY).saturating_add(directions)
 }
 
 /// An upper estimate of the memory that the frames of a rig take, with everything that is made of them, in bytes. Too many
@@ -276,6 +280,7 @@ mod tests {
         let distorted = camera.clone().with_lens(Lens::BrownConrady(lens));
         let rig = [camera, distorted].map(|camera| mounted(Pattern::Camera(camera)));
         assert_eq!(of_tables(&rig), 300 * size_of::<glam::DVec3>() as u64);
+        assert_eq!(of_frame(&rig[1].sensor) - of_frame(&rig[0].sensor), of_tables(&rig));
     }
 
     #[cfg(target_os = "linux")]
