@@ -125,16 +125,16 @@ pub fn of_tables(sensors: &[MountedSensor]) -> u64 {
 
 /// Bytes that a stored triangle takes in the scene and in the tracer's hierarchy, and a vertex beside them. These and the next
 /// ones were measured: meshes of 20 000 to a million triangles with half a vertex to three vertices a triangle, and up to
-/// 200 000 placements, take between 0.75 and 1.1 times the estimate.
+/// 200 000 placements, take between 0.8 and 1.3 times the estimate.
 const TRIANGLE_BYTES: u64 = 130;
-const VERTEX_BYTES: u64 = 18;
+const VERTEX_BYTES: u64 = 22;
 
 /// Bytes that building takes for each triangle of the parts that are built at the same time, and the triangles of these.
-const BUILDING_BYTES: u64 = 170;
+const BUILDING_BYTES: u64 = 90;
 const TRIANGLES_BEING_BUILT: u64 = 1 << 16;
 
 /// Bytes that a placement takes while the hierarchy over all placements is built.
-const PLACEMENT_BYTES: u64 = 2150;
+const PLACEMENT_BYTES: u64 = 690;
 
 /// An estimate of the memory that a scene and its tracer take at most, in bytes.
 pub fn of_scene(scene: &Scene) -> u64 {

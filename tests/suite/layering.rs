@@ -59,6 +59,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
             "output/files.rs",
             "output/whole.rs",
             "output/recorded/folder.rs",
+            "output/recorded/manifest.rs",
             "view/recorded.rs",
             "run/",
             "cli/",
