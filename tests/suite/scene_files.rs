@@ -133,6 +133,17 @@ fn a_name_with_codes_is_taken_as_it_is_where_the_decoded_one_is_missing() {
     assert!(triangles(folder.path(), "scene.gltf").unwrap_err().contains("there is no such file"));
 }
 
+#[test]
+fn a_path_of_windows_is_read_with_a_warning() {
+    let folder = workplace("scene.gltf", "data\\scene.bin");
+    fs::create_dir(folder.path().join("data")).unwrap();
+    fs::write(folder.path().join("data/scene.bin"), buffer()).unwrap();
+    let output = beamcast(&["lint", &path_in(folder.path(), "scene.gltf")]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let expected = "buffer 0: its uri has backslashes, which are read as slashes";
+    assert!(stderr(&output).contains(expected), "{}", stderr(&output));
+}
+
 /// A scene with a warning and a note.
 fn odd_scene() -> TempDir {
     let folder = workplace("scene.vrm", "scene.bin");

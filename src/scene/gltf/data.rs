@@ -9,9 +9,9 @@ use std::rc::Rc;
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
-use super::document::Document;
+use super::document::{Document, GEOMETRY};
 use super::draco::Draco;
-use super::fault::{Fault, missing};
+use super::fault::{Fault, missing, quoted};
 use super::files::{Folders, Resolved};
 use super::notices::Notices;
 use super::schema::{self, Accessor, Component, Kind};
@@ -155,8 +155,12 @@ impl<'a> Data<'a> {
         notices: &Notices,
     ) -> Self {
         let mut longest = BTreeMap::new();
-        for buffer in &document.buffers {
+        for (index, buffer) in document.buffers.iter().enumerate() {
             if let Some(uri) = &buffer.uri {
+                if uri.contains('\\') {
+                    let message = "its uri has backslashes, which are read as slashes";
+                    notices.warn(|| format!("buffer {index}"), message);
+                }
                 let longest: &mut u64 = longest.entry(uri.as_str()).or_default();
                 *longest = buffer.byte_length.max(*longest);
             }
@@ -308,7 +312,16 @@ impl<'a> Data<'a> {
             let buffer = view.buffer.ok_or_else(|| Fault::new("", "it names no buffer"))?;
             Ok(View { bytes: self.slice(buffer, view.byte_offset, view.byte_length)?, stride })
         };
-        read().map_err(|fault: Fault| fault.within(format!("bufferView {index}")))
+        read().map_err(|fault: Fault| {
+            let other = view.extensions.keys().find(|name| !GEOMETRY.contains(&name.as_str()));
+            let fault = match other {
+                // Where the data are missing, they are in what is not read.
+                Some(other) => fault
+                    .help(format!("it has the extension {}, which beamcast does not read", quoted(other))),
+                None => fault,
+            };
+            fault.within(format!("bufferView {index}"))
+        })
     }
 
     fn decode(&self, compressed: &Compressed) -> Result<Vec<u8>, Fault> {

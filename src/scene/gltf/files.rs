@@ -1,5 +1,6 @@
 //! Files and URIs: which files may be opened, how much of them is read, and the container format GLB.
 
+use std::borrow::Cow;
 use std::path::{Component, Path, PathBuf};
 
 use super::fault::{Fault, quoted};
@@ -176,10 +177,13 @@ pub(super) fn resolve(uri: &str, folders: &Folders) -> Result<Resolved, Fault> {
     let decoded = percent_decode(uri.as_bytes());
     let decoded =
         String::from_utf8(decoded).map_err(|_| refuse("is not UTF-8 once its % codes are decoded", HELP))?;
+    // Some exporters write names as they are, without % codes, though the name holds what looks like one; some write paths
+    // as Windows has them.
+    let mut names = vec![decoded.replace('\\', "/"), uri.replace('\\', "/")];
+    names.dedup();
     let mut first_error = None;
     for folder in [&folders.given, &folders.real] {
-        // Some exporters write names as they are, without % codes, though the name holds what looks like one.
-        for name in [&decoded[..], uri].into_iter().take(if decoded == uri { 1 } else { 2 }) {
+        for name in &names {
             let Relative { path, leaves } = check_relative(name).map_err(|why| refuse(why, HELP))?;
             if leaves && !folders.is_widened {
                 return Err(refuse("leaves the scene's folder", WIDEN));
@@ -248,9 +252,6 @@ fn check_relative(path: &str) -> Result<Relative, &'static str> {
     if path.contains('\0') {
         return Err("holds a NUL");
     }
-    if path.contains('\\') {
-        return Err("holds a backslash, where a uri has /");
-    }
     let (mut depth, mut leaves, path) = (0_usize, false, Path::new(path));
     for component in path.components() {
         match component {
@@ -291,7 +292,7 @@ fn decode_data_uri(rest: &str) -> Result<Vec<u8>, Fault> {
     let no_comma = || Fault::new("", "the data: URI has no comma");
     let (media_type, data) = rest.split_once(',').ok_or_else(no_comma)?;
     let base64 = media_type.rsplit(';').next().is_some_and(|s| s.eq_ignore_ascii_case("base64"));
-    let mut data = std::borrow::Cow::Borrowed(data.as_bytes());
+    let mut data = Cow::Borrowed(data.as_bytes());
     if !base64 || data.contains(&b'%') {
         data = percent_decode(&data).into();
     }
@@ -300,6 +301,11 @@ fn decode_data_uri(rest: &str) -> Result<Vec<u8>, Fault> {
 
 /// Decodes base64 with the alphabet of RFC 4648, section 4; the padding may be left out.
 fn decode_base64(text: &[u8]) -> Result<Vec<u8>, Fault> {
+    let text = match text.iter().any(u8::is_ascii_whitespace) {
+        // Some writers break the lines of long texts.
+        true => Cow::Owned(text.iter().copied().filter(|b| !b.is_ascii_whitespace()).collect::<Vec<u8>>()),
+        false => Cow::Borrowed(text),
+    };
     let end = text.len() - text.iter().rev().take(2).take_while(|&&b| b == b'=').count();
     let text = &text[..end];
     if text.len() % 4 == 1 {
@@ -344,6 +350,7 @@ mod tests {
         assert_eq!(decode_base64(b"Zm8=").unwrap(), b"fo");
         assert_eq!(decode_base64(b"Zm9vYmFy").unwrap(), b"foobar");
         assert_eq!(decode_base64(b"Zm9vYg").unwrap(), b"foob");
+        assert_eq!(decode_base64(b" Zm9v\r\nYg =\n=\n").unwrap(), b"foob");
         assert_eq!(decode_base64(b"+/+/").unwrap(), [0xfb, 0xff, 0xbf]);
         assert!(decode_base64(b"Zm9vY").is_err());
         assert!(decode_base64(b"Zm9v!A==").unwrap_err().problem.contains("0x21 at 4"));
@@ -365,7 +372,7 @@ mod tests {
         for outside in ["..", "../a", "sub/../../a", "../a/b/c"] {
             assert!(check_relative(outside).unwrap().leaves, "{outside}");
         }
-        for bad in ["", "/etc/passwd", "a\0b", "..\\a", "\\\\host\\a"] {
+        for bad in ["", "/etc/passwd", "a\0b", "//host/a"] {
             assert!(check_relative(bad).is_err(), "{bad}");
         }
         for scheme in ["file:///etc/passwd", "http://a/b", "C:/a", "a+b.c-d:e"] {

@@ -1,7 +1,7 @@
 //! Materials, of which the colour is read, and the notes on what else a file says that changes nothing here.
 
 use super::document::{Document, GEOMETRY, label};
-use super::fault::quoted;
+use super::fault::{counted, quoted};
 use super::notices::Notices;
 use super::options::Options;
 use super::schema::{Lenient, MaterialJson, SpecularGlossiness};
@@ -87,19 +87,23 @@ pub(super) fn note_what_is_not_read(document: &Document, notices: &Notices) {
             notices.note(|| document.node_label(index), message, Some("`beamcast info` lists cameras"));
         }
     }
-    // The extensions of materials that matter are told material by material.
-    for extension in &document.extensions {
-        let is_read = GEOMETRY.contains(&extension.as_str())
-            || ["KHR_materials_transmission", "KHR_materials_pbrSpecularGlossiness"]
-                .contains(&extension.as_str());
-        if !is_read {
-            notices.note(
-                || format!("extension {}", quoted(extension).trim_matches('"')),
-                "it is not read",
-                None,
-            );
-        }
+    note_of_extensions(document, notices);
+}
+
+/// One note names all extensions that are not read. Those of materials that matter are told material by material.
+fn note_of_extensions(document: &Document, notices: &Notices) {
+    const MOST_NAMES: usize = 20;
+    const TOLD: [&str; 2] = ["KHR_materials_transmission", "KHR_materials_pbrSpecularGlossiness"];
+    let is_read = |name: &&str| GEOMETRY.contains(name) || TOLD.contains(name);
+    let others = || document.extensions.iter().map(String::as_str).filter(|name| !is_read(name));
+    let count = others().count();
+    if count == 0 {
+        return;
     }
+    let names: Vec<String> = others().take(MOST_NAMES).map(quoted).collect();
+    let more = if count > names.len() { ", …" } else { "" };
+    let (count, names) = (counted(count as u64, "extension"), names.join(", "));
+    notices.note(|| "extensionsUsed".to_owned(), format!("{count} not read: {names}{more}"), None);
 }
 
 fn note_of_material(material: &MaterialJson, place: &impl Fn() -> String, notices: &Notices) {

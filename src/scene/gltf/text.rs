@@ -221,11 +221,12 @@ pub(super) fn place_of(text: &[u8], byte: usize) -> (String, &[u8]) {
     }
 }
 
-/// The words for numbers that are none, as serialisers of several languages write them.
-fn is_no_number(token: &[u8]) -> bool {
-    let word = token.to_ascii_lowercase();
-    let has = |part: &[u8]| word.windows(part.len()).any(|window| window == part);
-    !token.starts_with(b"\"") && (has(b"inf") || has(b"nan") || has(b"#ind") || has(b"#qnan"))
+/// Whether a value is a word for a number that is none, as serialisers of several languages write it.
+fn is_no_number(value: &[u8]) -> bool {
+    const LONGEST: usize = 24;
+    const WORDS: [&[u8]; 4] = [b"inf", b"nan", b"#ind", b"#qnan"];
+    let has = |word: &&[u8]| value.windows(word.len()).any(|part| part.eq_ignore_ascii_case(word));
+    value.len() <= LONGEST && !value.starts_with(b"\"") && WORDS.iter().any(has)
 }
 
 /// The text as it is to be parsed. What was mended is warned of.

@@ -291,6 +291,22 @@ fn geometry_in_an_extension_that_is_not_read_is_no_silence() {
 }
 
 #[test]
+fn a_view_whose_data_are_in_an_extension_names_it() {
+    let mut asset = Asset::triangle();
+    asset.json["bufferViews"][0]["extensions"] = json!({ "ACME_squeezed_view": {} });
+    close(&world(&asset.load()), &[UNIT], 0.0);
+    asset.json["bufferViews"][0]["buffer"] = json!(1);
+    let mut json: Value = serde_json::from_str(&asset.text()).unwrap();
+    json["buffers"].as_array_mut().unwrap().push(json!({ "byteLength": 36 }));
+    let error = load_bytes(json.to_string().as_bytes(), &plain()).unwrap_err().to_string();
+    assert!(error.contains("bufferView 0, buffer 1: the buffer has no uri"), "{error}");
+    assert!(
+        error.ends_with("(it has the extension \"ACME_squeezed_view\", which beamcast does not read)"),
+        "{error}"
+    );
+}
+
+#[test]
 fn an_accessor_without_a_count_is_an_error() {
     let mut asset = Asset::triangle();
     asset.json["accessors"][0].as_object_mut().unwrap().remove("count");
@@ -550,7 +566,7 @@ fn what_is_not_read_is_counted_and_named() {
              them",
             "node 1 \"Camera\": cameras of the file are not used: a job places its own sensors (`beamcast info` lists \
              cameras)",
-            "extension KHR_texture_transform and 1 other (extension MSFT_lod): it is not read",
+            "extensionsUsed: 2 extensions not read: \"KHR_texture_transform\", \"MSFT_lod\"",
         ]
     );
     assert!(warnings(&asset).is_empty());
