@@ -131,6 +131,8 @@ mod tests {
     fn diagnostic(source: &str, span: Range<usize>) -> Diagnostic {
         Diagnostic {
             severity: Severity::Error,
+            code: "",
+            key: String::new(),
             message: "`max_m` is the string \"far\"".into(),
             path: PathBuf::from("jobs/a.toml"),
             source: source.into(),

@@ -9,7 +9,7 @@ use crate::frame::{Pose, UpAxis};
 use crate::motion::Trajectory;
 use crate::output::{CloudFrame, Format};
 use crate::sensor::Sensor;
-use crate::source::Diagnostic;
+use crate::source::{Diagnostic, Place};
 use crate::trace::methods::Method;
 
 /// A job: a rig of sensors, a scene, and the outputs to write.
@@ -46,8 +46,21 @@ pub struct Job {
     /// The job with its sensors' files merged in, as the manifest tells it: the keys that were given, without defaults,
     /// without the output's folder and without absolute paths.
     pub resolved: serde_json::Value,
+    /// Where the values stand in the job's files, for what is found out about them later.
+    pub places: Places,
     /// Problems that don't stop the job.
     pub warnings: Vec<Diagnostic>,
+}
+
+/// Where the values of a job stand in its files.
+#[derive(Clone, Debug, Default)]
+pub struct Places {
+    /// The scene's name.
+    pub scene: Place,
+    /// For each sensor what says where it stands: its pose, else the body's, else the sensor's table.
+    pub sensors: Vec<Place>,
+    /// The expectations.
+    pub expectations: Vec<Place>,
 }
 
 /// A file that a job was read from, as a manifest lists it.

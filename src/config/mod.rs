@@ -4,19 +4,23 @@
 //! parse       TOML as a tree of values with spans
 //! table       a key's declaration, and the reading of a table by its keys
 //! kinds       the kinds of values that keys have
+//! foreign     keys that people bring from other programs, and the answer to each
 //! keys/       every key, each declared once
 //! overlay     layers: a preset, the job over it, `--set` over both
 //! read/       tables → jobs and sensors
+//! plausibility  values that are valid and probably not what was meant
 //! job         jobs and sensor files as they are read
 //! presets     the built-in sensors
 //! schema      the keys as JSON Schema; reference: as a page of Markdown; starter: as a commented job
 //! ```
 
+mod foreign;
 mod job;
 pub(crate) mod keys;
 mod kinds;
 mod overlay;
 mod parse;
+mod plausibility;
 pub mod presets;
 mod read;
 mod reference;
@@ -33,7 +37,7 @@ use crate::source::suggest::{harmless_json, missing_file_help, quoted};
 use crate::source::tree::Entries;
 use crate::source::{Diagnostic, FileKind, Layer, Report, Unreadable, Wanted, recognise};
 
-pub use job::{Config, InputFile, Job, MountedSensor, OutputSettings, SensorFile};
+pub use job::{Config, InputFile, Job, MountedSensor, OutputSettings, Places, SensorFile};
 use keys::GRAMMAR;
 use keys::job::JOB;
 use keys::sensor::SENSOR_FILE;

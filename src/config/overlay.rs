@@ -1,9 +1,10 @@
 //! Layers of a configuration: a preset, the file over it, and what `--set` says over both.
 
+use super::keys::job::{JOB, SENSOR, SENSORS};
 use super::parse;
 use super::table::{Grammar, Reading};
 use crate::source::suggest::{list, nearest, quoted};
-use crate::source::tree::{Entries, Node, Value};
+use crate::source::tree::{Entries, Entry, Node, Value};
 use crate::source::{Report, Span};
 
 /// Reads a `--set`: `a.b.c = value` as TOML would have it, or with a string that lacks its quotes.
@@ -40,6 +41,60 @@ pub(super) fn parse_override(report: &Report, source: u32) -> Option<Entries> {
         };
     }
     Some(entries)
+}
+
+/// The pair with its indices as TOML has them, in as many bytes: `position_m[2]=1`, which is how reports write an element,
+/// becomes `position_m.2 =1`.
+pub(super) fn with_dots(pair: &str) -> String {
+    let Some((key, value)) = split_pair(pair) else { return pair.to_owned() };
+    let (mut dotted, mut rest) = (String::new(), key);
+    while let Some((before, after)) = rest.split_once('[') {
+        let Some((index, behind)) = after.split_once(']') else { break };
+        if before.contains(['"', '\''])
+            || index.is_empty()
+            || !index.bytes().all(|b| b.is_ascii_alphanumeric())
+        {
+            break;
+        }
+        dotted += before;
+        dotted += ".";
+        dotted += index;
+        dotted += " ";
+        rest = behind;
+    }
+    format!("{dotted}{rest}={value}")
+}
+
+/// Moves keys of a sensor that stand where the job's own keys do, as reports about a lone sensor write them, into that
+/// sensor's table. Of several sensors, an error says how to name one.
+pub(super) fn address_lone_sensor(report: &Report, job: &Entries, over: &mut Entries) {
+    let is_of_sensor =
+        |key: &str| !JOB.names().any(|known| known == key) && SENSOR.names().any(|known| known == key);
+    let Some(key) = over.keys().find(|key| is_of_sensor(key)).cloned() else { return };
+    let sensors = match job.get(SENSORS.name()).map(|entry| &entry.node.value) {
+        Some(Value::Array(sensors)) => sensors.as_slice(),
+        _ => return,
+    };
+    let Some(entry) = over.get(&key) else { return };
+    let (at, span) = (entry.key, entry.node.span);
+    match sensors {
+        [_] => {
+            let Some(entry) = over.remove(&key) else { return };
+            let table = |name: &str, entry| Entry {
+                key: at,
+                node: Node { span, value: Value::Table(Entries::from([(name.to_owned(), entry)])) },
+            };
+            let addressed = table("0", table(&key, entry));
+            over.insert(SENSORS.name().to_owned(), addressed);
+        }
+        several => {
+            let first = several.iter().find_map(name_of).unwrap_or("0");
+            let message = format!("{} is a key of a sensor, and the job has {}", quoted(&key), several.len());
+            let help = format!("name one: `{}.{}.{}`", SENSORS.name(), first, key);
+            report.error(at, message, "of which sensor?", Some(help));
+            over.remove(&key);
+        }
+    }
 }
 
 /// Splits a pair at its first `=` outside quotes.

@@ -35,10 +35,12 @@ pub(crate) fn parse(report: &Report, source: u32) -> Option<Entries> {
             continue;
         }
         lines.push(line);
-        let help = unquoted_text(text, range.start);
-        let (problem, expected) = match &help {
-            Some(_) => ("a text without quotes", ""),
-            None => error.message().split_once(", expected ").unwrap_or((error.message(), "")),
+        let unquoted = unquoted_text(text, range.start);
+        let is_unquoted = unquoted.is_some();
+        let help = unquoted.or_else(|| windows_path(text, range.start));
+        let (problem, expected) = match is_unquoted {
+            true => ("a text without quotes", ""),
+            false => error.message().split_once(", expected ").unwrap_or((error.message(), "")),
         };
         let label = if expected.is_empty() { String::new() } else { format!("expected {expected}") };
         report.error(Span::new(source, range), format!("this is not valid TOML: {problem}"), label, help);
@@ -61,6 +63,18 @@ fn unquoted_text(text: &str, at: usize) -> Option<String> {
     (is_text && !is_keyword).then(|| {
         let value = quoted(value);
         format!("write {} = \"{}\"", quoted(key.trim()).trim_matches('`'), value.trim_matches('`'))
+    })
+}
+
+/// If the line at `at` has a path of Windows in double quotes, where a backslash begins a code, how to write it.
+fn windows_path(text: &str, at: usize) -> Option<String> {
+    let at = text.floor_char_boundary(at);
+    let start = text[..at].rfind('\n').map_or(0, |at| at + 1);
+    let line = text[start..].lines().next()?;
+    let (_, value) = line.split_once('"')?;
+    let has_drive = value.as_bytes().get(1) == Some(&b':') && value.as_bytes().get(2) == Some(&b'\\');
+    (has_drive || value.starts_with("\\\\")).then(|| {
+        "a backslash in double quotes begins a code: write the path with /, or in single quotes".to_owned()
     })
 }
 

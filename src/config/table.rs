@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Map, Value as Json};
 
+use super::foreign::{self, Foreign};
 use super::parse;
 use crate::source::suggest::{list, nearest, quoted};
 use crate::source::tree::{Entries, Node};
@@ -345,8 +346,18 @@ impl<'a> Table<'a> {
         let (grammar, title) = (self.reading.grammar, self.keys.title);
         let is_unknown = |name: &str| !self.keys.names().any(|known| known == name);
         for (name, entry) in self.entries.iter().filter(|(name, _)| is_unknown(name)).take(MOST) {
-            let help = match grammar.meant_key(name, self.keys) {
-                Some(known) => {
+            let foreign = foreign::answer(title, name, |known| self.keys.names().any(|name| name == known));
+            let help = match (foreign, grammar.meant_key(name, self.keys)) {
+                (Some(Foreign::Means(known, "")), _) => {
+                    self.meant.push(known);
+                    format!("did you mean `{known}`?")
+                }
+                (Some(Foreign::Means(known, how)), _) => {
+                    self.meant.push(known);
+                    format!("did you mean `{known}`, {how}?")
+                }
+                (Some(Foreign::Answer(sentence)), _) => sentence.to_owned(),
+                (None, Some(known)) => {
                     self.meant.push(known);
                     let unit = unit(known).filter(|_| unit_and_stem(name).0 != unit_and_stem(known).0);
                     match unit {
@@ -354,7 +365,7 @@ impl<'a> Table<'a> {
                         None => format!("did you mean `{known}`?"),
                     }
                 }
-                None => match grammar.home(name) {
+                (None, None) => match grammar.home(name) {
                     Some(home) => format!("`{name}` belongs in {home}"),
                     None => format!("the keys of {title} are {}", list(self.keys.names(), "and")),
                 },

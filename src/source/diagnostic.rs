@@ -13,6 +13,10 @@ use serde::{Serialize, Serializer};
 pub struct Diagnostic {
     /// How bad it is: an error stops the run.
     pub severity: Severity,
+    /// The name of the rule that a warning comes from, such as `rpy-in-radians`. Empty if it has none.
+    pub code: &'static str,
+    /// The key that is meant, as messages write it, such as `fx_px`. Empty if there is none.
+    pub key: String,
     /// The fault in one sentence, with the key and the value.
     pub message: String,
     /// The file as the user named it, or what stands for one (`--set`).
@@ -25,6 +29,58 @@ pub struct Diagnostic {
     pub label: String,
     /// A sentence about the value that would be right.
     pub help: Option<String>,
+}
+
+/// A place in a text that the user wrote, for what is said about it later.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// The file as the user named it, or what stands for one.
+    pub path: PathBuf,
+    /// That file's whole text.
+    pub source: Arc<str>,
+    /// The bytes of the text that are meant.
+    pub span: Range<usize>,
+}
+
+/// A value that is valid and probably not what was meant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Doubt {
+    /// The name of the rule, such as `rpy-in-radians`.
+    pub code: &'static str,
+    /// The key that is meant, as messages write it.
+    pub key: String,
+    /// What is odd, in one sentence, with the key and the value.
+    pub message: String,
+    /// A short note under the marked text.
+    pub label: String,
+    /// What was probably meant, in a sentence.
+    pub help: Option<String>,
+}
+
+impl Doubt {
+    /// A doubt about a key, without a note and a help.
+    pub fn new(code: &'static str, key: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { code, key: key.into(), message: message.into(), label: String::new(), help: None }
+    }
+
+    /// Adds a short note under the marked text.
+    #[must_use]
+    pub fn label(self, label: impl Into<String>) -> Self {
+        Self { label: label.into(), ..self }
+    }
+
+    /// Adds what was probably meant.
+    #[must_use]
+    pub fn help(self, help: impl Into<String>) -> Self {
+        Self { help: Some(help.into()), ..self }
+    }
+
+    /// The warning about a place.
+    pub fn at(self, place: &Place) -> Diagnostic {
+        let Self { code, key, message, label, help } = self;
+        let Place { path, source, span } = place.clone();
+        Diagnostic { severity: Severity::Warning, code, key, message, path, source, span, label, help }
+    }
 }
 
 /// How bad a [`Diagnostic`] is.
@@ -44,6 +100,8 @@ impl Diagnostic {
     pub(crate) fn about_file(path: &Path, message: String, help: Option<String>) -> Self {
         Self {
             severity: Severity::Error,
+            code: "",
+            key: String::new(),
             message,
             path: path.to_path_buf(),
             source: "".into(),
@@ -66,8 +124,11 @@ impl Serialize for Diagnostic {
     /// The problem and its place, without the text that it is in.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let (line, column) = self.line_column();
-        let mut object = serializer.serialize_struct("Diagnostic", 7)?;
+        let mut object = serializer.serialize_struct("Diagnostic", 9)?;
+        let given = |text: &str| (!text.is_empty()).then(|| text.to_owned());
         object.serialize_field("severity", &self.severity)?;
+        object.serialize_field("code", &given(self.code))?;
+        object.serialize_field("key", &given(&self.key))?;
         object.serialize_field("path", &self.path.to_string_lossy())?;
         object.serialize_field("line", &line)?;
         object.serialize_field("column", &column)?;

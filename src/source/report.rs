@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::{Diagnostic, Severity, Span, Unreadable, read_file};
+use super::{Diagnostic, Doubt, Place, Severity, Span, Unreadable, read_file};
 
 /// Where a text stands in the order of precedence: the last layer that gives a key decides its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -148,23 +148,37 @@ impl Report {
         self.record(Severity::Warning, span, message.into(), label.into(), help);
     }
 
+    /// Records a warning about a value that is probably not what was meant.
+    pub fn doubt(&self, span: Span, doubt: Doubt) {
+        self.add_found(span, doubt.at(&self.place_in_text(span)));
+    }
+
+    /// A place for what is said about it later: of a text that is not shown, its file.
+    pub fn place(&self, span: Span) -> Place {
+        let place = self.place_in_text(span);
+        match self.sources[span.source as usize].is_shown {
+            true => place,
+            false => Place { path: place.path, ..Place::default() },
+        }
+    }
+
+    fn place_in_text(&self, span: Span) -> Place {
+        let Source { path, text, .. } = &self.sources[span.source as usize];
+        Place { path: path.clone(), source: Arc::clone(text), span: span.start as usize..span.end as usize }
+    }
+
     fn record(&self, severity: Severity, span: Span, message: String, label: String, help: Option<String>) {
+        let doubt = Doubt { code: "", key: String::new(), message, label, help };
+        self.add_found(span, Diagnostic { severity, ..doubt.at(&self.place_in_text(span)) });
+    }
+
+    fn add_found(&self, span: Span, mut diagnostic: Diagnostic) {
         let mut found = self.found.borrow_mut();
         if let Some((_, rest)) = found.get_mut(MAX_PROBLEMS) {
-            rest.severity = rest.severity.max(severity);
+            rest.severity = rest.severity.max(diagnostic.severity);
             return;
         }
-        let source = &self.sources[span.source as usize];
-        let mut diagnostic = Diagnostic {
-            severity,
-            message,
-            path: source.path.clone(),
-            source: Arc::clone(&source.text),
-            span: span.start as usize..span.end as usize,
-            label,
-            help,
-        };
-        if !source.is_shown {
+        if !self.sources[span.source as usize].is_shown {
             let (line, column) = diagnostic.line_column();
             diagnostic.message = format!(
                 "line {line}, column {column} is wrong; the text is not shown, because the file is not under the job's folder"

@@ -25,6 +25,18 @@ const LONGEST_WORD: usize = 100;
 /// The help for a file that is not there: the nearest name in its folder, or else the names of its kind that the folder has,
 /// or else the folder that is missing too. `as_written` is the path that the user gave, `path` the same as it is opened.
 pub(crate) fn missing_file_help(as_written: &str, path: &Path) -> Option<String> {
+    if as_written.starts_with("~/") || as_written == "~" {
+        return Some(
+            "`~` stands for the home folder in a shell only: write the path in full, or relative to the file"
+                .into(),
+        );
+    }
+    let is_of_windows = as_written.as_bytes().get(1) == Some(&b':') || as_written.contains('\\');
+    if is_of_windows && !cfg!(windows) {
+        return Some(
+            "this is a path of Windows: write it with /, relative to the file, for every system".into(),
+        );
+    }
     let folder = path.parent()?;
     let shown = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     if !shown.is_dir() {

@@ -18,6 +18,7 @@ mod mistakes;
 mod open3d;
 mod outputs;
 mod patterns;
+mod plausibility;
 mod presets;
 mod recognition;
 mod regions;

@@ -7,6 +7,7 @@ use serde_json::{Map, Value as Json, json};
 
 use super::super::table::{Describe, Given, Kind};
 use super::object::object;
+use crate::source::suggest::quoted;
 use crate::source::tree::Value;
 
 /// A number within bounds.
@@ -160,7 +161,24 @@ impl<T: TryFrom<u64>> Kind for Integer<T> {
         };
         let value = value.filter(|value| (self.least..=self.most).contains(value));
         let value = value.and_then(|value| T::try_from(value).ok());
-        value.or_else(|| given.wrong(&self.expected(None), None))
+        value.or_else(|| {
+            let whole = match given.node.value {
+                Value::Float(value) if value.fract() == 0.0 && (0.0..1e15).contains(&value) => {
+                    Some(value as u64)
+                }
+                _ => None,
+            };
+            let whole = whole.filter(|value| (self.least..=self.most).contains(value));
+            match whole {
+                // TOML tells 1800.0 from 1800.
+                Some(whole) => {
+                    let message = format!("{} is {whole}.0, a number with a fraction", quoted(given.key));
+                    let label = format!("expected {}", self.expected(None));
+                    given.reading.report.fail(given.node.span, message, label, Some(format!("write {whole}")))
+                }
+                None => given.wrong(&self.expected(None), None),
+            }
+        })
     }
 }
 

@@ -10,7 +10,7 @@ use super::number::Number;
 use super::object::object;
 use crate::source::Spanned;
 use crate::source::suggest::{list, nearest, quoted};
-use crate::source::tree::Value;
+use crate::source::tree::{Entries, Value};
 
 /// A table.
 #[derive(Clone, Copy)]
@@ -255,10 +255,36 @@ impl<K: Kind> Kind for ByName<K> {
                 continue;
             }
             let node = &entry.node;
+            if let Value::Table(inner) = &node.value
+                && self.of.tables().is_empty()
+                && let Some(key) = dotted(name, inner)
+            {
+                let message = format!("{} is taken for a table, because of the dot", quoted(name));
+                let help = Some(format!("put the name in quotes: {key}"));
+                given.reading.report.error(entry.key, message, "", help);
+                continue;
+            }
             if let Some(value) = self.of.read(Given { key: name, node, ..given }) {
                 found.insert(name.as_str(), Spanned { value, span: node.span });
             }
         }
         Some(found)
+    }
+}
+
+/// A key with dots as it has to be written to be one name, with its value: `"Cube.001" = 3` for `Cube.001 = 3`.
+fn dotted(key: &str, entries: &Entries) -> Option<String> {
+    let mut name = key.to_owned();
+    let mut inner = entries;
+    loop {
+        let (key, entry) = inner.first_key_value().filter(|_| inner.len() == 1)?;
+        name = format!("{name}.{key}");
+        match &entry.node.value {
+            Value::Table(deeper) => inner = deeper,
+            Value::Integer(value) => {
+                return Some(format!("\"{}\" = {value}", quoted(&name).trim_matches('`')));
+            }
+            _ => return None,
+        }
     }
 }

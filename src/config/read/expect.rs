@@ -10,18 +10,18 @@ use super::super::kinds::{Nested, Number};
 use super::super::table::{Key, Table};
 use crate::angle::Angle;
 use crate::check::expect::{Bounds, Expectation, Expected, Ground, Target, Zone};
-use crate::source::Spanned;
 use crate::source::suggest::{list, nearest, quoted};
+use crate::source::{Span, Spanned};
 
 /// Most cells of a zone, and of all zones of a job.
 const MAX_CELLS: f64 = 1e7;
 const MAX_CELLS_OF_ALL: f64 = 1e8;
 
-/// The job's `[[expect]]`, in their order; `sensors` are the names of its sensors.
-pub(super) fn expectations(job: &Table<'_>, sensors: &[String]) -> Vec<Expectation> {
-    let Some(tables) = job.read(&EXPECTATIONS) else { return Vec::new() };
+/// The job's `[[expect]]`, in their order, with where each stands; `sensors` are the names of the job's sensors.
+pub(super) fn expectations(job: &Table<'_>, sensors: &[String]) -> (Vec<Expectation>, Vec<Span>) {
+    let Some(tables) = job.read(&EXPECTATIONS) else { return Default::default() };
     let report = job.report();
-    let mut found = Vec::new();
+    let (mut found, mut places) = (Vec::new(), Vec::new());
     let mut taken: BTreeSet<&str> = BTreeSet::new();
     let mut cells = 0.0;
     for t in &tables.value {
@@ -57,9 +57,11 @@ pub(super) fn expectations(job: &Table<'_>, sensors: &[String]) -> Vec<Expectati
         if let (Some(name), Some(what)) = (name, what) {
             let sensor = sensor.map(|sensor| sensor.value.to_owned());
             found.push(Expectation { name: name.value.to_owned(), sensor, what });
+            let subject = SUBJECTS.iter().find(|(key, _)| t.has(*key));
+            places.push(subject.map_or(t.span, |(key, _)| t.span_of(*key)));
         }
     }
-    found
+    (found, places)
 }
 
 /// The reader of a subject's table.

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::super::job::{InputFile, Job, OutputSettings};
+use super::super::job::{InputFile, Job, OutputSettings, Places};
 use super::super::keys::job as keys;
 use super::super::kinds::NumberOr;
 use super::super::overlay;
 use super::super::parse;
+use super::super::plausibility;
 use super::super::table::{Grammar, Reading, Table};
 use super::preset::{lay_presets_under, name_lone_sensor};
 use super::rays::RayFiles;
@@ -28,8 +29,9 @@ pub(in super::super) fn job(
     overrides: &[String],
 ) -> Option<Job> {
     for pair in overrides {
-        let source = report.add(Path::new("--set"), pair.clone(), Layer::Override);
-        if let Some(over) = overlay::parse_override(report, source) {
+        let source = report.add(Path::new("--set"), overlay::with_dots(pair), Layer::Override);
+        if let Some(mut over) = overlay::parse_override(report, source) {
+            overlay::address_lone_sensor(report, &entries, &mut over);
             name_lone_sensor(grammar, &mut entries, &over);
             overlay::lay_over(Reading { report, grammar }, &mut entries, over);
         }
@@ -55,16 +57,35 @@ pub(in super::super) fn job(
         labels.value.into_iter().map(|(name, label)| (name.to_owned(), label.value)).collect()
     });
     let trajectory = t.read(&keys::TRAJECTORY);
+    let body_at = trajectory
+        .as_ref()
+        .filter(|t| t.value.has(&keys::BODY_POSE))
+        .map(|t| t.value.span_of(&keys::BODY_POSE));
     let world_from_body = trajectory.map_or(Pose::IDENTITY, |t| rig::pose(&t.value, &keys::BODY_POSE));
     let kernel = t.read(&keys::TRACE).and_then(|t| t.value.value(&keys::KERNEL));
     let output = t.read(&keys::OUTPUT).and_then(|t| output(&t.value, folder));
-    let sensors = rig::sensors(&t, &ray_files, &presets.lost);
+    let rig::Rig { sensors, places: sensors_at, unposed } =
+        rig::sensors(&t, &ray_files, &presets.lost, body_at);
     let check = t.read(&keys::CHECK).map(|t| settings(&t.value));
     let names: Vec<String> = sensors.iter().map(|sensor| sensor.name.clone()).collect();
-    let expectations = expect::expectations(&t, &names);
+    let (expectations, expectations_at) = expect::expectations(&t, &names);
+    if let Some(scene) = &scene
+        && let Some(doubt) = plausibility::home_folder(keys::SCENE.name(), scene.value)
+    {
+        report.doubt(scene.span, doubt);
+    }
     if report.has_errors() {
         return None;
     }
+    if let Some(span) = unposed {
+        report.doubt(span, plausibility::no_pose());
+    }
+    let at = |spans: Vec<Span>| spans.into_iter().map(|span| report.place(span)).collect();
+    let places = Places {
+        scene: scene.as_ref().map(|scene| report.place(scene.span)).unwrap_or_default(),
+        sensors: at(sensors_at),
+        expectations: at(expectations_at),
+    };
     let own_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut inputs = vec![InputFile::new(own_name, report.text(0))];
     inputs.extend(presets.inputs);
@@ -85,6 +106,7 @@ pub(in super::super) fn job(
         expectations,
         inputs,
         resolved: resolved(&entries),
+        places,
         warnings: Vec::new(), // the owner of the report has them
     })
 }
@@ -110,6 +132,11 @@ fn resolved(entries: &Entries) -> serde_json::Value {
 
 fn output(t: &Table<'_>, folder: &Path) -> Option<OutputSettings> {
     let dir = t.read(&keys::DIR);
+    if let Some(dir) = &dir
+        && let Some(doubt) = plausibility::home_folder(keys::DIR.name(), dir.value)
+    {
+        t.report().doubt(dir.span, doubt);
+    }
     let formats = t.value(&keys::FORMATS);
     let cloud_frame = t.value(&keys::CLOUD_FRAME);
     Some(OutputSettings { dir: folder.join(dir?.value), formats, cloud_frame })

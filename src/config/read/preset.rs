@@ -12,7 +12,7 @@ use super::modes::{Modes, choose_mode, take_modes};
 use super::sensor::is_pattern;
 use crate::source::suggest::{missing_file_help, quoted};
 use crate::source::tree::{Entries, Entry, Node, Value};
-use crate::source::{Layer, Report, Span, Unreadable, portable};
+use crate::source::{FileKind, Layer, Report, Span, Unreadable, Wanted, portable, recognise};
 
 /// Most text that a job's sensors take from their files, each counted as often as it is used.
 const MAX_PRESET_BYTES: usize = 8 << 20;
@@ -128,6 +128,14 @@ fn open_preset<'a>(
     };
     match opened {
         Ok(source) => {
+            let text = report.text(source);
+            let kind = FileKind::of(text.as_bytes(), text.len() as u64);
+            if !kind.is_config() && !kind.is_unknown() {
+                let (problem, help) = kind.instead_of(Wanted::Config);
+                let message = format!("the sensor file {} can't be used", quoted(as_written));
+                report.error(span, message, problem, help);
+                return None;
+            }
             let mut entries = parse::parse(report, source)?;
             let modes = take_modes(Reading { report, grammar }, &mut entries, Span::new(source, 0..0));
             presets.push(Preset { as_written: as_written.to_owned(), source, entries, modes });
@@ -148,11 +156,25 @@ fn open_preset<'a>(
 
 /// Reports a preset that is neither a built-in sensor nor a file.
 fn report_unknown(report: &Report, name: &str, span: Span, path: &Path) {
-    let help = if path.exists() {
-        Some("a sensor file's name ends in `.toml`".to_owned())
-    } else {
-        presets::near_name(name)
-    };
-    let message = format!("there is no built-in sensor {}", quoted(name));
-    report.error(span, message, "expected its name, or a path that ends in `.toml`", help);
+    match recognise(path) {
+        Ok(kind) if !kind.is_config() && !kind.is_unknown() => {
+            let (problem, help) = kind.instead_of(Wanted::Config);
+            report.error(
+                span,
+                format!("the preset {}: {problem}", quoted(name)),
+                "expected a sensor file",
+                help,
+            );
+        }
+        _ => {
+            let looks_like_a_path = name.starts_with(['~', '.', '/']) || name.contains(['\\', ':']);
+            let help = match () {
+                () if path.exists() => Some("a sensor file's name ends in `.toml`".to_owned()),
+                () if looks_like_a_path => missing_file_help(name, path),
+                () => presets::near_name(name),
+            };
+            let message = format!("there is no built-in sensor {}", quoted(name));
+            report.error(span, message, "expected its name, or a path that ends in `.toml`", help);
+        }
+    }
 }

@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::super::job::MountedSensor;
 use super::super::keys::job::{MODE, NAME, POSE, POSITION, PRESET, QUATERNION, RPY, SENSORS};
 use super::super::kinds::Nested;
+use super::super::plausibility;
 use super::super::table::{Key, Table};
 use super::rays::RayFiles;
 use super::sensor;
@@ -18,12 +19,22 @@ use crate::source::{Report, Span, Spanned};
 /// Most beams of all sensors: a short file can ask for very many.
 pub(super) const MAX_BEAMS: usize = 2_000_000;
 
-/// The rig. The patterns of the sensors in `lost` are in files that were reported.
-pub(super) fn sensors(job: &Table<'_>, ray_files: &RayFiles, lost: &[Span]) -> Vec<MountedSensor> {
-    let Some(tables) = job.read(&SENSORS) else { return Vec::new() };
+/// The sensors of a job, and where they are said to stand.
+#[derive(Default)]
+pub(super) struct Rig {
+    pub sensors: Vec<MountedSensor>,
+    /// For each sensor what says where it stands: its pose, else that of the body, else its table.
+    pub places: Vec<Span>,
+    /// The first sensor without any pose, its own or the body's.
+    pub unposed: Option<Span>,
+}
+
+/// The rig. `body` is where the body's pose stands. The patterns of the sensors in `lost` are in files that were reported.
+pub(super) fn sensors(job: &Table<'_>, ray_files: &RayFiles, lost: &[Span], body: Option<Span>) -> Rig {
+    let Some(tables) = job.read(&SENSORS) else { return Rig::default() };
     let is_alone = tables.value.len() == 1;
     let mut taken = BTreeMap::new();
-    let mut mounted = Vec::new();
+    let (mut mounted, mut places) = (Vec::new(), Vec::new());
     let mut beams = 0;
     for t in &tables.value {
         // The preset is laid under this table already, in the mode that it asks for.
@@ -42,9 +53,11 @@ pub(super) fn sensors(job: &Table<'_>, ray_files: &RayFiles, lost: &[Span]) -> V
         }
         if let (Some(sensor), Some(name)) = (sensor, name) {
             mounted.push(MountedSensor { name, sensor, body_from_sensor });
+            places.push(if t.has(&POSE) { t.span_of(&POSE) } else { body.unwrap_or(t.span) });
         }
     }
-    mounted
+    let unposed = tables.value.iter().find(|t| !t.has(&POSE) && body.is_none()).map(|t| t.span);
+    Rig { sensors: mounted, places, unposed }
 }
 
 /// A sensor's name. `taken` has those of the sensors before it, by their lower case.
@@ -77,6 +90,15 @@ pub(super) fn pose(t: &Table<'_>, key: &Key<Nested>) -> Pose {
         let message = "a pose has one rotation, and this has both `rpy_deg` and `quaternion_xyzw`";
         let span = t.report().later(quaternion.span, t.span_of(&RPY));
         t.report().error(span, message, "one too many", None);
+    }
+    let angles = t.has(&RPY).then(|| t.value(&RPY)).and_then(|rpy| plausibility::rpy(RPY.name(), rpy));
+    if let Some(doubt) = angles {
+        t.report().doubt(t.span_of(&RPY), doubt);
+    }
+    if let Some(q) = quaternion
+        && let Some(doubt) = plausibility::quaternion(QUATERNION.name(), q.value)
+    {
+        t.report().doubt(q.span, doubt);
     }
     match quaternion {
         Some(q) => quaternion_pose(t.report(), translation, q).unwrap_or(Pose::IDENTITY),

@@ -104,7 +104,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "columns = 1800",
         "columns = 1800.0",
-        "sensor.toml:5:11: `columns` is 1800 | expected a whole number from 1 to 1000000 | ",
+        "sensor.toml:5:11: `columns` is 1800.0, a number with a fraction | expected a whole number from 1 to 1000000 | write 1800",
     ),
     (
         "rate_hz = 10.0",

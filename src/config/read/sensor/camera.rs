@@ -3,11 +3,12 @@
 use super::super::super::keys::sensor::FRAME_RATE;
 use super::super::super::keys::sensor::camera as keys;
 use super::super::super::kinds::{List, Number};
+use super::super::super::plausibility;
 use super::super::super::table::{Key, Table};
 use super::limit::check_rays;
 use crate::angle::Angle;
 use crate::sensor::{BrownConrady, Camera, CameraError, KannalaBrandt, Lens, Raster};
-use crate::source::Spanned;
+use crate::source::{Doubt, Spanned};
 
 /// A pinhole; `distortion` has OpenCV's 4, 5 or 8 numbers.
 pub(super) fn pinhole(t: &Table<'_>) -> Option<Camera> {
@@ -87,6 +88,19 @@ fn camera(
         (true, None) => {}
     }
     let (width, height, lens) = (width?, height?, lens?.unwrap_or(default));
+    let doubt = |given: Option<Spanned<f64>>, rule: &dyn Fn(f64) -> Option<Doubt>| {
+        if let Some((at, doubt)) = given.and_then(|at| Some((at, rule(at.value)?))) {
+            t.report().doubt(at.span, doubt);
+        }
+    };
+    let sides = (width.value as f64, height.value as f64);
+    doubt(hfov, &|degrees| plausibility::field_of_view(hfov_key.name(), degrees));
+    doubt(vfov, &|degrees| plausibility::field_of_view(keys::VFOV.name(), degrees));
+    doubt(fx, &|focal| plausibility::focal_length(keys::FX.name(), focal, sides.0));
+    doubt(fy, &|focal| plausibility::focal_length(keys::FY.name(), focal, sides.1));
+    doubt(fy, &|fy| plausibility::focal_lengths(keys::FY.name(), fx?.value, fy));
+    doubt(cx, &|at| plausibility::principal_point(keys::CX.name(), at, sides.0));
+    doubt(cy, &|at| plausibility::principal_point(keys::CY.name(), at, sides.1));
     check_rays(t.report(), height.value, width.value, width.span)?;
     let size = (width.value as usize, height.value as usize);
     let (half_width, half_height) = (width.value as f64 / 2.0, height.value as f64 / 2.0);

@@ -7,6 +7,7 @@ mod scanner;
 
 use super::super::keys::sensor::{self as keys, range};
 use super::super::kinds::Nested;
+use super::super::plausibility;
 use super::super::table::{Key, Table};
 use super::rays::RayFiles;
 use crate::sensor::{Capture, Limited, Pattern, RangeLimits, Ranging, Sensor};
@@ -136,6 +137,9 @@ fn range(t: &Table<'_>) -> RangeLimits {
     let (min, max) = (t.read_or_default(&range::MIN), t.read(&range::MAX));
     if let Some(min) = min {
         limits.min_m = min.value;
+        if let Some(doubt) = plausibility::least_range(range::MIN.name(), min.value) {
+            t.report().doubt(min.span, doubt);
+        }
     }
     if let Some(max) = max {
         limits.max_m = max.value;

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::super::super::keys::sensor::rotating as keys;
 use super::super::super::kinds::{List, Number, OneOrMany};
+use super::super::super::plausibility;
 use super::super::super::table::{AnyKey, Key, Table};
 use super::limit::check_rays;
 use crate::angle::Angle;
@@ -27,6 +28,9 @@ pub(super) fn pattern(t: &Table<'_>) -> Option<Rotating> {
     let origins = origins(t, beams);
     let range_offset = t.value(&keys::RANGE_OFFSET);
     let is_from_origin = t.value(&keys::RANGE_FROM);
+    if let Some(doubt) = plausibility::offset_in_head(keys::RANGE_OFFSET.name(), range_offset) {
+        report.doubt(t.span_of(&keys::RANGE_OFFSET), doubt);
+    }
     let turns = t.value(&keys::TURNS_WHILE_FIRING);
     let is_destaggered = t.value(&keys::LAYOUT);
     let columns = t.read(&keys::COLUMNS);
@@ -125,6 +129,14 @@ fn origins(t: &Table<'_>, beams: Option<usize>) -> Option<Vec<DVec3>> {
         return Some(Vec::new());
     }
     let given = t.read(&keys::BEAM_ORIGINS)?;
+    let all: Vec<[f64; 3]> = match &given.value {
+        OneOrMany::One(origin) => vec![*origin],
+        OneOrMany::Many(list) => list.iter().map(|origin| origin.value).collect(),
+    };
+    let all = all.into_iter().map(DVec3::from_array);
+    if let Some(doubt) = plausibility::beam_origins(keys::BEAM_ORIGINS.name(), all) {
+        t.report().doubt(given.span, doubt);
+    }
     match given.value {
         OneOrMany::One(origin) => Some(vec![DVec3::from_array(origin); beams?]),
         OneOrMany::Many(list) => {
@@ -229,6 +241,9 @@ fn sector(t: &Table<'_>) -> Option<Spanned<(Angle, Angle)>> {
     let Spanned { value: sector, span } = t.read_or_default(&keys::SECTOR)?;
     let (from, to) = (sector.read(&keys::FROM), sector.read(&keys::TO));
     let (from, to) = (from?, to?);
+    if let Some(doubt) = plausibility::sector(keys::SECTOR.name(), (from.value, to.value)) {
+        t.report().doubt(span, doubt);
+    }
     let turn = (to.value - from.value).abs();
     if !(turn > 0.0 && turn <= 360.0) {
         let message = format!("the sector from {} to {} turns by {turn} degrees", from.value, to.value);

@@ -1,0 +1,248 @@
+//! Values that are valid and probably not what was meant: each rule is a function of the values alone, and says which unit or
+//! order they are probably in.
+//!
+//! What depends on the scene, such as a sensor that stands below the floor, is the room `plausibility`'s.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use crate::frame::Pose;
+use crate::source::Doubt;
+
+/// Degrees of a radian, as messages write them.
+const DEGREES: &str = "57.2958";
+
+/// Angles of turns that people write often in radians, each with how near a number comes to it in three or four digits: the
+/// turns that are rounded to two digits are few.
+const TURNS: &[(f64, f64)] = &[
+    (PI, 2e-3),
+    (PI / 2.0, 2e-3),
+    (2.0 * PI, 4e-3),
+    (PI / 4.0, 5e-4),
+    (3.0 * PI / 4.0, 5e-4),
+    (PI / 3.0, 5e-4),
+    (2.0 * PI / 3.0, 5e-4),
+    (PI / 6.0, 5e-4),
+];
+
+fn is_turn_in_radians(value: f64) -> bool {
+    TURNS.iter().any(|(turn, tolerance)| (value.abs() - turn).abs() < *tolerance)
+}
+
+/// Roll, pitch and yaw that are a part of a turn in radians.
+pub(super) fn rpy(key: &str, rpy: [f64; 3]) -> Option<Doubt> {
+    let turn = rpy.into_iter().find(|angle| is_turn_in_radians(*angle))?;
+    // Next to an angle that no one writes in radians, it is a calibration's.
+    let all_small = rpy.iter().all(|angle| angle.abs() <= 2.0 * PI + 0.01);
+    all_small.then(|| {
+        Doubt::new("rpy-in-radians", key, format!("`{key}` has {turn} degrees, a part of a turn in radians"))
+            .label("are these radians?")
+            .help(format!(
+                "if they are, multiply each by {DEGREES}: {turn} is {:.0} degrees",
+                turn.to_degrees()
+            ))
+    })
+}
+
+/// A quaternion that only stands upright if its w comes first.
+pub(super) fn quaternion(key: &str, xyzw: [f64; 4]) -> Option<Doubt> {
+    let up = |q: [f64; 4]| Some(Pose::from_quaternion(DVec3::ZERO, q)?.direction(DVec3::Z).z);
+    let [w, x, y, z] = xyzw;
+    let (as_given, w_first) = (up(xyzw)?, up([x, y, z, w])?);
+    (as_given < 0.1 && w_first > 0.5).then(|| {
+        let side = if as_given < -0.5 { "upside down" } else { "on its side" };
+        Doubt::new("quaternion-order", key, format!("`{key}` turns the sensor {side}"))
+            .label("is w the first of these?")
+            .help(format!("if it is, write it last: `{key} = [{x:?}, {y:?}, {z:?}, {w:?}]`"))
+    })
+}
+
+/// A field of view that is one in radians.
+pub(super) fn field_of_view(key: &str, degrees: f64) -> Option<Doubt> {
+    (degrees > 0.2 && degrees <= PI + 1e-3).then(|| {
+        Doubt::new("fov-in-radians", key, format!("a field of view of {degrees} degrees"))
+            .label("is this in radians?")
+            .help(format!("if it is, multiply it by {DEGREES}: `{key} = {:.1}`", degrees.to_degrees()))
+    })
+}
+
+/// A sector that is a part of a turn in radians.
+pub(super) fn sector(key: &str, (from, to): (f64, f64)) -> Option<Doubt> {
+    let is_radians = is_turn_in_radians(from) || is_turn_in_radians(to);
+    (is_radians && from.abs().max(to.abs()) <= 2.0 * PI + 0.01).then(|| {
+        Doubt::new("sector-in-radians", key, format!("the sector goes from {from} to {to} degrees"))
+            .label("are these radians?")
+            .help(format!("if they are, multiply each by {DEGREES}"))
+    })
+}
+
+/// A focal length that is hardly in pixels; `side_px` is the image's width, or its height for the vertical one.
+pub(super) fn focal_length(key: &str, focal_px: f64, side_px: f64) -> Option<Doubt> {
+    // A twentieth of the image's side is a field of view of 169 degrees behind a pinhole, and of three turns behind a fisheye.
+    (focal_px < side_px / 20.0).then(|| {
+        let doubt = Doubt::new(
+            "focal-length-unit",
+            key,
+            format!("`{key}` is {focal_px} pixels in an image of {side_px}: nearly half the world"),
+        );
+        let help = if focal_px < 3.0 {
+            format!("if it is a part of the image's side, write `{key} = {}`", focal_px * side_px)
+        } else {
+            "a focal length in millimetres is to be divided by the size of a pixel".to_owned()
+        };
+        doubt.label("is this in pixels?").help(help)
+    })
+}
+
+/// Focal lengths that differ much, though pixels are nearly square.
+pub(super) fn focal_lengths(key: &str, fx_px: f64, fy_px: f64) -> Option<Doubt> {
+    let ratio = fx_px.max(fy_px) / fx_px.min(fy_px);
+    (ratio > 1.5).then(|| {
+        Doubt::new("focal-lengths-differ", key, format!("`fx_px` is {fx_px} and `fy_px` is {fy_px}"))
+            .label(format!("pixels {ratio:.1} times as long as wide?"))
+            .help("leave `fy_px` out for square pixels")
+    })
+}
+
+/// A principal point that is no place in the image in pixels.
+pub(super) fn principal_point(key: &str, at_px: f64, side_px: f64) -> Option<Doubt> {
+    let doubt = |message: String| Doubt::new("principal-point", key, message);
+    if at_px > 0.0 && at_px <= 1.0 && side_px > 4.0 {
+        let help = format!("if it is a part of the image's side, write `{key} = {}`", at_px * side_px);
+        return Some(doubt(format!("`{key}` is {at_px}, in the first pixel")).label("in pixels?").help(help));
+    }
+    (at_px < 0.0 || at_px > side_px)
+        .then(|| doubt(format!("`{key}` is {at_px}, outside the image, which ends at {side_px}")))
+}
+
+/// The largest distance of a beam's origin from the head's centre that a sensor of today has, with room to spare.
+const LARGEST_HEAD_M: f64 = 1.0;
+
+/// Beams that begin farther from the head's centre than any head is wide.
+pub(super) fn beam_origins(key: &str, origins: impl IntoIterator<Item = DVec3>) -> Option<Doubt> {
+    let farthest = origins.into_iter().map(DVec3::length).fold(0.0, f64::max);
+    (farthest > LARGEST_HEAD_M && farthest.is_finite()).then(|| {
+        Doubt::new("beam-origin-unit", key, format!("a beam begins {farthest:.3} m from the head's centre"))
+            .label("are these millimetres?")
+            .help("if they are, divide each by 1000")
+    })
+}
+
+/// A length inside a sensor that is longer than any sensor.
+pub(super) fn offset_in_head(key: &str, offset_m: f64) -> Option<Doubt> {
+    (offset_m > LARGEST_HEAD_M).then(|| {
+        Doubt::new("beam-origin-unit", key, format!("`{key}` is {offset_m} m, more than a head is wide"))
+            .label("is this in millimetres?")
+            .help(format!("if it is, write `{key} = {}`", offset_m / 1000.0))
+    })
+}
+
+/// A range that only a unit other than metres explains.
+pub(super) fn least_range(key: &str, min_m: f64) -> Option<Doubt> {
+    (min_m > 200.0).then(|| {
+        Doubt::new("range-unit", key, format!("nothing nearer than {min_m} m is seen"))
+            .label("is this in millimetres?")
+            .help(format!("if it is, write `{key} = {}`", min_m / 1000.0))
+    })
+}
+
+/// Sensors and a body that have no pose.
+pub(super) fn no_pose() -> Doubt {
+    Doubt::new("no-pose", "pose", "the sensor has no pose, and so stands at the world's origin")
+        .help("such as `pose = { position_m = [0.0, 0.0, 1.8] }`; an empty `pose = {}` says that it is meant")
+}
+
+/// A path that a shell would have to read first.
+pub(super) fn home_folder(key: &str, path: &str) -> Option<Doubt> {
+    path.starts_with("~/").then(|| {
+        Doubt::new("home-folder", key, format!("`{key}` begins with `~`, which is the name of a folder here"))
+            .label("the shell's sign for the home folder")
+            .help("write the path in full, or relative to this file")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn code(doubt: Option<Doubt>) -> &'static str {
+        doubt.map_or("", |doubt| doubt.code)
+    }
+
+    #[test]
+    fn turns_in_radians() {
+        for wrong in
+            [[0.0, 0.0, 1.5708], [0.0, 0.785, 0.0], [3.14159, 0.0, 0.0], [0.0, 0.0, -1.57], [0.1, 0.0, 3.14]]
+        {
+            assert_eq!(code(rpy("rpy_deg", wrong)), "rpy-in-radians", "{wrong:?}");
+        }
+        for right in [
+            [0.0; 3],
+            [0.0, 0.0, 90.0],
+            [0.0, 1.5, 0.0],
+            [0.5, -0.3, 0.1],
+            [0.0, 1.5708, 90.0],
+            [0.0, 1.0, 2.0],
+        ] {
+            assert_eq!(code(rpy("rpy_deg", right)), "", "{right:?}");
+        }
+        assert_eq!(code(sector("sector_deg", (PI, -PI))), "sector-in-radians");
+        assert_eq!(code(sector("sector_deg", (1.5708, -1.5708))), "sector-in-radians");
+        for right in [(180.0, -180.0), (5.0, -5.0), (0.0, 360.0)] {
+            assert_eq!(code(sector("sector_deg", right)), "", "{right:?}");
+        }
+        assert_eq!(code(field_of_view("hfov_deg", 1.5)), "fov-in-radians");
+        assert_eq!(code(field_of_view("hfov_deg", 5.0)), "");
+    }
+
+    #[test]
+    fn quaternions_with_w_first() {
+        let half = 0.5_f64.sqrt();
+        for wrong in [
+            [1.0, 0.0, 0.0, 0.0],
+            [half, 0.0, 0.0, half],
+            [0.9962, 0.0, 0.0872, 0.0],
+            [0.96, 0.02, 0.01, 0.28],
+        ] {
+            assert_eq!(code(quaternion("quaternion_xyzw", wrong)), "quaternion-order", "{wrong:?}");
+        }
+        // A turn about z by half a turn, a pitch, a sensor that hangs (about y), and a camera on its side about x, by less.
+        for right in [
+            [0.0, 0.0, 0.0, 1.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, half, 0.0, half],
+            [0.0, 1.0, 0.0, 0.0],
+            [0.5, 0.0, 0.0, 0.87],
+        ] {
+            assert_eq!(code(quaternion("quaternion_xyzw", right)), "", "{right:?}");
+        }
+    }
+
+    #[test]
+    fn intrinsics() {
+        assert_eq!(code(focal_length("fx_px", 0.9, 640.0)), "focal-length-unit");
+        assert_eq!(code(focal_length("fx_px", 4.1, 640.0)), "focal-length-unit");
+        assert_eq!(code(focal_length("fx_px", 102.0, 640.0)), "");
+        assert_eq!(code(focal_length("fx_px", 0.9, 4.0)), "");
+        assert_eq!(code(focal_lengths("fy_px", 600.0, 60.0)), "focal-lengths-differ");
+        assert_eq!(code(focal_lengths("fy_px", 600.0, 480.0)), "");
+        assert_eq!(code(principal_point("cx_px", 0.5, 640.0)), "principal-point");
+        assert_eq!(code(principal_point("cx_px", -3.0, 640.0)), "principal-point");
+        assert_eq!(code(principal_point("cx_px", 700.0, 640.0)), "principal-point");
+        assert_eq!(code(principal_point("cx_px", 319.5, 640.0)), "");
+    }
+
+    #[test]
+    fn lengths() {
+        let mm = [DVec3::new(27.67, 0.0, 0.0)];
+        assert_eq!(code(beam_origins("beam_origins_m", mm)), "beam-origin-unit");
+        assert_eq!(code(beam_origins("beam_origins_m", mm.map(|o| o / 1000.0))), "");
+        assert_eq!(code(offset_in_head("range_offset_m", 27.67)), "beam-origin-unit");
+        assert_eq!(code(offset_in_head("range_offset_m", 0.02767)), "");
+        assert_eq!(code(least_range("min_m", 500.0)), "range-unit");
+        assert_eq!(code(least_range("min_m", 0.5)), "");
+        assert_eq!(code(home_folder("scene", "~/a.glb")), "home-folder");
+        assert_eq!(code(home_folder("scene", "~a.glb")), "");
+    }
+}
