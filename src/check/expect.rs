@@ -280,6 +280,20 @@ fn percent(share: f64) -> String {
 }
 
 impl Expected {
+    /// The problem that the scene has nothing of the name that the expectation is about, if that is so.
+    pub fn missing(&self, scene: &Scene) -> Option<String> {
+        match self {
+            Self::Points { target, .. } | Self::Plane { target, .. } | Self::Resolution { target, .. } => {
+                target
+            }
+            Self::Coverage { zone, .. } => &zone.ground.target,
+            Self::BlindZone { ground, .. } => &ground.target,
+            Self::Unobstructed { body, .. } => body,
+            Self::Returns(_) | Self::PointsPerSecond(_) | Self::Speed { .. } => return None,
+        }
+        .missing(scene)
+    }
+
     /// The expectation in words, and the finding.
     fn examine(&self, seen: &Seen) -> (String, Finding) {
         match self {

@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::compare::ChannelDifference;
 use crate::output::Image;
+use crate::source::Diagnostic;
 
 /// The outcome of checking one job.
 #[derive(Clone, Debug, Default)]
@@ -15,6 +16,8 @@ pub struct Outcome {
     /// Sentences about the job as a whole: the reason why it could not be run or compared, and the command that corrects
     /// it.
     pub problems: Vec<String>,
+    /// Warnings about the job and its scene: the job was run, and is probably not what was meant.
+    pub warnings: Vec<Diagnostic>,
     /// The changes since the baseline was accepted, whether or not they led to a difference.
     pub changes: Vec<Change>,
     /// One outcome for each sensor, in the job's order. It is empty if the job could not be run, or if there is no

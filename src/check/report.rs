@@ -158,6 +158,7 @@ pub fn json(outcomes: &[Outcome]) -> Value {
             "job": outcome.job,
             "verdict": outcome.verdict.word(),
             "problems": outcome.problems,
+            "warnings": outcome.warnings,
             "changes": outcome.changes.iter().map(change).collect::<Vec<_>>(),
             "sensors": outcome.sensors.iter().map(sensor).collect::<Vec<_>>(),
             "expectations": outcome.expectations.iter().map(expectation).collect::<Vec<_>>(),

@@ -7,10 +7,10 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::interrupt::Interrupt;
-use super::job::{SceneArgs, load_scene};
+use super::job::{SceneArgs, load_scene, strictly};
 use super::terminal::Terminal;
 use super::threads;
-use crate::check::{Outcome, junit, report};
+use crate::check::{Outcome, Verdict, junit, report};
 use crate::error::Error;
 use crate::output::{encode_png, write_file};
 use crate::run::checking::{self, Checked, Found, Run, State};
@@ -28,6 +28,12 @@ pub struct Args {
     /// CI=true: baselines are accepted by people
     #[arg(long, value_name = "NAME", num_args = 0..=1, require_equals = true)]
     accept: Option<Option<String>>,
+    /// Accept frames without a single return too
+    #[arg(long, requires = "accept")]
+    allow_empty: bool,
+    /// Take warnings for errors: a job that has any is not run
+    #[arg(long)]
+    strict: bool,
     /// Write JUnit XML
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
@@ -73,7 +79,9 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             folder.display()
         ));
     }
-    terminal.warn_of(&warnings);
+    if !args.strict {
+        terminal.warn_of(&warnings);
+    }
     if jobs.is_empty() {
         return Err(Error::Usage(
             "there is nothing to check: `beamcast check --accept JOB.toml` makes a job's first baseline"
@@ -135,8 +143,11 @@ fn check_all(
         let Some(State::Ready(job, _)) = group.first().map(|first| &jobs[*first].state) else { continue };
         let scene = load_scene(job, &args.scenes, terminal);
         interrupt.check()?;
-        let scene = match scene {
-            Ok(loaded) => loaded.scene,
+        let (scene, of_scene) = match scene {
+            Ok(loaded) => {
+                let diagnostics: Vec<_> = loaded.diagnostics(&job.scene_path).collect();
+                (loaded.scene, diagnostics)
+            }
             Err(error) => {
                 // Each of the other jobs reads the scene again, and so has an error of its own.
                 jobs[group.remove(0)].fail(error.into());
@@ -162,6 +173,16 @@ fn check_all(
                 tracers.len() - 1
             });
             let session = Session::new(job, tracers[place].1.clone());
+            let doubts = session.doubts();
+            let warnings = [&session.job.warnings, &of_scene, &doubts].map(|all| all.as_slice()).concat();
+            if args.strict
+                && let Err(error) = strictly(&warnings)
+            {
+                checked.fail(error);
+                continue;
+            }
+            terminal.warn_of(&doubts);
+            checked.outcome.warnings = warnings;
             checked.views = check_job(args, &session, &plan, &mut checked.outcome, terminal, interrupt)?;
         }
     }
@@ -186,10 +207,21 @@ fn check_job(
     let run = Run::new(session, plan, &frames, start.elapsed().as_secs_f64());
     let name = session.job.path.file_stem().unwrap_or_default().to_string_lossy();
     if args.accept.as_ref().is_some_and(|only| only.as_ref().is_none_or(|only| *only == name)) {
-        let acceptance = run.accept(outcome);
-        acceptance.warnings().iter().for_each(|warning| terminal.warn(warning));
-        if !acceptance.is_there() {
-            interrupt.uncut(|| acceptance.write())?;
+        let blank = if args.allow_empty { Vec::new() } else { run.without_returns() };
+        if blank.is_empty() {
+            let acceptance = run.accept(outcome);
+            acceptance.warnings().iter().for_each(|warning| terminal.warn(warning));
+            if !acceptance.is_there() {
+                interrupt.uncut(|| acceptance.write())?;
+            }
+        } else {
+            outcome.verdict = Verdict::Failed;
+            let problem = |name: &&str| {
+                format!(
+                    "sensor {name} sees nothing, which is not accepted; --allow-empty accepts it all the same"
+                )
+            };
+            outcome.problems.extend(blank.iter().map(problem));
         }
     } else {
         run.judge(outcome);

@@ -57,6 +57,10 @@ fn write_sensor(text: &mut String, sensor: &SensorSizes) {
     let facts = &sensor.facts;
     let name = sensor.name.as_deref().map_or(String::new(), |name| format!(" {name}"));
     let _ = writeln!(text, "  {}{name}", facts.kind);
+    if let Some(stance) = &sensor.stance {
+        let [x, y, z] = stance.position_m.map(tidy);
+        fact!(text, "stands", "at ({x}, {y}, {z}) m, looks {}", stance.looks);
+    }
     let (rows, columns) = (grouped(facts.rows as u64), grouped(facts.columns as u64));
     fact!(
         text,
@@ -163,7 +167,13 @@ mod tests {
             blind_pixels: 0,
         };
         let output_bytes = [("exr".to_owned(), 43_200.into())].into_iter().collect();
-        let sensor = SensorSizes { name: Some("top".to_owned()), facts, frame_bytes: 51_840, output_bytes };
+        let sensor = SensorSizes {
+            name: Some("top".to_owned()),
+            stance: None,
+            facts,
+            frame_bytes: 51_840,
+            output_bytes,
+        };
         let scene = SceneFacts {
             path: "a.glb".to_owned(),
             triangles: 6,

@@ -8,6 +8,7 @@ use crate::config::{self, Job};
 use crate::error::{Error, SceneError};
 use crate::run::{self, Bytes};
 use crate::scene::gltf;
+use crate::source::{Diagnostic, Severity};
 
 /// The flags of every subcommand that reads scenes.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -33,6 +34,16 @@ pub struct JobArgs {
 }
 
 impl JobArgs {
+    /// Reads the job, and shows its warnings, or takes them for errors.
+    ///
+    /// # Errors
+    /// [`Error::Config`] with everything that is wrong with the job.
+    pub fn load_strictly(&self, is_strict: bool, terminal: &Terminal) -> Result<Job, Error> {
+        let job = config::load_job(&self.job, &self.overrides)?;
+        heed(&job.warnings, is_strict, terminal)?;
+        Ok(job)
+    }
+
     /// Reads the job, and shows its warnings.
     ///
     /// # Errors
@@ -63,4 +74,30 @@ pub fn load_scene(job: &Job, args: &SceneArgs, terminal: &Terminal) -> Result<gl
         terminal.detail(format_args!("read {} ({}, BLAKE3 {})", file.name, Bytes(file.bytes), file.blake3));
     }
     Ok(loaded)
+}
+
+/// Shows warnings, or makes them errors if the user is strict.
+///
+/// # Errors
+/// [`Error::Config`] with the warnings as errors, if the user is strict and there are any. Notes are none.
+pub fn heed(warnings: &[Diagnostic], is_strict: bool, terminal: &Terminal) -> Result<(), Error> {
+    if !is_strict {
+        terminal.warn_of(warnings);
+        return Ok(());
+    }
+    strictly(warnings)
+}
+
+/// Warnings as errors.
+///
+/// # Errors
+/// [`Error::Config`], if there are any.
+pub fn strictly(warnings: &[Diagnostic]) -> Result<(), Error> {
+    let is_warning = |problem: &&Diagnostic| problem.severity == Severity::Warning;
+    let errors: Vec<Diagnostic> = warnings
+        .iter()
+        .filter(is_warning)
+        .map(|warning| Diagnostic { severity: Severity::Error, ..warning.clone() })
+        .collect();
+    if errors.is_empty() { Ok(()) } else { Err(Error::Config(errors)) }
 }

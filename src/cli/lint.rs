@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use super::facts;
-use super::job::SceneArgs;
+use super::job::{SceneArgs, heed};
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::run::facts::examine;
@@ -15,6 +15,9 @@ pub struct Args {
     /// Jobs, sensor files, scenes (.gltf, .glb), or folders of jobs and sensor files
     #[arg(required = true, value_name = "PATH")]
     paths: Vec<PathBuf>,
+    /// Take warnings for errors
+    #[arg(long)]
+    strict: bool,
     /// Print the facts and the problems as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -35,6 +38,5 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         terminal.print(&examined.facts.iter().map(facts::text).collect::<Vec<_>>().join("\n"))?;
     }
     let (_, warnings) = examined.into_result()?;
-    terminal.warn_of(&warnings);
-    Ok(())
+    heed(&warnings, args.strict, terminal)
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
-use super::job::{JobArgs, load_scene};
+use super::job::{JobArgs, heed, load_scene, strictly};
 use super::terminal::Terminal;
 use super::threads;
 use crate::config::Job;
@@ -32,6 +32,9 @@ pub struct Args {
     /// Use this seed instead of the job's
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// Take warnings for errors, and write nothing where there are any
+    #[arg(long)]
+    strict: bool,
     /// Check everything and list the files that would be written, but cast and write nothing
     #[arg(long)]
     dry_run: bool,
@@ -68,6 +71,9 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     diagnostics.extend(loaded.diagnostics(&job.scene_path));
     let scene = loaded.scene;
     interrupt.check()?;
+    if args.strict {
+        strictly(&diagnostics)?;
+    }
     plan.check_scene(&scene)?;
     if args.dry_run {
         return print_plan(args, terminal, &job, &plan, &scene, &diagnostics, &journal);
@@ -76,6 +82,9 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     interrupt.check()?;
 
     let session = Session::new(job, tracer);
+    let doubts = session.doubts();
+    heed(&doubts, args.strict, terminal)?;
+    diagnostics.extend(doubts);
     interrupt.uncut(|| journal.begin(&plan))?;
     let casting = || cast_and_write(&session, &plan, &mut journal, &interrupt);
     let (seen, cast, write) = terminal.with_progress(plan.rays, interrupt.progress(), casting)?;
@@ -100,7 +109,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 }
 
 fn load_job(args: &Args, terminal: &Terminal) -> Result<Job, Error> {
-    let mut job = args.job.load(terminal)?;
+    let mut job = args.job.load_strictly(args.strict, terminal)?;
     job.output.dir = paths::tidy(args.out.as_ref().unwrap_or(&job.output.dir));
     if let Some(seed) = args.seed {
         job.seed = seed;

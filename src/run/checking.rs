@@ -243,6 +243,13 @@ impl<'r> Run<'r> {
         outcome.expectations = expectations.iter().map(|expectation| expectation.examine(&seen)).collect();
     }
 
+    /// The names of the sensors whose frames have no return.
+    pub fn without_returns(&self) -> Vec<&str> {
+        let blank =
+            self.plan.items.iter().zip(self.frames).filter(|(_, frame)| frame.iter().next().is_none());
+        blank.map(|(item, _)| self.session.sensor(item).name.as_str()).collect()
+    }
+
     fn taken(&self) -> Vec<Snapshot> {
         self.seen_by.iter().map(|frame| Snapshot::of(frame, self.session.scene())).collect()
     }

@@ -2,19 +2,21 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
 use serde::Serialize;
 
+use super::extent::extent;
 use super::paths::configs_in;
 use super::plan::{format_problems, label_problem};
 use super::{memory, session};
 use crate::config::{self, Config, Job};
 use crate::error::{Error, SceneError};
 use crate::output::Format;
-use crate::scene::{Mesh, Scene, gltf};
+use crate::plausibility::{self, Stance};
+use crate::scene::{Scene, gltf};
 use crate::sensor::Sensor;
 use crate::sensor::facts::SensorFacts;
-use crate::source::{Diagnostic, FileKind, Severity, Wanted, is_config, recognise};
+use crate::source::{Diagnostic, FileKind, Place, Severity, Wanted, is_config, recognise};
+use crate::trace::Tracer;
 
 /// The facts about a job, a sensor file or a scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -37,6 +39,9 @@ pub struct SensorSizes {
     /// The facts that follow from the pattern.
     #[serde(flatten)]
     pub facts: SensorFacts,
+    /// Where the sensor of a job stands and looks at first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stance: Option<Stance>,
     /// The memory that a frame takes while it is made.
     pub frame_bytes: u64,
     /// The size of a frame's file before compression, by format: an upper limit.
@@ -54,6 +59,7 @@ impl SensorSizes {
         };
         Self {
             name: name.map(str::to_owned),
+            stance: None,
             frame_bytes: memory::FRAME_BYTES_A_RAY.saturating_mul(rays),
             output_bytes: formats.iter().map(size).collect(),
             facts,
@@ -137,7 +143,12 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
             return;
         }
         match open(path, &name, None, &mut examined.problems) {
-            Ok(scene) => examined.facts.push(FileFacts::of_scene(&name, &scene)),
+            Ok(scene) => {
+                let facts = FileFacts::of_scene(&name, &scene);
+                let place = Place { path: path.to_path_buf(), ..Place::default() };
+                examined.problems.extend(plausibility::of_scene(extent(&scene), &place));
+                examined.facts.push(facts);
+            }
             Err(error) => examined.problems.push(about_scene(error)),
         }
         return;
@@ -152,10 +163,13 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
             let mut problems = format_problems(&job);
             match open(&job.scene_path, &job.scene_as_written, Some(&job), &mut examined.problems) {
                 Ok(scene) => {
-                    let sizes = |mounted: &config::MountedSensor| {
-                        SensorSizes::of(Some(&mounted.name), &mounted.sensor, &job.output.formats)
+                    let sizes = |(index, mounted): (usize, &config::MountedSensor)| {
+                        let sizes =
+                            SensorSizes::of(Some(&mounted.name), &mounted.sensor, &job.output.formats);
+                        SensorSizes { stance: Some(Stance::of(&job, index)), ..sizes }
                     };
-                    let sensors = job.sensors.iter().map(sizes).collect();
+                    let sensors = job.sensors.iter().enumerate().map(sizes).collect();
+                    examined.problems.extend(doubts(&job, &scene));
                     problems.extend(label_problem(job.output.formats.iter().copied(), &scene));
                     let scene = Some(SceneFacts::of(&job.scene_as_written, &scene));
                     examined.facts.push(FileFacts { path: name.into_owned(), kind: "job", sensors, scene });
@@ -179,6 +193,14 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
                 other => examined.problems.push(Diagnostic::about_file(path, other.to_string(), None)),
             }
         }
+    }
+}
+
+/// Warnings about a job in its scene. Where no tracer of the scene would fit into memory, there are none.
+fn doubts(job: &Job, scene: &Scene) -> Vec<Diagnostic> {
+    match memory::check("the scene", memory::of_scene(scene)) {
+        Ok(()) => plausibility::of_job(job, scene, extent(scene), &Tracer::build(scene)),
+        Err(_) => Vec::new(),
     }
 }
 
@@ -266,28 +288,6 @@ impl SceneFacts {
             memory_bytes: memory::of_scene(scene),
         }
     }
-}
-
-fn extent(scene: &Scene) -> [[f64; 2]; 3] {
-    let (nothing, everything) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let own = |mesh: &Mesh| {
-        let positions = mesh.positions.iter().map(|p| DVec3::from_array(p.map(f64::from)));
-        positions.fold((nothing, everything), |(low, high), p| (low.min(p), high.max(p)))
-    };
-    let own: Vec<_> = scene.geometry.meshes.iter().map(own).collect();
-    let (mut low, mut high) = (nothing, everything);
-    for placement in &scene.arrangement.placements {
-        let (a, b) = own[placement.mesh as usize];
-        if a.x > b.x {
-            continue; // mesh 0 may be empty
-        }
-        for corner in 0..8 {
-            let p = DVec3::from_array([0, 1, 2].map(|i| if corner >> i & 1 == 0 { a[i] } else { b[i] }));
-            let p = placement.scene_from_mesh().transform_point3(p) + scene.geometry.centre;
-            (low, high) = (low.min(p), high.max(p));
-        }
-    }
-    [0, 1, 2].map(|axis| [low[axis], high[axis]])
 }
 
 #[cfg(test)]

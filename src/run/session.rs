@@ -3,14 +3,17 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::extent::extent;
 use super::paths::tidy;
 use super::plan::{Item, Output};
 use crate::config::{Job, MountedSensor};
 use crate::error::{Error, SceneError};
 use crate::output::{Names, SensorFrame};
+use crate::plausibility;
 use crate::scan::{self, Frame, Progress};
 use crate::scene::{Scene, gltf};
 use crate::sensor::Capture;
+use crate::source::Diagnostic;
 use crate::source::suggest::missing_file_help;
 use crate::trace::{AnyTracer, Cast};
 
@@ -68,6 +71,11 @@ impl Session {
     /// The job's scene.
     pub fn scene(&self) -> &Scene {
         self.tracer.scene()
+    }
+
+    /// Warnings about the job in its scene: it can be run, and is probably not what was meant.
+    pub fn doubts(&self) -> Vec<Diagnostic> {
+        plausibility::of_job(&self.job, self.scene(), extent(self.scene()), &self.tracer)
     }
 
     /// The sensor of an item of the job's plan.

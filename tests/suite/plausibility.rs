@@ -218,3 +218,183 @@ fn nothing_shipped_is_doubted() {
         assert_eq!(config::load_preset(name).unwrap().warnings, [], "{name}");
     }
 }
+
+/// Runs beamcast in a folder. Returns its exit code and its output.
+fn beamcast(folder: &Path, args: &[&str]) -> (i32, String, String) {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_beamcast"));
+    let output = command.args(args).current_dir(folder).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+/// The codes of the warnings in the JSON of lint, scan or check.
+fn codes(json: &str, pointer: &str) -> Vec<String> {
+    let json: serde_json::Value = serde_json::from_str(json).unwrap_or_else(|e| panic!("{e}: {json}"));
+    let all =
+        json.pointer(pointer).and_then(|all| all.as_array()).unwrap_or_else(|| panic!("{pointer}: {json:#}"));
+    all.iter().filter_map(|warning| warning["code"].as_str().map(str::to_owned)).collect()
+}
+
+/// A glTF file of quads and boxes: (name, least corner, largest corner) in glTF's axes. A box without height is a floor that
+/// faces up.
+fn write_scene(path: &Path, objects: &[(&str, [f32; 3], [f32; 3])]) {
+    let (mut bytes, mut meshes, mut nodes, mut views, mut accessors) =
+        (Vec::new(), vec![], vec![], vec![], vec![]);
+    for (index, (name, low, high)) in objects.iter().enumerate() {
+        let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] });
+        let triangles: Vec<[u8; 3]> = if low[1] == high[1] {
+            vec![[0, 4, 1], [1, 4, 5]]
+        } else {
+            vec![
+                [0, 2, 1],
+                [1, 2, 3],
+                [4, 5, 6],
+                [5, 7, 6],
+                [0, 1, 4],
+                [1, 5, 4],
+                [2, 6, 3],
+                [3, 6, 7],
+                [0, 4, 2],
+                [2, 4, 6],
+                [1, 3, 5],
+                [3, 7, 5],
+            ]
+        };
+        let start = bytes.len();
+        let positions: Vec<u8> = (0..8).flat_map(corner).flat_map(f32::to_le_bytes).collect();
+        let indices: Vec<u8> = triangles.concat();
+        bytes.extend(&positions);
+        bytes.extend(&indices);
+        while bytes.len() % 4 != 0 {
+            bytes.push(0);
+        }
+        views.push(serde_json::json!({ "buffer": 0, "byteOffset": start, "byteLength": positions.len() }));
+        views.push(serde_json::json!({ "buffer": 0, "byteOffset": start + positions.len(), "byteLength": indices.len() }));
+        accessors.push(serde_json::json!({ "bufferView": 2 * index, "componentType": 5126, "count": 8, "type": "VEC3", "min": low, "max": high }));
+        accessors.push(serde_json::json!({ "bufferView": 2 * index + 1, "componentType": 5121, "count": indices.len(), "type": "SCALAR" }));
+        meshes.push(serde_json::json!({ "primitives": [{ "attributes": { "POSITION": 2 * index }, "indices": 2 * index + 1 }] }));
+        nodes.push(serde_json::json!({ "name": name, "mesh": index }));
+    }
+    let scene = serde_json::json!({
+        "asset": { "version": "2.0" }, "meshes": meshes, "nodes": nodes, "accessors": accessors, "bufferViews": views,
+        "scenes": [{ "nodes": (0..objects.len()).collect::<Vec<_>>() }],
+        "buffers": [{ "uri": "scene.bin", "byteLength": bytes.len() }],
+    });
+    fs::write(path.with_file_name("scene.bin"), bytes).unwrap();
+    fs::write(path, scene.to_string()).unwrap();
+}
+
+/// A hall of 20 m by 18 m by 5 m in glTF's axes, with a floor, two walls and a person.
+const HALL: &[(&str, [f32; 3], [f32; 3])] = &[
+    ("floor", [-10.0, 0.0, -9.0], [10.0, 0.0, 9.0]),
+    ("north", [-10.0, 0.0, -9.2], [10.0, 5.0, -9.0]),
+    ("east", [10.0, 0.0, -9.0], [10.2, 5.0, 9.0]),
+    ("person", [2.0, 0.1, -0.3], [2.6, 1.8, 0.3]),
+];
+
+/// The hall with every length times `factor`, and with its axes turned.
+fn hall(factor: f32, axes: [usize; 3]) -> Vec<(&'static str, [f32; 3], [f32; 3])> {
+    let moved = |p: [f32; 3]| axes.map(|axis| p[axis] * factor);
+    HALL.iter().map(|&(name, low, high)| (name, moved(low), moved(high))).collect()
+}
+
+/// Every rule about the scene: the warning is there in lint, scan and check, with its place, and --strict refuses the job.
+#[test]
+fn sensors_that_do_not_fit_their_scene() {
+    let pose = "pose = { position_m = [0.0, 0.0, 1.2], rpy_deg = [0.0, 0.0, 0.0] }";
+    let at = |position: &str| vec![(pose, format!("pose = {{ position_m = {position} }}"))];
+    let upright = [0, 1, 2];
+    let y_and_z = [0, 2, 1];
+    let up = vec![
+        (CAMERA.0, CAMERA.1.to_owned()),
+        (pose, "pose = { position_m = [0.0, 0.0, 1.2], rpy_deg = [0.0, -60.0, 90.0] }".to_owned()),
+    ];
+    for (factor, axes, changes, code, words) in [
+        (1.0, upright, at("[0.0, 0.0, 1200.0]"), "far-outside", "millimetres"),
+        (1.0, upright, at("[100.0, 0.0, 120.0]"), "far-outside", "centimetres"),
+        (1.0, upright, at("[3000.0, 9000.0, 1.0]"), "far-outside", "outside the scene"),
+        (1.0, upright, at("[2.3, 0.0, 1.2]"), "inside-object", "inside `person`"),
+        (1.0, upright, at("[0.0, 0.0, -0.6]"), "below-floor", "below `floor`"),
+        (1000.0, upright, at("[0.0, 0.0, 1.2]"), "scene-unit", "millimetres"),
+        (100.0, upright, at("[0.0, 0.0, 1.2]"), "scene-unit", "centimetres"),
+        (0.01, upright, at("[0.0, 0.0, 0.012]"), "scene-unit", "0.2 m across"),
+        (1.0, y_and_z, at("[0.0, 0.0, 1.2]"), "scene-up", "up = \"y\""),
+        (1.0, upright, up, "sees-nothing", "along +y, 60° up"),
+        (
+            1.0,
+            upright,
+            vec![(
+                "[output]",
+                "[[expect]]\nname = \"e\"\npoints = { object = \"persn\", at_least = 1 }\n[output]"
+                    .to_owned(),
+            )],
+            "unknown-object",
+            "did you mean `person`?",
+        ),
+    ] {
+        let changes: Vec<(&str, &str)> = changes
+            .iter()
+            .map(|(old, new)| (*old, new.as_str()))
+            .chain([("room.glb", "scene.gltf")])
+            .collect();
+        let folder = folder_with(&changes);
+        let here = folder.path();
+        write_scene(&here.join("scene.gltf"), &hall(factor, axes));
+        let (exit, json, said) = beamcast(here, &["lint", "--json", "job.toml"]);
+        assert!(exit == 0 && codes(&json, "/diagnostics").contains(&code.to_owned()), "{code}: {json}{said}");
+        assert!(said.contains(words) && said.contains("job.toml:"), "{code}: {said}");
+        let (exit, _, said) = beamcast(here, &["lint", "--strict", "job.toml"]);
+        assert!(exit == 2 && said.contains("error: "), "{code}: {exit}: {said}");
+        let (exit, _, said) = beamcast(here, &["scan", "--strict", "job.toml"]);
+        assert!(exit == 2 && said.contains(words), "{code}: {exit}: {said}");
+        assert!(!here.join("out").exists(), "{code}: written in spite of --strict");
+        let (exit, json, said) = beamcast(here, &["scan", "--json", "job.toml"]);
+        assert!(exit == 0 && said.contains(words), "{code}: {exit}: {said}");
+        assert!(codes(&json, "/diagnostics").contains(&code.to_owned()), "{code}: {json}");
+        let (exit, _, said) = beamcast(here, &["check", "--strict", "job.toml"]);
+        assert!(exit == 2 && said.contains(words), "{code}: {exit}: {said}");
+        let (_, json, said) = beamcast(here, &["check", "--json", "-", "job.toml"]);
+        assert!(said.contains(words), "{code}: {said}");
+        assert!(codes(&json, "/jobs/0/warnings").contains(&code.to_owned()), "{code}: {json}");
+    }
+    // The same job in the hall as it should be has no warning, and lint says where the sensor looks.
+    for axes in [upright, y_and_z] {
+        let up =
+            if axes == upright { "scene = \"scene.gltf\"" } else { "scene = \"scene.gltf\"\nup = \"y\"" };
+        let folder = folder_with(&[("scene = \"room.glb\"", up)]);
+        write_scene(&folder.path().join("scene.gltf"), &hall(1.0, axes));
+        let (exit, facts, said) = beamcast(folder.path(), &["lint", "--strict", "job.toml"]);
+        assert_eq!((exit, said.as_str()), (0, ""), "{facts}");
+        assert!(facts.contains("at (0, 0, 1.2) m, looks along +x, level"), "{facts}");
+    }
+}
+
+#[test]
+fn frames_without_a_return_are_not_accepted() {
+    let pose = "pose = { position_m = [0.0, 0.0, 1.2], rpy_deg = [0.0, 0.0, 0.0] }";
+    let folder = folder_with(&[(pose, "pose = { position_m = [0.0, 0.0, 900.0] }")]);
+    let accept = |more: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_beamcast"));
+        command
+            .args(["check", "--accept", "job.toml"])
+            .args(more)
+            .current_dir(folder.path())
+            .env_remove("CI");
+        let output = command.output().unwrap();
+        (output.status.code().unwrap(), String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    let (exit, said) = accept(&[]);
+    assert!(
+        exit == 1 && said.contains("sensor top sees nothing") && said.contains("--allow-empty"),
+        "{exit}: {said}"
+    );
+    assert!(!folder.path().join("job.baseline").exists());
+    assert_eq!(accept(&["--allow-empty"]).0, 0);
+    assert!(folder.path().join("job.baseline").exists());
+}
+
+#[test]
+fn shipped_jobs_fit_their_scenes() {
+    let (exit, _, said) = beamcast(Path::new(ROOT), &["lint", "--strict", "configs"]);
+    assert_eq!((exit, said.as_str()), (0, ""));
+}

@@ -1,0 +1,43 @@
+//! Jobs that can be run and are probably not what was meant, told by how they fit their scene.
+//!
+//! ```text
+//! stance  where a sensor stands and looks, in words
+//! size    scenes of another unit, or that lie on their side
+//! sight   sensors that stand inside, below or far outside of things, or look at nothing
+//! ```
+//!
+//! Each rule is a function of a job and its scene: nothing here opens a file, and nothing prints. Rules that need no scene are in
+//! `config`, where the values are read. A rule costs a few dozen rays; only where all of them go astray are more cast.
+
+mod sight;
+mod size;
+mod stance;
+
+use crate::config::Job;
+use crate::scene::Scene;
+use crate::source::{Diagnostic, Doubt, Place};
+use crate::trace::Cast;
+
+pub use size::Extent;
+pub use stance::Stance;
+
+/// The warnings about a scene alone.
+pub fn of_scene(extent: Extent, place: &Place) -> Vec<Diagnostic> {
+    size::doubts(extent).into_iter().map(|doubt| doubt.at(place)).collect()
+}
+
+/// The warnings about a job in its scene, which the tracer casts at: sensor by sensor, then the expectations.
+pub fn of_job(job: &Job, scene: &Scene, extent: Extent, tracer: &impl Cast) -> Vec<Diagnostic> {
+    let mut found = of_scene(extent, &job.places.scene);
+    for (mounted, place) in job.sensors.iter().zip(&job.places.sensors) {
+        let doubts = sight::doubts(mounted, &job.trajectory, scene, extent, tracer);
+        found.extend(doubts.into_iter().map(|doubt| doubt.at(place)));
+    }
+    for (expectation, place) in job.expectations.iter().zip(&job.places.expectations) {
+        if let Some(problem) = expectation.what.missing(scene) {
+            let message = format!("`{}` expects something of what is not there: {problem}", expectation.name);
+            found.push(Doubt::new("unknown-object", "expect", message).at(place));
+        }
+    }
+    found
+}
