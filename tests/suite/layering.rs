@@ -90,7 +90,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
             "sensor/camera.rs",
             "scene/regions.rs",
             "sensor/capture.rs",
-            "trace/bvh/build.rs",
+            "trace/bvh/",
             "output/exr.rs",
             "kernels/",
             "cli/",

@@ -1,15 +1,15 @@
-//! The construction of a hierarchy: the mesh is split into parts from the top, obvhs builds a binary tree of each part, and the
+//! The construction of a hierarchy: the mesh is split into parts from the top, each part becomes a [binary tree](binary), and the
 //! binary trees are collapsed into nodes of eight children.
 //!
-//! The working memory of obvhs is several times that of the finished hierarchy. Because the mesh is built part by part, only the
+//! The working memory of a binary tree is several times that of the finished hierarchy. Because the mesh is built part by part, only the
 //! working memory of one part a thread exists at a time. Threads share out the parts.
 
 use glam::{DVec3, Vec3A};
-use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use rayon::prelude::*;
 
+use super::binary;
 use super::{BLOCK_OFFSET_WORDS, Bvh8, Child, HEADER, MAX_BLOCK_OFFSET, MAX_VERTICES, Node, TAIL, WIDTH};
 use crate::scene::Mesh;
 use crate::scene::bounds::Bounds;
@@ -50,7 +50,7 @@ pub(in crate::trace) fn build_over(boxes: &[Bounds]) -> Bvh8 {
     let scale = reciprocal_power_of_two(largest);
     let to_f32 = |p: DVec3| Vec3A::new(p.x as f32, p.y as f32, p.z as f32) * scale;
     let boxes: Vec<Aabb> = boxes.iter().map(|b| Aabb { min: to_f32(b.low), max: to_f32(b.high) }).collect();
-    let bvh = build_binary(&boxes, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
+    let bvh = binary::build(&boxes, 1);
     let mut tree = Tree::default();
     tree.widen(&bvh, |_, leaf| Child::leaf(bvh.primitive_indices[bvh.nodes[leaf].first_index as usize]));
     for node in &mut tree.nodes {
@@ -59,7 +59,7 @@ pub(in crate::trace) fn build_over(boxes: &[Bounds]) -> Bvh8 {
     Bvh8 { nodes: tree.nodes, blocks: Vec::new(), largest }
 }
 
-/// A mesh and the power of two that scales its coordinates to at most 1. obvhs measures areas in f32, whose range the areas of
+/// A mesh and the power of two that scales its coordinates to at most 1. Areas are measured in f32, whose range the areas of
 /// nanometres or gigametres would leave.
 struct Space<'m> {
     mesh: &'m Mesh,
@@ -91,7 +91,7 @@ impl Space<'_> {
             bvh.nodes.reserve_exact(nodes);
         } else {
             // The leaves of the nodes above the parts are the roots of the parts.
-            let over_parts = build_binary(&roots, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
+            let over_parts = binary::build(&roots, 1);
             let mut top = Tree::default();
             // Until their roots are known, parts are referred to by their index, as if they were blocks.
             top.widen(&over_parts, |_, leaf| {
@@ -282,19 +282,6 @@ fn partition(items: &mut [u32], bin_of: &mut [u8], cut: u8) -> usize {
     }
 }
 
-/// The parameters of a binary tree. The test of a leaf costs nearly the same for any number of triangles up to eight, so leaves
-/// should be full. A high cost of nodes makes obvhs fill them.
-const PARAMS: BvhBuildParams = BvhBuildParams {
-    max_prims_per_leaf: WIDTH as u32,
-    collapse_traversal_cost: 30.0,
-    ..BvhBuildParams::fast_build()
-};
-
-fn build_binary(boxes: &[Aabb], params: BvhBuildParams) -> Bvh2 {
-    let mut time = std::time::Duration::ZERO;
-    obvhs::bvh2::builder::build_bvh2(boxes, params, &mut time)
-}
-
 /// The nodes and blocks of a part, numbered from 0. The boxes are still scaled as in [`Space`], and not padded.
 #[derive(Default)]
 struct Tree {
@@ -306,7 +293,7 @@ struct Tree {
 impl Tree {
     fn of_triangles(space: &Space, items: &mut [u32]) -> Self {
         let boxes: Vec<Aabb> = items.iter().map(|&i| space.scaled(i)).collect();
-        let bvh = build_binary(&boxes, PARAMS);
+        let bvh = binary::build(&boxes, WIDTH);
         let mut tree = Self { blocks: Vec::with_capacity(items.len() * 9), ..Self::default() };
         tree.widen(&bvh, |tree, leaf| {
             let node = &bvh.nodes[leaf];
@@ -517,7 +504,7 @@ mod tests {
                     Aabb { min, max: min + Vec3A::new(next(), next(), next()) * 4.0 }
                 })
                 .collect();
-            let bvh = build_binary(&boxes, BvhBuildParams { max_prims_per_leaf: 1, ..PARAMS });
+            let bvh = binary::build(&boxes, 1);
             let collapse = Collapse::new(&bvh);
             let mut stack = vec![0];
             let (mut area, mut leaves) = (0.0, 0);

@@ -4,6 +4,7 @@
 //! up to eight triangles with the vertices that they share. Blocks lie in the order of the tree, and the data of a leaf takes two or
 //! three cache lines.
 
+mod binary;
 mod build;
 mod traverse;
 
