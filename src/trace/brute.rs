@@ -30,11 +30,8 @@ impl Cast for BruteForce<'_> {
         let limits: Vec<_> = (0..hits.len()).map(|ray| Limits::of(rays, ray)).collect();
         let mut nearest: Vec<Option<Candidate>> = vec![None; hits.len()];
         for (index, placement) in scene.arrangement.placements.iter().enumerate() {
-            let local: Vec<_> = all
-                .iter()
-                .map(|ray| ray.carried(placement))
-                .map(|ray| (ray, ray.direction.try_normalize().unwrap_or(DVec3::NAN)))
-                .collect();
+            let local: Vec<_> =
+                all.iter().map(|ray| ray.carried(placement)).map(|ray| (ray, unit(ray.direction))).collect();
             let farthest = local.iter().map(|(ray, _)| ray.origin.abs().max_element()).fold(0.0, f64::max);
             let mesh = &scene.geometry.meshes[placement.mesh as usize];
             for triangle in 0..mesh.triangles.len() as u32 {
@@ -75,6 +72,12 @@ const SQUARES: f64 = 1e-9;
 /// the middle as seen from an origin are each rounded by at most √3·2u of these coordinates, 4·10⁻¹⁶. The margin is more than
 /// a hundred thousand times that.
 const POSITIONS: f64 = 1e-10;
+
+/// The direction in unit length; NaN for none. It is scaled to about 1 first, so that the square of its length does not underflow.
+fn unit(direction: DVec3) -> DVec3 {
+    let scaled = direction / direction.abs().max_element();
+    scaled.try_normalize().unwrap_or(DVec3::NAN)
+}
 
 /// A sphere around a triangle. A line that keeps clear of it misses the triangle, and needs no exact answer.
 struct Sphere {

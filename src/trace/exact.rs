@@ -3,7 +3,10 @@
 //! The arithmetic is in f64, multiplications and additions only (never fused), in one fixed order, so that every machine
 //! gives the same bits. The decision is exact: a filter with a proven error bound answers nearly always, and the adaptive
 //! predicate of Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates" (1997),
-//! answers the rest.
+//! answers the rest. Where its products could underflow, which that predicate rules out, integers of any size answer.
+//!
+//! The definition is for rays whose direction's largest |component| is from [`SHORTEST`] to [`FARTHEST`], and for corners no farther
+//! than [`FARTHEST`] from the origin; all other rays miss. Within that, components may be of any size, subnormal numbers included.
 //!
 //! A ray is carried into the space of a placement by the inverse of that placement's map, in f64, once. A region of a large scene
 //! is placed by moving it only, and origins are rounded such that this is exact
@@ -11,6 +14,7 @@
 
 use glam::{DAffine3, DVec3};
 
+use super::dyadic::{Dyadic, determinant};
 use super::rays::{Hit, Origins, Rays};
 use super::stats::TraversalStats;
 use crate::scene::{Mesh, Placement};
@@ -283,6 +287,13 @@ pub(super) fn carry<'o>(
     }
 }
 
+/// The least largest |component| of a direction.
+pub const SHORTEST: f64 = 1e-100;
+
+/// The largest |component| of a direction, and the largest |coordinate| of a corner relative to the origin: no product of three of
+/// them overflows.
+pub const FARTHEST: f64 = 1e100;
+
 /// A triangle's corners relative to a ray's origin, each rounded once. All triangles that share a vertex get the same numbers
 /// for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -310,7 +321,8 @@ impl Corners {
 
     /// Whether the line along `d` through the origin passes through the triangle, its edges and vertices included: the
     /// determinants det(d, b, c), det(d, c, a), det(d, a, b) are all ≥ 0 or all ≤ 0, and not all zero (a line in the
-    /// triangle's plane misses it). The answer is exact. It is false if a number is not finite.
+    /// triangle's plane misses it). The answer is exact. It is false if a number is not finite, or larger than [`FARTHEST`], or the
+    /// direction is shorter than [`SHORTEST`].
     #[inline]
     pub fn passes(&self, d: DVec3) -> bool {
         self.passes_how(d).0
@@ -329,12 +341,17 @@ impl Corners {
     fn passes_how(&self, d: DVec3) -> (bool, bool) {
         let Self { a, b, c } = *self;
         let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
+        let length = d.abs().max_element();
+        if !(largest <= FARTHEST && (SHORTEST..=FARTHEST).contains(&length)) {
+            return (false, false);
+        }
         // The error of a determinant d·(p × q) computed in f64, u = 2⁻⁵³, m the largest |coordinate|: a component of the
         // cross product is off by at most (2u + u²)(|p_i q_j| + |p_j q_i|) ≤ (4u + 2u²) m²; the dot product adds at most
         // 3u(1 + u)² of Σ|d_k|·2m²(1+u)². With Σ|d_k| ≤ 3 |d|∞ that is ≤ 3·(4 + 6)·u·m²|d|∞ = 30u·m²|d|∞ plus terms in
-        // u²; 64u has room for these and for the rounding of the bound itself.
+        // u²; 64u has room for these and for the rounding of the bound itself. A product that underflows is off by 2⁻¹⁰⁷⁵ besides:
+        // six times in the cross product, times |d|∞, and three times in the dot product. 2⁻¹⁰²² times both is far more.
         const U: f64 = f64::EPSILON / 2.0;
-        let bound = 64.0 * U * (largest * largest) * d.abs().max_element();
+        let bound = 64.0 * U * (largest * largest) * length + f64::MIN_POSITIVE * (length + 1.0);
         let mut is_close = false;
         let mut sign = |p: DVec3, q: DVec3| -> i8 {
             let determinant = dot(d, cross(p, q));
@@ -343,7 +360,7 @@ impl Corners {
             } else if determinant < -bound {
                 -1
             } else if determinant.is_nan() {
-                // An overflow, or a ray with a NaN, is on no side.
+                // A ray or a corner with a NaN is on no side.
                 2
             } else {
                 is_close = true;
@@ -516,8 +533,17 @@ fn cross(p: DVec3, q: DVec3) -> DVec3 {
 }
 
 /// The sign of det(d, p, q), exactly.
+///
+/// `robust` computes with sums of f64 that hold a product of three numbers without rounding. Its last digit is that of 159 binary
+/// digits, so it is above 2⁻¹⁰⁷⁴, the last of f64, where no factor is below 2⁻³⁰⁰ (and 2⁻³⁰⁰ < 10⁻⁹⁰). Other numbers, but for 0,
+/// are left to integers of any size.
 #[cold]
 fn exact_sign(d: DVec3, p: DVec3, q: DVec3) -> i8 {
+    let is_ordinary = |x: f64| x == 0.0 || (1e-90..=1e90).contains(&x.abs());
+    if ![d, p, q].iter().all(|v| is_ordinary(v.x) && is_ordinary(v.y) && is_ordinary(v.z)) {
+        let [d, p, q] = [d, p, q].map(|v| v.to_array().map(Dyadic::of));
+        return determinant(&d, &p, &q).sign();
+    }
     let point = |v: DVec3| robust::Coord3D { x: v.x, y: v.y, z: v.z };
     let determinant = robust::orient3d(point(d), point(p), point(q), point(DVec3::ZERO));
     i8::from(determinant > 0.0) - i8::from(determinant < 0.0)
@@ -526,6 +552,7 @@ fn exact_sign(d: DVec3, p: DVec3, q: DVec3) -> i8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rng::Rng;
 
     fn corners(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> Corners {
         Corners { a: a.into(), b: b.into(), c: c.into() }
@@ -564,6 +591,49 @@ mod tests {
         let (p, q) = (DVec3::new(0.0, 1.0 + tiny, 1.0), DVec3::new(0.0, 1.0, 1.0 - tiny));
         assert_eq!(p.y * q.z - p.z * q.y, 0.0, "f64 sees nothing");
         assert_eq!(exact_sign(DVec3::X, p, q), -1);
+    }
+
+    /// The case brute-force-subnormal: products that underflow took the sign from a determinant, and a triangle far behind a ray
+    /// seemed to be at its origin.
+    #[test]
+    fn decisions_are_exact_for_numbers_of_any_size() {
+        let mut rng = Rng::new(9);
+        let sizes =
+            [0.0, 5e-324, 1e-321, 1e-310, 3e-308, 1e-200, 1e-160, 1e-110, 1e-99, 1e-30, 1.0, 1e20, 9e99];
+        let (mut passed, mut missed) = (0, 0);
+        for _ in 0..30_000 {
+            // Few sizes together, so that many determinants are nearly zero.
+            let some = [sizes[rng.below(13)], sizes[rng.below(13)], 1.0];
+            let mut point = || {
+                let mut number = || (rng.signed() * 8.0).round() / 8.0 * some[rng.below(3)];
+                DVec3::new(number(), number(), number())
+            };
+            let (t, d) = (Corners { a: point(), b: point(), c: point() }, point());
+            let exact = |v: DVec3| v.to_array().map(Dyadic::of);
+            let sign = |p: DVec3, q: DVec3| determinant(&exact(d), &exact(p), &exact(q)).sign();
+            let signs = [sign(t.b, t.c), sign(t.c, t.a), sign(t.a, t.b)];
+            let is_short = d.abs().max_element() < SHORTEST;
+            let expected = !is_short && signs != [0; 3] && !(signs.contains(&1) && signs.contains(&-1));
+            assert_eq!(t.passes(d), expected, "{t:?} along {d:?}");
+            if expected { passed += 1 } else { missed += 1 }
+        }
+        assert!(passed > 3000 && missed > 3000, "{passed} {missed}");
+        let behind = corners([17.0, 3.0, 0.0], [19.0, 3.5, 0.0], [18.0, 21.0, 0.0]);
+        assert!(!behind.passes(DVec3::new(-1.0, -1.0, 9.93e-322)));
+    }
+
+    #[test]
+    fn rays_outside_of_the_definition_miss() {
+        let t = facing();
+        for size in [1e-100, 1.0, 1e100] {
+            assert!(t.passes(DVec3::X * size), "{size}");
+            assert!(((t.depth(DVec3::X * size) * size) - 2.0).abs() < 1e-15);
+        }
+        for size in [0.0, 5e-324, 9e-101, 1.1e100, f64::MAX] {
+            assert!(!t.passes(DVec3::X * size), "{size}");
+        }
+        let far = corners([2e100, -1.0, -1.0], [2e100, 0.0, 1.0], [2e100, 1.0, -1.0]);
+        assert!(!far.passes(DVec3::X));
     }
 
     #[test]

@@ -9,11 +9,12 @@
 //! Rays come in batches of neighbours, such as a tile of an image or the beams of a firing. They are fast if they share an origin.
 //! Where one ray has several hits to give (cut-outs, glass, further returns), [`Rays::after`] asks for the next one.
 
+#[cfg(test)]
+mod adversary;
 mod any;
 mod batch;
 mod brute;
 mod bvh;
-#[cfg(test)]
 mod dyadic;
 pub mod exact;
 mod hit_attributes;

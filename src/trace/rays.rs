@@ -10,7 +10,8 @@ pub struct Rays<'a> {
     /// The origins of the rays.
     pub origins: Origins<'a>,
     /// The directions in the world. They need not have unit length: depths and limits count in lengths of the direction, so
-    /// they are metres if the length is 1.
+    /// they are metres if the length is 1. Where no component is 10⁻¹⁰⁰ or more, or one is more than 10¹⁰⁰ or no number, the ray
+    /// hits nothing.
     pub directions: &'a [DVec3],
     /// The least depth of a hit, in metres, included. It is 0 or more.
     pub t_min: f64,

@@ -495,8 +495,8 @@ pub(super) fn passing(block: LeafBlock, mut maybe: u32, ray: LocalRay, stats: &m
 mod tests {
     use super::*;
     use crate::rng::Rng;
+    use crate::trace::adversary::Case;
     use crate::trace::bvh;
-    use crate::trace::dyadic::adversary::Case;
     use crate::trace::dyadic::{Dyadic, determinant, difference};
     use crate::trace::simd::{self, PortableF32x8, SimdTask};
     use glam::DVec3;

@@ -417,6 +417,95 @@ fn degenerate_arrangements_agree_with_brute_force() {
     assert!(agrees(&alone(nested), 16, 31, 1.0) > 100);
 }
 
+/// Directions and origins of any size agree, subnormal numbers among them (the case brute-force-subnormal).
+#[test]
+fn rays_of_any_size_agree_with_brute_force() {
+    let mut random = Rng::new(51);
+    // Triangles in planes through the origin and parallel to the axes have coordinates of exactly 0.
+    let mut flat = soup(&mut Rng::new(6), 40, 2.0);
+    for (index, position) in flat.positions.iter_mut().enumerate() {
+        position[index / 3 % 3] = 0.0;
+    }
+    let turn = rotated(DVec3::new(1.0, 2.0, 3.0), 0.7, DVec3::splat(1e-3), DVec3::X);
+    let scenes = [
+        alone(flat.clone()),
+        alone(cuboid([-1.0; 3], [1.0; 3])),
+        placed(vec![flat], vec![(0, DAffine3::IDENTITY), (0, turn)]),
+    ];
+    let sizes = [
+        0.0,
+        5e-324,
+        9.93e-322,
+        1e-310,
+        1e-300,
+        1e-161,
+        1e-101,
+        1e-99,
+        1e-40,
+        1e-20,
+        1.0,
+        1.0,
+        1.0,
+        1e20,
+        1e40,
+        1e99,
+        1e101,
+        1e160,
+        f64::MAX,
+    ];
+    let mut hits = 0;
+    for scene in &scenes {
+        let tracers = tracers(scene);
+        for batch in 0..120 {
+            let mut point = |scale: &dyn Fn(&mut Rng) -> f64| {
+                DVec3::from_array([0; 3].map(|_| scale(&mut random) * (1.0 - 2.0 * (random.below(2) as f64))))
+            };
+            let small = |random: &mut Rng| [0.0, 1.0, 0.25, 5e-324, 1e-310, 1e-20][random.below(6)];
+            let common = scene.geometry.centre + point(&small);
+            let (a, b) = (sizes[batch % sizes.len()], sizes[batch / sizes.len()]);
+            let mut directions: Vec<DVec3> = (0..64)
+                .map(|ray| match ray % 4 {
+                    0 => point(&|random| [a, b, 1.0][random.below(3)]),
+                    1 => point(&|random| sizes[random.below(sizes.len())]),
+                    // A narrow bundle, of which some rays are long or short.
+                    _ => DVec3::new(1.0, 1e-3 * f64::from(ray), 9.93e-322) * [1.0, a, b][ray as usize % 3],
+                })
+                .collect();
+            if batch % 3 == 0 {
+                directions.sort_by(|a, b| b.x.total_cmp(&a.x));
+            }
+            let origins: Vec<DVec3> = (0..64).map(|_| scene.geometry.centre + point(&small)).collect();
+            for origins in [Origins::Common(common), Origins::Each(&origins)] {
+                hits += same_hits(scene, &tracers, batch, &Rays::unlimited(origins, &directions));
+            }
+        }
+    }
+    assert!(hits > 5000, "{hits}");
+}
+
+/// The case bvh-coincident-quadratic: copies in one place, of meshes and of triangles. Were their hierarchies built in the square of
+/// their number, this would take minutes.
+#[test]
+fn stacked_copies_agree_with_brute_force() {
+    let stack = placed(vec![sphere(1.0, DVec3::ZERO, 0)], vec![(0, DAffine3::IDENTITY); 100_000]);
+    let tracer = Tracer::build(&stack);
+    let rays = Rays::unlimited(Origins::Common(DVec3::new(0.1, 0.2, 3.0)), &[DVec3::NEG_Z]);
+    let hit = cast(&tracer, &rays)[0].unwrap();
+    assert_eq!((hit.placement, hit.triangle), (1, 0));
+    let one = mesh(vec![[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 1.0]], vec![[0, 1, 2]; 100_000]);
+    let hits = cast(
+        &Tracer::build(&alone(one)),
+        &Rays::unlimited(Origins::Common(DVec3::new(0.0, 0.2, 0.3)), &[DVec3::X]),
+    );
+    assert_eq!(hits[0].unwrap().triangle, 0);
+    // A few hundred of each, against brute force.
+    let nested =
+        (1..300).map(|i| (0, DAffine3::from_scale(DVec3::splat(1.0 + 0.01 * f64::from(i))))).collect();
+    assert!(agrees(&placed(vec![sphere(1.0, DVec3::ZERO, 0)], nested), 20, 5, 2.0) > 100);
+    let copies = vec![(0, DAffine3::IDENTITY); 200];
+    assert!(agrees(&placed(vec![sphere(1.0, DVec3::ZERO, 0)], copies), 20, 5, 2.0) > 100);
+}
+
 /// A ray that is cast again and again after its latest hit meets every triangle on its way exactly once, in the order of hits.
 #[test]
 fn rays_walk_through_all_their_hits_in_order() {

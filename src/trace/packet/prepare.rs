@@ -19,6 +19,9 @@ pub(super) const BUNDLES: usize = GROUPS / 2;
 /// The bound of |g_u| and |g_v| for the rays of a packet.
 const STEEPEST: f64 = 8.0;
 
+/// The largest direction of a packet along w, and the inverse of the least. Depths are multiplied by it, and its inverse is taken.
+const LENGTHS: f64 = 1e30;
+
 /// How far from their common point the origins of a packet may lie, in units of the largest |coordinate| of the mesh. Rays whose
 /// origins lie farther apart have too little in common.
 const SPREAD: f64 = 1.0 / 256.0;
@@ -248,8 +251,8 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             let (gu, gv) = (du.mul(per_w), dv.mul(per_w));
             let steep = gu.abs().max(gv.abs());
             // In this form NaN, infinity and a wrong sign do not pass.
-            let passes = S::F64x8::splat(f64::MIN_POSITIVE).le(along)
-                & along.le(S::F64x8::splat(f64::MAX))
+            let passes = S::F64x8::splat(1.0 / LENGTHS).le(along)
+                & along.le(S::F64x8::splat(LENGTHS))
                 & gu.abs().le(S::F64x8::splat(STEEPEST))
                 & gv.abs().le(S::F64x8::splat(STEEPEST));
             if passes != 0xff {
