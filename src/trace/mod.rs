@@ -27,6 +27,7 @@ mod simd;
 mod single;
 mod stats;
 mod stream;
+mod top;
 mod tracer;
 
 pub use any::AnyTracer;

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 
 use super::batch::{Batch, NearestHit, NearestHits, PACKET_RAYS, RaySet};
 use super::bvh::{self, Bvh8, Child, LeafBlock, TriangleRef};
@@ -18,8 +18,9 @@ use super::simd::{self, F32x8, SimdTask};
 use super::single::{RayStack, SingleRay};
 use super::stats::TraversalStats;
 use super::stream::RayStream;
+use super::top::{Top, bounds_of};
 use crate::scene::bounds::Bounds;
-use crate::scene::{Arrangement, Mesh, Placement, Scene};
+use crate::scene::{Arrangement, Scene};
 
 /// Finds the hits that [`BruteForce`](super::BruteForce) finds, bit for bit, and fast.
 ///
@@ -32,8 +33,8 @@ pub struct Tracer {
     pub(super) meshes: Arc<[Bvh8]>,
     /// The bounds of each mesh in its own space.
     bounds: Arc<[Bounds]>,
-    /// The hierarchy over the placements. It has no nodes if mesh 0 is all there is.
-    pub(super) top: Arc<Bvh8>,
+    /// The hierarchy over the placements.
+    pub(super) top: Arc<Top>,
     instructions: Instructions,
     packets: bool,
 }
@@ -58,7 +59,7 @@ impl Tracer {
         let bounds: Arc<[Bounds]> = meshes.iter().map(bounds_of).collect();
         Self {
             meshes: meshes.iter().map(bvh::build).collect(),
-            top: Arc::new(over_placements(scene, &bounds)),
+            top: Arc::new(Top::new(scene, &bounds)),
             bounds,
             scene: scene.clone(),
             instructions: Instructions::Best,
@@ -73,7 +74,7 @@ impl Tracer {
     /// If the arrangement is not one of the scene's geometry: see [`Scene::rearranged`].
     pub fn rearranged(&self, arrangement: Arc<Arrangement>) -> Self {
         let scene = self.scene.rearranged(arrangement);
-        Self { top: Arc::new(over_placements(&scene, &self.bounds)), scene, ..self.clone() }
+        Self { top: Arc::new(Top::new(&scene, &self.bounds)), scene, ..self.clone() }
     }
 
     /// The scene that rays are cast against.
@@ -179,7 +180,7 @@ impl Tracer {
         let (count, before) = (range.len(), scratch.single.stats());
         self.cast_singles::<S, false>(rays, range, hits, origins, &mut scratch.single);
         let effort = scratch.single.stats() - before;
-        scratch.policy.measured(count, effort, self.top.nodes.is_empty());
+        scratch.policy.measured(count, effort, self.top.bvh.nodes.is_empty());
     }
 
     /// Writes the hits of rays of which some must come after a given hit ([`Rays::after`]). These rays make no packets: a packet
@@ -228,7 +229,7 @@ impl Tracer {
         let mut pending = [(0, 0); 8];
         pending[0] = (0, hits.len());
         let mut count = 1;
-        let top = if self.top.nodes.is_empty() { &self.meshes[0] } else { &self.top };
+        let top = if self.top.bvh.nodes.is_empty() { &self.meshes[0] } else { &self.top.bvh };
         let mut rejected: RaySet = 0;
         while count > 0 {
             count -= 1;
@@ -322,7 +323,7 @@ impl Tracer {
         } = scratch;
         let ray_count = rays.directions.len();
         let budget = policy.budget(ray_count);
-        if self.top.nodes.is_empty() {
+        if self.top.bvh.nodes.is_empty() {
             let bvh = &self.meshes[0];
             let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
                 bvh,
@@ -344,7 +345,7 @@ impl Tracer {
             return PacketEnd::Cast;
         }
         let Some(mut top) = RayPacket::<MULTI_ORIGIN>::new::<S>(
-            &self.top,
+            &self.top.bvh,
             0,
             rays.origins,
             rays.directions,
@@ -411,7 +412,7 @@ impl Tracer {
         nearest: &mut NearestHits,
         scratch: &mut SingleScratch,
     ) -> Option<usize> {
-        if !self.top.nodes.is_empty() {
+        if !self.top.bvh.nodes.is_empty() {
             let group = groups.next()?;
             nearest.clear();
             for k in 0..(rays.directions.len() - 8 * group).min(8) {
@@ -453,12 +454,18 @@ impl Tracer {
         best: &mut Option<NearestHit>,
         scratch: &mut SingleScratch,
     ) {
-        let Some(mut top) = SingleRay::new::<S>(ray, self.top.largest, limits) else {
+        let Some(mut top) = SingleRay::new::<S>(ray, self.top.bvh.largest, limits) else {
             return self.cast_in_f64(ray, limits, best, &mut scratch.scalar);
         };
-        scratch.top.push_root(&self.top);
-        while let Some(index) = top.next_leaf::<S>(&self.top, &mut scratch.top) {
-            self.intersect_placement::<S, AFTER>(index, ray, limits, any, best, &mut scratch.mesh);
+        scratch.top.push_root(&self.top.bvh);
+        while let Some(index) = top.next_leaf::<S>(&self.top.bvh, &mut scratch.top) {
+            if AFTER {
+                for copy in self.top.with_copies(index) {
+                    self.intersect_placement::<S, AFTER>(copy, ray, limits, any, best, &mut scratch.mesh);
+                }
+            } else {
+                self.intersect_placement::<S, AFTER>(index, ray, limits, any, best, &mut scratch.mesh);
+            }
             if let Some(best) = best {
                 if any {
                     return;
@@ -537,12 +544,15 @@ impl Tracer {
         scratch: &mut ScalarScratch,
     ) {
         let ScalarScratch { top, mesh } = scratch;
-        if self.top.nodes.is_empty() {
+        if self.top.bvh.nodes.is_empty() {
             return self.intersect_placement_in_f64(0, ray, limits, best, mesh);
         }
-        self.top.traverse(&ray, (limits.t_min, limits.t_max), top, |index| {
+        self.top.bvh.traverse(&ray, (limits.t_min, limits.t_max), top, |index| {
             let local = ray.carried(&self.scene.arrangement.placements[index as usize]);
-            self.intersect_placement_in_f64(index, local, limits, best, mesh);
+            let count = if limits.after.is_some() { usize::MAX } else { 1 };
+            for copy in self.top.with_copies(index).take(count) {
+                self.intersect_placement_in_f64(copy, local, limits, best, mesh);
+            }
             best.map_or(limits.t_max, |b| b.t)
         });
     }
@@ -735,48 +745,4 @@ impl SingleScratch {
 struct ScalarScratch {
     top: Vec<(Child, f64)>,
     mesh: Vec<(Child, f64)>,
-}
-
-/// The hierarchy over the placements of a scene. It has no nodes if there is only one placement.
-fn over_placements(scene: &Scene, bounds: &[Bounds]) -> Bvh8 {
-    let size = scene.arrangement.placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
-    let size = size.filter(|b| !b.is_empty()).fold(Bounds::EMPTY, Bounds::union).largest();
-    let boxes: Vec<_> = scene
-        .arrangement
-        .placements
-        .iter()
-        .map(|p| match scene.geometry.meshes[p.mesh as usize].triangles.is_empty() {
-            // An empty mesh 0 has a placement too. Its box is a point, where a ray finds nothing.
-            true => Bounds { low: DVec3::ZERO, high: DVec3::ZERO },
-            false => carried_bounds(&bounds[p.mesh as usize], p, size),
-        })
-        .collect();
-    if boxes.len() > 1 { bvh::build_over(&boxes) } else { Bvh8::default() }
-}
-
-fn bounds_of(mesh: &Mesh) -> Bounds {
-    let corners = mesh.triangles.iter().flatten().map(|&v| {
-        let [x, y, z] = mesh.positions[v as usize];
-        DVec3::new(f64::from(x), f64::from(y), f64::from(z))
-    });
-    corners.fold(Bounds::EMPTY, Bounds::with)
-}
-
-/// The bounds in the scene's space of everything that a ray, carried into the placement's space, may hit there.
-///
-/// Carrying costs a few 2⁻⁵³ of |M⁻¹|·|o| + |t| in the mesh's space, where M⁻¹ is the linear part and the origin lies
-/// within some multiple of the scene's `size`; so the mesh's box grows by 2⁻²¹ of that before it is carried out, which is
-/// enough for origins a million scene sizes away and for maps as skewed as [`SceneBuilder`](crate::scene::SceneBuilder)
-/// lets through (their condition is at most 2¹²).
-fn carried_bounds(mesh: &Bounds, placement: &Placement, size: f64) -> Bounds {
-    let map = placement.mesh_from_scene();
-    if *map == DAffine3::IDENTITY || mesh.is_empty() {
-        return *mesh;
-    }
-    let m = &map.matrix3;
-    let stretch = (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
-    let pad = (mesh.largest() + map.translation.abs().max_element() + stretch * size) / f64::from(1 << 21);
-    let (low, high) = (mesh.low - pad, mesh.high + pad);
-    let corners = Bounds { low, high }.corners();
-    corners.map(|p| placement.scene_from_mesh().transform_point3(p)).fold(Bounds::EMPTY, Bounds::with)
 }

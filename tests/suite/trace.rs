@@ -456,7 +456,7 @@ fn rays_of_any_size_agree_with_brute_force() {
     let mut hits = 0;
     for scene in &scenes {
         let tracers = tracers(scene);
-        for batch in 0..120 {
+        for batch in 0..76 {
             let mut point = |scale: &dyn Fn(&mut Rng) -> f64| {
                 DVec3::from_array([0; 3].map(|_| scale(&mut random) * (1.0 - 2.0 * (random.below(2) as f64))))
             };

@@ -15,10 +15,8 @@ use obvhs::bvh2::reinsertion::reinsert_node;
 use obvhs::bvh2::{Bvh2, DEFAULT_MAX_STACK_DEPTH};
 use rayon::prelude::*;
 
-/// How far a cluster looks for a partner among its neighbours along the Morton curve. The first rounds have most clusters, and do
-/// with the nearest.
+/// How far a cluster looks for a partner among its neighbours along the Morton curve.
 const REACH: usize = 6;
-const NEAR_ROUNDS: usize = 2;
 
 /// Clusters are paired by number in a round in which fewer than one in so many would join. (Usually one in three does.)
 const FEW: usize = 16;
@@ -56,9 +54,8 @@ fn cluster(boxes: &[Aabb]) -> Bvh2 {
     let mut next = Vec::with_capacity(current.len());
     let mut rounds = 0;
     while current.len() > 1 {
-        let reach = if rounds < NEAR_ROUNDS { 1 } else { REACH };
         let indices = (0..current.len()).into_par_iter().with_min_len(PARALLEL);
-        let partner: Vec<usize> = indices.map(|i| best_partner(&current, i, reach)).collect();
+        let partner: Vec<usize> = indices.map(|i| best_partner(&current, i)).collect();
         let agree = |i: usize| partner[partner[i]] == i;
         let is_stuck = (0..current.len()).filter(|&i| agree(i)).count() / 2 < current.len() / FEW;
         let mut join = |a: Bvh2Node, b: Bvh2Node| {
@@ -93,9 +90,9 @@ fn cluster(boxes: &[Aabb]) -> Bvh2 {
 
 /// The cluster near `i` with which its box would be smallest. Of equal ones it is that whose number differs from `i` in the lowest
 /// digits, so that equal boxes agree on pairs.
-fn best_partner(current: &[Bvh2Node], i: usize, reach: usize) -> usize {
+fn best_partner(current: &[Bvh2Node], i: usize) -> usize {
     let own = current[i].aabb();
-    let near = i.saturating_sub(reach)..(i + reach + 1).min(current.len());
+    let near = i.saturating_sub(REACH)..(i + REACH + 1).min(current.len());
     let mut best = (f32::INFINITY, usize::MAX);
     for j in near.filter(|&j| j != i) {
         let area = own.union(current[j].aabb()).half_area();
@@ -107,13 +104,14 @@ fn best_partner(current: &[Bvh2Node], i: usize, reach: usize) -> usize {
     if best.1 == usize::MAX { i ^ 1 } else { i ^ best.1 }
 }
 
-/// The boxes in the order of the Morton curve through their centres.
+/// The boxes in the order of the Morton curve through their centres. Its cells are cubes: in a flat or long scene, neighbours
+/// along the curve would else be far apart along the longest side.
 fn along_curve(boxes: &[Aabb]) -> Vec<u32> {
     let centre = |b: &Aabb| b.min + b.max;
     let low = boxes.iter().fold(Vec3A::INFINITY, |low, b| low.min(centre(b)));
     let high = boxes.iter().fold(Vec3A::NEG_INFINITY, |high, b| high.max(centre(b)));
-    const STEPS: f64 = (1 << 20) as f64;
-    let scale = (high - low).as_dvec3().map(|extent| if extent > 0.0 { STEPS / extent } else { 0.0 });
+    let extent = f64::from((high - low).max_element());
+    let scale = if extent > 0.0 { f64::from(1 << 20) / extent } else { 0.0 };
     let code = |b: &Aabb| {
         let p = (centre(b) - low).as_dvec3() * scale;
         spread(p.x as u64) | spread(p.y as u64) << 1 | spread(p.z as u64) << 2

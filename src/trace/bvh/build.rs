@@ -41,18 +41,22 @@ pub(in crate::trace) fn build(mesh: &Mesh) -> Bvh8 {
     space.join(trees, largest)
 }
 
-/// Builds a hierarchy over boxes. The number of a leaf is the index of its box.
-pub(in crate::trace) fn build_over(boxes: &[Bounds]) -> Bvh8 {
+/// Builds a hierarchy over boxes, each with the number that its leaf is to have.
+pub(in crate::trace) fn build_over(boxes: &[(Bounds, u32)]) -> Bvh8 {
     if boxes.is_empty() {
         return Bvh8::default();
     }
-    let largest = boxes.iter().map(Bounds::largest).fold(0.0, f64::max) as f32;
+    let largest = boxes.iter().map(|(bounds, _)| bounds.largest()).fold(0.0, f64::max) as f32;
     let scale = reciprocal_power_of_two(largest);
     let to_f32 = |p: DVec3| Vec3A::new(p.x as f32, p.y as f32, p.z as f32) * scale;
-    let boxes: Vec<Aabb> = boxes.iter().map(|b| Aabb { min: to_f32(b.low), max: to_f32(b.high) }).collect();
-    let bvh = binary::build(&boxes, 1);
+    let aabbs: Vec<Aabb> =
+        boxes.iter().map(|(b, _)| Aabb { min: to_f32(b.low), max: to_f32(b.high) }).collect();
+    let bvh = binary::build(&aabbs, 1);
     let mut tree = Tree::default();
-    tree.widen(&bvh, |_, leaf| Child::leaf(bvh.primitive_indices[bvh.nodes[leaf].first_index as usize]));
+    tree.widen(&bvh, |_, leaf| {
+        let index = bvh.primitive_indices[bvh.nodes[leaf].first_index as usize];
+        Child::leaf(boxes[index as usize].1)
+    });
     for node in &mut tree.nodes {
         node.scale_back(scale, largest);
     }

@@ -162,12 +162,15 @@ impl<K: Kernel> KernelTracer<K> {
                 let limits = Limits { t_min: rays.t_min, ..Limits::of(rays, number) };
                 let depths = (limits.t_min, limits.t_max);
                 let mut best = None;
-                if self.exact.top.nodes.is_empty() {
+                if self.exact.top.bvh.nodes.is_empty() {
                     self.nearest_in(0, ray, &limits, any, seen, &mut best, &mut stack);
                 } else {
-                    self.exact.top.traverse_padded(&ray, depths, SLACK, &mut top_stack, |index| {
+                    self.exact.top.bvh.traverse_padded(&ray, depths, SLACK, &mut top_stack, |index| {
                         let local = ray.carried(&scene.arrangement.placements[index as usize]);
-                        self.nearest_in(index, local, &limits, any, seen, &mut best, &mut stack);
+                        let count = if limits.after.is_some() { usize::MAX } else { 1 };
+                        for copy in self.exact.top.with_copies(index).take(count) {
+                            self.nearest_in(copy, local, &limits, any, seen, &mut best, &mut stack);
+                        }
                         far_limit(&best, limits.t_max, any)
                     });
                 }

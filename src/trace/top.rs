@@ -1,0 +1,111 @@
+//! The hierarchy over the placements of a scene.
+
+use glam::{DAffine3, DVec3};
+
+use super::bvh::{self, Bvh8};
+use crate::scene::bounds::Bounds;
+use crate::scene::{Mesh, Placement, Scene};
+
+/// The hierarchy over the placements of a scene.
+#[derive(Debug)]
+pub(super) struct Top {
+    /// It has no nodes if there is only one placement. The number of a leaf is that of a placement.
+    pub bvh: Bvh8,
+    /// For each placement the next one of the same mesh in the very same place, or [`Top::LAST`]; empty if there are none. Such
+    /// copies are hit at the same depths, to the bit, and the first has the lowest ids. So only the first is in the hierarchy, and
+    /// the others are looked at only for the hits that come after another. (Exporters stack copies by the thousand.)
+    copies: Vec<u32>,
+}
+
+impl Top {
+    const LAST: u32 = u32::MAX;
+
+    pub fn new(scene: &Scene, bounds: &[Bounds]) -> Self {
+        let placements = &scene.arrangement.placements;
+        if placements.len() < 2 {
+            return Self { bvh: Bvh8::default(), copies: Vec::new() };
+        }
+        let size = placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
+        let size = size.filter(|b| !b.is_empty()).fold(Bounds::EMPTY, Bounds::union).largest();
+        let (copies, is_copy) = copies(placements);
+        let mut boxes = Vec::with_capacity(placements.len());
+        for (placement, number) in placements.iter().zip(0..) {
+            if is_copy.get(number as usize).copied().unwrap_or(false) {
+                continue;
+            }
+            let bounds = match scene.geometry.meshes[placement.mesh as usize].triangles.is_empty() {
+                // An empty mesh 0 has a placement too. Its box is a point, where a ray finds nothing.
+                true => Bounds { low: DVec3::ZERO, high: DVec3::ZERO },
+                false => carried_bounds(&bounds[placement.mesh as usize], placement, size),
+            };
+            boxes.push((bounds, number));
+        }
+        Self { bvh: bvh::build_over(&boxes), copies }
+    }
+
+    /// The bytes that it holds.
+    pub fn bytes(&self) -> usize {
+        self.bvh.bytes() + self.copies.capacity() * size_of::<u32>()
+    }
+
+    /// A placement and the copies of it that come after it.
+    pub fn with_copies(&self, placement: u32) -> impl Iterator<Item = u32> {
+        let next =
+            |&placement: &u32| self.copies.get(placement as usize).copied().filter(|&n| n != Self::LAST);
+        std::iter::successors(Some(placement), next)
+    }
+}
+
+/// For each placement the next that is the same, or [`Top::LAST`], and whether there is one before it. Both are empty if no two
+/// are the same.
+fn copies(placements: &[Placement]) -> (Vec<u32>, Vec<bool>) {
+    let place = |p: &Placement| (p.mesh, p.scene_from_mesh().to_cols_array().map(f64::to_bits));
+    // Equal places have equal hashes, so they are neighbours when sorted by these, and in order.
+    let hash = |p: &Placement| {
+        let (mesh, bits) = place(p);
+        let mix = |hash: u64, bits: u64| (hash.rotate_left(5) ^ bits).wrapping_mul(0x517c_c1b7_2722_0a95);
+        bits.into_iter().fold(u64::from(mesh), mix)
+    };
+    let mut order: Vec<(u64, u32)> = placements.iter().map(hash).zip(0..).collect();
+    order.sort_unstable();
+    let (mut next, mut is_copy) = (Vec::new(), Vec::new());
+    for pair in order.windows(2) {
+        let [(_, before), (_, after)] = [pair[0], pair[1]];
+        if pair[0].0 == pair[1].0 && place(&placements[before as usize]) == place(&placements[after as usize])
+        {
+            next.resize(placements.len(), Top::LAST);
+            is_copy.resize(placements.len(), false);
+            next[before as usize] = after;
+            is_copy[after as usize] = true;
+        }
+    }
+    (next, is_copy)
+}
+
+/// The bounds of a mesh in its own space.
+pub(super) fn bounds_of(mesh: &Mesh) -> Bounds {
+    let corners = mesh.triangles.iter().flatten().map(|&v| {
+        let [x, y, z] = mesh.positions[v as usize];
+        DVec3::new(f64::from(x), f64::from(y), f64::from(z))
+    });
+    corners.fold(Bounds::EMPTY, Bounds::with)
+}
+
+/// The bounds in the scene's space of everything that a ray, carried into the placement's space, may hit there.
+///
+/// Carrying costs a few 2⁻⁵³ of |M⁻¹|·|o| + |t| in the mesh's space, where M⁻¹ is the linear part and the origin lies
+/// within some multiple of the scene's `size`; so the mesh's box grows by 2⁻²¹ of that before it is carried out, which is
+/// enough for origins a million scene sizes away and for maps as skewed as [`SceneBuilder`](crate::scene::SceneBuilder)
+/// lets through (their condition is at most 2¹²).
+fn carried_bounds(mesh: &Bounds, placement: &Placement, size: f64) -> Bounds {
+    let map = placement.mesh_from_scene();
+    if *map == DAffine3::IDENTITY || mesh.is_empty() {
+        return *mesh;
+    }
+    let m = &map.matrix3;
+    let stretch = (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
+    let pad = (mesh.largest() + map.translation.abs().max_element() + stretch * size) / f64::from(1 << 21);
+    let (low, high) = (mesh.low - pad, mesh.high + pad);
+    let corners = Bounds { low, high }.corners();
+    corners.map(|p| placement.scene_from_mesh().transform_point3(p)).fold(Bounds::EMPTY, Bounds::with)
+}
