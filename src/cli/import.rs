@@ -16,7 +16,7 @@ pub struct Args {
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Write the sensor file here instead of to stdout
-    #[arg(short, long, value_name = "SENSOR.toml")]
+    #[arg(short, long, visible_alias = "out", value_name = "SENSOR.toml")]
     output: Option<PathBuf>,
     /// The format of the file, if it is not recognised by its content
     #[arg(long = "as", value_enum, value_name = "FORMAT")]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::terminal::Terminal;
-use crate::config::starter_job;
+use crate::config::{load_preset, load_sensor, starter_job};
 use crate::error::Error;
 use crate::output::{check_file, write_file};
 use crate::run::paths::seen_from;
@@ -18,7 +18,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", default_value = "scene.glb")]
     scene: PathBuf,
     /// Write the job here
-    #[arg(short, long, value_name = "JOB.toml", default_value = "job.toml")]
+    #[arg(short, long, visible_alias = "out", value_name = "JOB.toml", default_value = "job.toml")]
     output: PathBuf,
     /// Replace the job if it is there already
     #[arg(long)]
@@ -28,7 +28,7 @@ pub struct Args {
 /// Writes the job, and shows the next commands.
 ///
 /// # Errors
-/// [`Error::Output`] if the job is there already or can't be written.
+/// [`Error::Config`] if there is no such sensor, [`Error::Output`] if the job is there already or can't be written.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     check_file(&args.output, args.overwrite)?;
     let folder = args.output.parent().unwrap_or(Path::new(""));
@@ -37,6 +37,14 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         true => seen_from(folder, Path::new(&args.preset)),
         false => args.preset.clone(),
     };
+    // A sensor that comes with beamcast is known now; a file may come later, as the scene may.
+    if !args.preset.ends_with(".toml") {
+        load_preset(&args.preset)?;
+    } else if Path::new(&args.preset).exists() {
+        load_sensor(Path::new(&args.preset))?;
+    } else {
+        terminal.warn(format_args!("there is no sensor file {} yet", args.preset));
+    }
     write_file(&args.output, starter_job(&scene, &preset).as_bytes())?;
     let name = args.output.display();
     terminal.say(format_args!("wrote {name}; next: beamcast lint {name}, then beamcast scan {name}"));

@@ -34,12 +34,17 @@ pub struct JobArgs {
 }
 
 impl JobArgs {
-    /// Reads the job, and shows its warnings, or takes them for errors.
+    /// The job's file.
+    pub fn path(&self) -> &Path {
+        &self.job
+    }
+
+    /// Reads a job with these flags, and shows its warnings, or takes them for errors.
     ///
     /// # Errors
     /// [`Error::Config`] with everything that is wrong with the job.
-    pub fn load_strictly(&self, is_strict: bool, terminal: &Terminal) -> Result<Job, Error> {
-        let job = config::load_job(&self.job, &self.overrides)?;
+    pub fn load_strictly(&self, path: &Path, is_strict: bool, terminal: &Terminal) -> Result<Job, Error> {
+        let job = config::load_job(path, &self.overrides)?;
         heed(&job.warnings, is_strict, terminal)?;
         Ok(job)
     }

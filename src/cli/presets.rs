@@ -19,6 +19,9 @@ use crate::sensor::{Capture, Sensor, azimuth_elevation};
 pub struct Args {
     #[command(subcommand)]
     what: Option<What>,
+    /// Print the file of this sensor, as `show` does
+    #[arg(value_name = "NAME")]
+    name: Option<String>,
     /// Print the list as JSON
     #[arg(long)]
     json: bool,
@@ -63,18 +66,12 @@ const MOST_DOTS: usize = 20_000_000;
 /// can't be written.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     match &args.what {
-        None => list(args.json, terminal),
+        None => match &args.name {
+            Some(name) => show(name, terminal),
+            None => list(args.json, terminal),
+        },
         Some(What::List { json }) => list(*json || args.json, terminal),
-        Some(What::Show { name, png: None, .. }) => {
-            config::load_preset(name)?;
-            // A copy of this file has no schema two folders up. It may have one beside it, as an imported file has.
-            let text = presets::text(name).unwrap_or_default();
-            terminal.data(&text.replacen(
-                "#:schema ../../schema/sensor.json",
-                "#:schema sensor.schema.json",
-                1,
-            ))
-        }
+        Some(What::Show { name, png: None, .. }) => show(name, terminal),
         Some(What::Show { name, png: Some(path), frames, mode, overwrite }) => {
             let file = config::load_preset(name)?;
             let sensor = sensor_in(&file, name, mode.as_deref())?;
@@ -85,6 +82,14 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             Ok(())
         }
     }
+}
+
+/// Prints a sensor's file.
+fn show(name: &str, terminal: &Terminal) -> Result<(), Error> {
+    config::load_preset(name)?;
+    // A copy of this file has no schema two folders up. It may have one beside it, as an imported file has.
+    let text = presets::text(name).unwrap_or_default();
+    terminal.data(&text.replacen("#:schema ../../schema/sensor.json", "#:schema sensor.schema.json", 1))
 }
 
 fn sensor_in<'a>(file: &'a SensorFile, name: &str, mode: Option<&str>) -> Result<&'a Sensor, Error> {

@@ -1,7 +1,7 @@
 //! `beamcast scan`: runs a job.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -23,8 +23,8 @@ use crate::trace::AnyTracer;
 /// The arguments of `beamcast scan`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Write here instead of the job's output.dir
-    #[arg(long, value_name = "DIR")]
+    /// Write here instead of the job's output.dir; of several jobs, each to a folder of its name in here
+    #[arg(short, long, visible_alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace outputs that are there already, and remove those of the last run that are not written again
     #[arg(long)]
@@ -40,6 +40,9 @@ pub struct Args {
     dry_run: bool,
     #[command(flatten)]
     job: JobArgs,
+    /// More jobs, which run one after the other
+    #[arg(value_name = "JOB.toml")]
+    more: Vec<PathBuf>,
     /// Print the summary (or the plan of a dry run) as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -52,13 +55,33 @@ impl Args {
     }
 }
 
-/// Runs a job: reads the job and its scene, builds the tracer, casts the frames, writes the files and then the manifest.
+/// Runs jobs, one after the other. The first error ends the run.
+///
+/// # Errors
+/// As [`run_job`].
+pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
+    let interrupt = Interrupt::watch()?;
+    let mut summaries = Vec::new();
+    for path in std::iter::once(args.job.path()).chain(args.more.iter().map(PathBuf::as_path)) {
+        if !args.more.is_empty() {
+            terminal.say(format_args!("{}:", path.display()));
+        }
+        summaries.push(run_job(args, path, &interrupt, terminal)?);
+    }
+    match summaries.as_slice() {
+        _ if !args.json => Ok(()),
+        [alone] => terminal.json(alone),
+        several => terminal.json(&json!({ "jobs": several })),
+    }
+}
+
+/// Runs a job: reads the job and its scene, builds the tracer, casts the frames, writes the files and then the manifest. Gives
+/// the summary, or the plan of a dry run.
 ///
 /// # Errors
 /// The errors of the job, the scene and the output folder. Nothing is cast before all three are known to be good.
-pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
-    let interrupt = Interrupt::watch()?;
-    let job = load_job(args, terminal)?;
+fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Value, Error> {
+    let job = load_job(args, path, terminal)?;
     let plan = Plan::of(&job, Holding::Files)?;
     for warning in &plan.warnings {
         terminal.warn(warning);
@@ -86,7 +109,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     heed(&doubts, args.strict, terminal)?;
     diagnostics.extend(doubts);
     interrupt.uncut(|| journal.begin(&plan))?;
-    let casting = || cast_and_write(&session, &plan, &mut journal, &interrupt);
+    let casting = || cast_and_write(&session, &plan, &mut journal, interrupt);
     let (seen, cast, write) = terminal.with_progress(plan.rays, interrupt.progress(), casting)?;
     interrupt.check()?;
     interrupt.uncut(|| journal.finish(&session))?;
@@ -102,15 +125,16 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
     let times = Times { load, build, cast, write };
     terminal.say_lines(&summary(&session.job, &seen, outputs, &times));
-    if args.json {
-        terminal.json(&summary_as_json(&session.job, &seen, outputs, &times, &diagnostics))?;
-    }
-    Ok(())
+    Ok(summary_as_json(&session.job, &seen, outputs, &times, &diagnostics))
 }
 
-fn load_job(args: &Args, terminal: &Terminal) -> Result<Job, Error> {
-    let mut job = args.job.load_strictly(args.strict, terminal)?;
-    job.output.dir = paths::tidy(args.out.as_ref().unwrap_or(&job.output.dir));
+fn load_job(args: &Args, path: &Path, terminal: &Terminal) -> Result<Job, Error> {
+    let mut job = args.job.load_strictly(path, args.strict, terminal)?;
+    let given = args.out.as_ref().map(|out| match args.more.is_empty() {
+        true => out.clone(),
+        false => out.join(path.file_stem().unwrap_or_default()),
+    });
+    job.output.dir = paths::tidy(given.as_ref().unwrap_or(&job.output.dir));
     if let Some(seed) = args.seed {
         job.seed = seed;
         if let Some(resolved) = job.resolved.as_object_mut() {
@@ -243,7 +267,7 @@ fn print_plan(
     scene: &Scene,
     diagnostics: &[Diagnostic],
     journal: &Journal,
-) -> Result<(), Error> {
+) -> Result<Value, Error> {
     let outputs = journal.paths().map(|path| path.to_string_lossy().into_owned());
     let removed = journal.paths_to_remove().map(|path| path.to_string_lossy().into_owned());
     if args.json {
@@ -261,7 +285,7 @@ fn print_plan(
             "outputs": outputs.collect::<Vec<_>>(),
             "removed": removed.collect::<Vec<_>>(),
         });
-        return terminal.json(&plan);
+        return Ok(plan);
     }
     let mut text = String::new();
     for s in &job.sensors {
@@ -281,7 +305,8 @@ fn print_plan(
         text.push_str(if index == 0 { "would remove, of an earlier run:\n" } else { "" });
         let _ = writeln!(text, "  {}", on_one_line(&path));
     }
-    terminal.print(&text)
+    terminal.print(&text)?;
+    Ok(Value::Null)
 }
 
 fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {

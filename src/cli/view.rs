@@ -19,7 +19,7 @@ pub struct Args {
     #[arg(value_name = "PATH")]
     path: PathBuf,
     /// The page; `-` for stdout [default: the name of PATH with .html, in the current folder]
-    #[arg(short, long, value_name = "PAGE.html")]
+    #[arg(short, long, visible_alias = "out", value_name = "PAGE.html")]
     output: Option<PathBuf>,
     /// Replace a page that is there already
     #[arg(long)]

@@ -165,3 +165,38 @@ fn editors_shells_and_man_are_told() {
     assert!(page.contains(".TH beamcast 1"), "{page}");
     assert!(page.contains(".SH \"BEAMCAST SCAN\"") && page.contains("overwrite"), "{page}");
 }
+
+#[test]
+fn flags_mean_the_same_in_every_command() {
+    let tmp = folder();
+    let here = tmp.path();
+    for (index, flag) in ["-o", "--out", "--output"].into_iter().enumerate() {
+        let job = format!("job{index}.toml");
+        ok(here, &["init", "--scene", "my room.glb", flag, &job]);
+        ok(here, &["scan", "-q", &job, flag, &format!("frames{index}")]);
+        ok(here, &["view", &format!("frames{index}"), flag, &format!("page{index}.html")]);
+        let calibration = project("tests/import/velodyne.yaml");
+        ok(here, &["import", calibration.to_str().unwrap(), flag, &format!("unit{index}.toml")]);
+        for file in
+            [format!("frames{index}/manifest.json"), format!("page{index}.html"), format!("unit{index}.toml")]
+        {
+            assert!(here.join(&file).is_file(), "{flag}: {file}");
+        }
+    }
+    let both = ok(here, &["scan", "--json", "job0.toml", "job1.toml", "-o", "both"]);
+    let both: Value = serde_json::from_str(&both).unwrap();
+    assert_eq!(both["jobs"].as_array().map(Vec::len), Some(2));
+    assert!(here.join("both/job0/manifest.json").is_file() && here.join("both/job1/manifest.json").is_file());
+    assert_eq!(ok(here, &["presets", "velodyne/vlp-16"]), ok(here, &["presets", "show", "velodyne/vlp-16"]));
+    assert!(ok(here, &["presets"]).contains("velodyne/vlp-16"));
+}
+
+#[test]
+fn a_job_is_not_begun_with_a_sensor_that_does_not_exist() {
+    let tmp = folder();
+    let (code, said) = fails(tmp.path(), &["init", "--preset", "velodyne/vlp16"]);
+    assert!(code == 2 && said.contains("did you mean `velodyne/vlp-16`?"), "{code}: {said}");
+    assert!(!tmp.path().join("job.toml").exists());
+    let said = String::from_utf8(beamcast(tmp.path(), &["init", "--preset", "later.toml"]).stderr).unwrap();
+    assert!(said.contains("there is no sensor file later.toml yet"), "{said}");
+}
