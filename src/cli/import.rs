@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::terminal::Terminal;
 use crate::error::Error;
-use crate::import::{self, Format, MAX_FILE_BYTES, Source};
+use crate::import::{self, Format, MAX_TABLE_BYTES, Source};
 use crate::output::{check_file, write_file};
 use crate::run::paths::seen_from;
 use crate::source::{FileKind, Wanted, read_file, recognise};
@@ -24,6 +24,9 @@ pub struct Args {
     /// The unit's firetime correction (Hesai)
     #[arg(long, value_name = "FILE")]
     firetimes: Option<PathBuf>,
+    /// The camera to take of a file with several, such as cam1
+    #[arg(long, value_name = "NAME", conflicts_with = "firetimes")]
+    camera: Option<String>,
     /// Replace the sensor file if it is there already
     #[arg(long, requires = "output")]
     overwrite: bool,
@@ -39,9 +42,9 @@ enum As {
     Hesai,
     /// RoboSense's angles, CSV
     Robosense,
-    /// ROS's camera_info or OpenCV's calibration, YAML
+    /// A camera's intrinsics: ROS, OpenCV, Kalibr, Open3D, librealsense
     Camera,
-    /// A table of rays, CSV
+    /// A table of rays, such as Livox's pattern tables, CSV
     Rays,
 }
 
@@ -82,8 +85,17 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         None => None,
     };
     let firetimes = firetimes.as_ref().map(|(name, text)| Source { name, text });
-    let sensor =
-        import::import(format, Source { name: &name, text: &text }, firetimes).map_err(Error::Config)?;
+    let source = Source { name: &name, text: &text };
+    let sensor = match &args.camera {
+        Some(camera) if format == Format::Camera => import::import_camera(source, camera),
+        Some(_) => {
+            let problem =
+                format!("this is {}, which has no cameras for --camera to choose from", format.name());
+            return Err(Error::input(&args.file, problem));
+        }
+        None => import::import(format, source, firetimes),
+    }
+    .map_err(Error::Config)?;
     terminal.say(format_args!("{}: {}", args.file.display(), format.name()));
     let Some(output) = &args.output else { return terminal.data(&sensor) };
     write_file(output, sensor.as_bytes())?;
@@ -106,9 +118,9 @@ fn no_calibration(text: &str) -> String {
     format!("{problem} ({})", help.unwrap_or(known))
 }
 
-/// Reads a file as a text.
+/// Reads a file as a text. Tables of rays are longer than calibrations, which [`import::import`] limits.
 fn read(path: &Path) -> Result<String, Error> {
-    let bytes = read_file(path, MAX_FILE_BYTES);
+    let bytes = read_file(path, MAX_TABLE_BYTES);
     // What is no text, or too large for a calibration, is probably another kind of file.
     let is_text = bytes.as_ref().is_ok_and(|bytes| std::str::from_utf8(bytes).is_ok());
     if !is_text

@@ -102,6 +102,29 @@ impl<'a> Fields<'a> {
         Some(Spanned { value: all.into_iter().collect::<Option<_>>()?, span: node.span })
     }
 
+    /// The keys of the table, in alphabetical order.
+    pub fn keys(&self) -> impl Iterator<Item = &'a str> + use<'a> {
+        self.entries.keys().map(String::as_str)
+    }
+
+    /// A list of lists of finite numbers, one list after the other, if it is there.
+    pub fn numbers_of_rows(&self, key: &str) -> Option<Spanned<Vec<f64>>> {
+        let node = self.get(key)?;
+        let name = self.path(key);
+        let Value::Array(rows) = &node.value else { return self.numbers(key) };
+        let mut all = Vec::new();
+        for (row, inner) in rows.iter().enumerate() {
+            let Value::Array(elements) = &inner.value else {
+                let message = format!("`{name}[{row}]` is {}", inner.value.describe());
+                return self.file.fail(inner.span, message, "expected a list of numbers", None);
+            };
+            for (column, element) in elements.iter().enumerate() {
+                all.push(self.finite(&format!("{name}[{row}][{column}]"), element)?);
+            }
+        }
+        Some(Spanned { value: all, span: node.span })
+    }
+
     /// A finite number; `name` is its name in messages.
     fn finite(&self, name: &str, node: &Node) -> Option<f64> {
         let value = match node.value {

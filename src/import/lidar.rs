@@ -14,6 +14,8 @@ pub(super) struct Lidar {
     pub origins_m: Option<Vec<[f64; 3]>>,
     /// The distance before a beam's origin from which its range is counted, in metres.
     pub range_offset_m: f64,
+    /// The columns by which the rows of a destaggered image are moved, if the file has them.
+    pub pixel_shifts: Option<Vec<i32>>,
     pub columns: u32,
     /// `None` for a full turn that starts behind the sensor and goes clockwise.
     pub sector_deg: Option<(f64, f64)>,
@@ -30,6 +32,7 @@ impl Lidar {
             beam_times_us: None,
             origins_m: None,
             range_offset_m: 0.0,
+            pixel_shifts: None,
             columns: 1800,
             sector_deg: None,
             rate_hz: 10.0,
@@ -61,6 +64,10 @@ impl Lidar {
         }
         if self.range_offset_m != 0.0 {
             toml.number(rotating::RANGE_OFFSET.name(), self.range_offset_m);
+        }
+        if let Some(shifts) = &self.pixel_shifts {
+            toml.text(rotating::LAYOUT.name(), "staggered");
+            toml.integers(rotating::PIXEL_SHIFTS.name(), shifts);
         }
         toml.integer(rotating::COLUMNS.name(), self.columns);
         if let Some((from, to)) = self.sector_deg {

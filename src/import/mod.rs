@@ -28,8 +28,11 @@ use crate::source::{Diagnostic, FileKind, Layer, MAX_TEXT_BYTES, Report, Unit};
 use file::File;
 use writer::Toml;
 
-/// The most bytes that are read of a file to import.
+/// The most bytes that are read of a file to import, unless it is a table of rays.
 pub const MAX_FILE_BYTES: u64 = MAX_TEXT_BYTES;
+
+/// The most bytes that are read of a table of rays, of which only the lines are counted.
+pub const MAX_TABLE_BYTES: u64 = 256 << 20;
 
 /// A kind of file that can be imported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,9 +45,9 @@ pub enum Format {
     Hesai,
     /// RoboSense's angles: CSV of elevation, azimuth, without a header.
     Robosense,
-    /// A camera's intrinsics: ROS's camera_info or OpenCV's calibration, YAML.
+    /// A camera's intrinsics: ROS's camera_info, OpenCV's calibration or Kalibr's, YAML, or Open3D's or librealsense's, JSON.
     Camera,
-    /// A table of rays: CSV with one ray a line.
+    /// A table of rays, Livox's pattern tables among them: CSV with one ray a line.
     Rays,
 }
 
@@ -71,7 +74,8 @@ impl Format {
         match FileKind::of(text.as_bytes(), text.len() as u64) {
             FileKind::Calibration(Unit::Ouster) => return Some(Self::Ouster),
             FileKind::Calibration(Unit::Camera) => return Some(Self::Camera),
-            _ if text.starts_with('{') => return None,
+            // Streams by their names, or a matrix within what holds it: no key of the outermost table is a camera's.
+            _ if text.starts_with('{') => return camera::is_nested(text).then_some(Self::Camera),
             _ => {}
         }
         let has_key = |key: &str| {
@@ -117,6 +121,23 @@ pub fn import(
     file: Source<'_>,
     firetimes: Option<Source<'_>>,
 ) -> Result<String, Vec<Diagnostic>> {
+    convert(format, file, firetimes, None)
+}
+
+/// Makes a sensor file of one camera of a calibration, by its name in the file, such as `cam1`.
+///
+/// # Errors
+/// Every problem of the file, each with its place; at least one.
+pub fn import_camera(file: Source<'_>, camera: &str) -> Result<String, Vec<Diagnostic>> {
+    convert(Format::Camera, file, None, Some(camera))
+}
+
+fn convert(
+    format: Format,
+    file: Source<'_>,
+    firetimes: Option<Source<'_>>,
+    camera: Option<&str>,
+) -> Result<String, Vec<Diagnostic>> {
     let mut report = Report::default();
     let mut add = |file: Source<'_>| report.add(file.name, file.text.to_owned(), Layer::Main);
     let source = add(file);
@@ -126,6 +147,12 @@ pub fn import(
 
     let mut toml = Toml::default();
     toml.line("#:schema sensor.schema.json");
+    let most = if format == Format::Rays { MAX_TABLE_BYTES } else { MAX_FILE_BYTES };
+    if report.text(source).len() as u64 > most {
+        let message = format!("the file has {} bytes, more than any calibration", report.text(source).len());
+        report.error(file.whole(), message, format!("expected at most {most}"), None);
+        return Err(report.into_diagnostics());
+    }
     let made = match (format, firetimes) {
         (Format::Hesai, firetimes) => hesai::write(file, firetimes, &mut toml),
         (_, Some(firetimes)) => {
@@ -136,7 +163,7 @@ pub fn import(
         (Format::Ouster, None) => ouster::write(file, &mut toml),
         (Format::Velodyne, None) => velodyne::write(file, &mut toml),
         (Format::Robosense, None) => robosense::write(file, &mut toml),
-        (Format::Camera, None) => camera::write(file, &mut toml),
+        (Format::Camera, None) => camera::write(file, camera, &mut toml),
         (Format::Rays, None) => rays::write(file, &mut toml),
     };
     let text = toml.into_text();

@@ -45,13 +45,22 @@ impl<'a> Metadata<'a> {
     }
 }
 
+/// The table that a sensor answered to a command. Firmware before 1.14 did not know all commands, and the SDK's client stores
+/// what it answered instead: `"error: Command not recognized."`.
+fn answer<'a>(top: &Fields<'a>, key: &str) -> Option<Fields<'a>> {
+    match top.text(key) {
+        Some(text) if text.starts_with("error") => None,
+        _ => top.table(key),
+    }
+}
+
 pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
     let document = file.document()?;
     let top = Fields::new(file, "", &document)?;
     let metadata = Metadata {
         beams: top.table("beam_intrinsics"),
         lidar: top.table("lidar_intrinsics"),
-        format: top.table("lidar_data_format").or_else(|| top.table("data_format")),
+        format: answer(&top, "lidar_data_format").or_else(|| answer(&top, "data_format")),
         about: top.table("sensor_info"),
         settings: top.table("config_params"),
         top,
@@ -62,6 +71,8 @@ pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
     let (turn_deg, up_mm) = lidar_to_sensor(&metadata)?;
     let (beams, mode, origin) = (beams?, mode?, origin?);
     let window = window(&metadata, mode.columns)?;
+    let shifts = shifts(&metadata, beams.altitudes.len(), mode.columns)?;
+    let is_full_turn = window.count == mode.columns;
     if file.has_errors() {
         return None;
     }
@@ -82,9 +93,19 @@ pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
     for note in [&beams.note, &origin.note, &window.note].into_iter().flatten() {
         toml.comment(note);
     }
+    toml.comment(match (&shifts, is_full_turn) {
+        (Some(_), true) => {
+            "The image is staggered, as measured. With layout = \"destaggered\" it is the one of the SDK's destagger: \
+             pixel_shift_by_row is the unit's own, for this number of columns."
+        }
+        (Some(_), false) => {
+            "Left out: pixel_shift_by_row, since the columns of less than a turn do not wrap around."
+        }
+        (None, _) => "Not in the file: pixel_shift_by_row. A destaggered image moves rows as the azimuths say.",
+    });
     toml.comment(
-        "Left out: pixel_shift_by_row (the image is staggered, as measured), the pose of the IMU, addresses, clocks and \
-         other settings. Not in the file, and to be checked: range limits (none are set).",
+        "Left out: the pose of the IMU, addresses, clocks and other settings. Not in the file, and to be checked: range \
+         limits (none are set).",
     );
     toml.line("\n# The ring of a cloud counts beams from the top, as in Ouster's drivers.");
     let position = [origin.nx / 1e3, 0.0, (origin.nz + up_mm) / 1e3];
@@ -99,6 +120,7 @@ pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
     let lidar = Lidar {
         origins_m: Some(vec![position; beams.altitudes.len()]),
         range_offset_m: origin.n / 1e3,
+        pixel_shifts: shifts.filter(|_| is_full_turn),
         columns: count,
         sector_deg: Some(sector),
         rate_hz: f64::from(mode.rate_hz),
@@ -187,6 +209,27 @@ fn mode(metadata: &Metadata<'_>) -> Option<Mode> {
         }
     }
     Some(Mode { columns, rate_hz })
+}
+
+/// The columns by which the SDK moves each row of a destaggered image; `None` within if the file has none.
+fn shifts(metadata: &Metadata<'_>, beams: usize, columns: u32) -> Option<Option<Vec<i32>>> {
+    let key = "pixel_shift_by_row";
+    let Some(format) = metadata.format.as_ref().filter(|format| format.get(key).is_some()) else {
+        return Some(None);
+    };
+    let Spanned { value, span } = format.numbers(key)?;
+    if value.len() != beams {
+        let message =
+            format!("`{}` has {} numbers, and there are {beams} beams", format.path(key), value.len());
+        return format.file().fail(span, message, format!("expected {beams}: one a beam"), None);
+    }
+    let is_shift = |x: &f64| x.fract() == 0.0 && x.abs() < f64::from(columns);
+    if let Some(wrong) = value.iter().find(|x| !is_shift(x)) {
+        let message = format!("`{}` has {wrong}", format.path(key));
+        let label = format!("expected whole numbers of columns, of which there are {columns}");
+        return format.file().fail(span, message, label, None);
+    }
+    Some(Some(value.into_iter().map(|x| x as i32).collect()))
 }
 
 struct Window {

@@ -47,9 +47,18 @@ impl Toml {
 
     /// A list, eight numbers a line.
     pub fn numbers(&mut self, key: &str, values: &[f64]) {
+        self.list(key, values, |value| number(*value));
+    }
+
+    /// A list of whole numbers, eight a line.
+    pub fn integers(&mut self, key: &str, values: &[i32]) {
+        self.list(key, values, i32::to_string);
+    }
+
+    fn list<T>(&mut self, key: &str, values: &[T], written: impl Fn(&T) -> String) {
         let _ = writeln!(self.0, "{key} = [");
         for line in values.chunks(8) {
-            let line: Vec<String> = line.iter().map(|value| number(*value)).collect();
+            let line: Vec<String> = line.iter().map(&written).collect();
             let _ = writeln!(self.0, "    {},", line.join(", "));
         }
         self.0.push_str("]\n");

@@ -203,7 +203,7 @@ pub enum NumberProblem {
 mod tests {
     use super::*;
     use crate::angle::Angle;
-    use crate::sensor::{Prism, RangeLimits, RingOrder, Risley, Tilted};
+    use crate::sensor::{Prism, RangeLimits, RingOrder, Ripple, Risley, Tilted};
     use glam::DVec3;
 
     fn prism_sensor() -> Sensor {
@@ -213,6 +213,7 @@ mod tests {
             index: 1.5,
             phase: Angle::default(),
             tilted: Tilted::Exit,
+            ripple: Ripple::default(),
         };
         let pattern = Risley::new(vec![prism(121.7, 18.0), prism(-77.3, 18.0)], &[DVec3::X], 1e4, 10.0);
         Sensor {

@@ -23,7 +23,7 @@ pub use lens::{BrownConrady, KannalaBrandt, Lens};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};
 pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};
-pub use risley::{Prism, Risley, RisleyError, Tilted};
+pub use risley::{Prism, Ripple, Risley, RisleyError, Tilted, TurningMirror};
 pub use rotating::{Beam, Phase, Rotating, RotatingError};
 
 /// A LiDAR or a depth camera.
@@ -109,7 +109,7 @@ pub enum Pattern {
     Raster(Raster),
     /// A beam on a mirror that moves about two axes.
     Mirror(Mirror),
-    /// A beam through turning prisms.
+    /// Beams through turning prisms, and off a turning mirror behind them if there is one.
     Risley(Risley),
     /// Rays that are listed in a table.
     Rays(RayTable),
@@ -218,7 +218,7 @@ impl Pattern {
             Self::Raster(p) => p.rows(),
             Self::Risley(p) => p.beams().len(),
             Self::Mirror(p) => p.beams().len(),
-            Self::Rays(_) => 1,
+            Self::Rays(p) => p.rows(),
             Self::Camera(p) => p.height(),
         }
     }
@@ -230,7 +230,7 @@ impl Pattern {
             Self::Raster(p) => p.columns(),
             Self::Mirror(p) => p.columns(),
             Self::Risley(p) => p.columns(),
-            Self::Rays(p) => p.len(),
+            Self::Rays(p) => p.columns(),
             Self::Camera(p) => p.width(),
         }
     }
@@ -249,7 +249,7 @@ impl Pattern {
             Self::Raster(p) => Some(p.pulse(row, column)),
             Self::Mirror(p) => Some(p.pulse(row, column, start_s)),
             Self::Risley(p) => p.pulse(row, column, start_s),
-            Self::Rays(p) => Some(p.pulse(column)),
+            Self::Rays(p) => Some(p.pulse(row, column, start_s)),
             Self::Camera(p) => {
                 let direction = p.direction(row, column)?;
                 Some(Pulse::new(DVec3::ZERO, direction, 0.0))

@@ -1,6 +1,9 @@
 //! Imported calibrations against the formulas of the vendors' tools, written out independently from their documentation.
 //! The pulses of an imported sensor must give the same points.
 
+mod cameras;
+mod lidars;
+
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 

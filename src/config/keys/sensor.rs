@@ -1,6 +1,6 @@
 //! The keys of a sensor file: patterns, range limits, ring order, modes.
 
-use std::ops::Bound::{Excluded, Included};
+use std::ops::Bound::{Excluded, Included, Unbounded};
 
 use super::super::kinds::{
     ByName, Choice, Flag, Integer, List, Names, Nested, Number, OneOrEach, Tables, Text, Vector,
@@ -260,12 +260,12 @@ pub(crate) mod risley {
     use super::*;
 
     pub static KEYS: TableKeys =
-        table("`[risley]`", &[&PRISMS, &BEAMS, &PULSE_RATE, &NEEDED_FRAME_RATE]).partial();
+        table("`[risley]`", &[&PRISMS, &MIRROR, &BEAMS, &PULSE_RATE, &NEEDED_FRAME_RATE]).partial();
     pub static PRISMS: Key<Tables> =
         key("prisms", Tables::in_braces(&PRISM, 1), "The turning wedges, in the beam's way.")
             .required("`prisms = [{ rate_hz = -121.6, wedge_deg = 18.7, index = 1.51 }]`, in the beam's way");
 
-    pub static PRISM: TableKeys = table("a prism", &[&RATE, &WEDGE, &INDEX, &PHASE, &TILTED]);
+    pub static PRISM: TableKeys = table("a prism", &[&RATE, &WEDGE, &INDEX, &PHASE, &TILTED, &RIPPLE]);
     pub static RATE: Key<Number> =
         key("rate_hz", Number::ANY, "Turns a second, negative the other way round.")
             .required("`rate_hz = 121.6`, turns a second, negative the other way round");
@@ -280,19 +280,71 @@ pub(crate) mod risley {
         Choice(&[("entry", Tilted::Entry), ("exit", Tilted::Exit)]),
         "Which face is the oblique one.",
     );
+    pub static RIPPLE: Key<Nested> = key(
+        "ripple",
+        Nested(&RIPPLE_KEYS),
+        "How the turning speeds up and slows down: a sine that is added to its angle; left out: a constant speed.",
+    );
+
+    pub static RIPPLE_KEYS: TableKeys = table("`ripple`", &[&RIPPLE_RATE, &AMPLITUDE, &RIPPLE_PHASE]);
+    pub static RIPPLE_RATE: Key<Number> = key("rate_hz", Number::POSITIVE, "Periods a second.")
+        .required("`rate_hz = 20.0`, the periods a second");
+    pub static AMPLITUDE: Key<Number> =
+        key("amplitude_deg", Number::ANY, "The most that is added to the angle, in degrees.")
+            .required("`amplitude_deg = 8.6`, the most that is added to the angle");
+    pub static RIPPLE_PHASE: Key<Number> =
+        key("phase_deg", Number::ANY, "The phase of the sine at time 0, in degrees.").or("0.0");
+
+    pub static MIRROR: Key<Nested> = key(
+        "mirror",
+        Nested(&MIRROR_KEYS),
+        "A mirror behind the prisms that turns about their axis and sends the beams to the side; the axis is then z, not x.",
+    );
+
+    pub static MIRROR_KEYS: TableKeys =
+        table("`mirror`", &[&MIRROR_RATE, &TILT, &MIRROR_INDEX, &MIRROR_PHASE]);
+    pub static MIRROR_RATE: Key<Number> =
+        key("rate_hz", Number::ANY, "Turns a second, counterclockwise seen from above.")
+            .required("`rate_hz = -182.4`, turns a second, counterclockwise seen from above");
+    pub static TILT: Key<Number> = key(
+        "tilt_deg",
+        Number::within(Excluded(0.0), Excluded(90.0)),
+        "The angle between the axis and the mirror's normal in degrees: 45 sends the axis to the horizon.",
+    )
+    .required("`tilt_deg = 50.0`, the angle between the axis and the mirror's normal");
+    pub static MIRROR_INDEX: Key<Number> = key(
+        "index",
+        Number::within(Included(1.0), Unbounded),
+        "The refractive index of the block whose oblique face is the mirror; beams enter across the axis and leave along it.",
+    )
+    .or("1.0");
+    pub static MIRROR_PHASE: Key<Number> =
+        key("phase_deg", Number::ANY, "The azimuth to which the mirror looks at time 0, in degrees.")
+            .or("0.0");
 }
 
 /// `[rays]`.
 pub(crate) mod rays {
     use super::*;
 
-    pub static KEYS: TableKeys = table("`[rays]`", &[&FILE, &FRAME_RATE]).partial();
+    pub static KEYS: TableKeys = table("`[rays]`", &[&FILE, &LINES, &PULSE_RATE, &FRAME_RATE]).partial();
     pub static FILE: Key<Text> = key(
         "file",
         Text,
-        "A CSV with a ray a line, relative to this file: azimuth_deg, elevation_deg or x, y, z; time_s or time_us; origin_x_m, origin_y_m, origin_z_m.",
+        "A CSV with a ray a line, relative to this file: azimuth_deg, elevation_deg (or zenith_deg) or x, y, z; time_s or time_us; origin_x_m, origin_y_m, origin_z_m. Livox's headers are read too.",
     )
     .required("`file = \"rays.csv\"`");
+    pub static LINES: Key<Integer<u64>> = key(
+        "lines",
+        SIDE,
+        "Beams that fire together: so many rays of the table that follow each other, each a row of the image.",
+    )
+    .or("1");
+    pub static PULSE_RATE: Key<Number> = key(
+        "pulse_rate_hz",
+        Number::POSITIVE,
+        "Pulses of each beam a second, whatever times the table has; with `rate_hz`, a frame has those of its time, and the next goes on in the table. Left out: every frame has the whole table.",
+    );
 }
 
 /// `[pinhole]`, `[fisheye]` and `[equirectangular]`.

@@ -1,6 +1,6 @@
 //! The modes of a sensor file.
 
-use super::super::keys::sensor::{MODES, SENSOR_FILE};
+use super::super::keys::sensor::{MODES, PATTERNS, SENSOR_FILE};
 use super::super::overlay;
 use super::super::table::{Reading, Table};
 use crate::source::Span;
@@ -41,9 +41,14 @@ pub(super) fn choose_mode(reading: Reading<'_>, entries: &mut Entries, modes: &M
     reading.report.error(wanted.span, message, "", Some(help));
 }
 
-/// Lays a mode over its sensor's table.
+/// Lays a mode over its sensor's table. A mode with another pattern than the sensor's takes its place: a camera may see through
+/// a pinhole in one mode and as a fisheye in another.
 pub(super) fn lay_mode(reading: Reading<'_>, entries: &mut Entries, mode: &Node) {
     if let Value::Table(over) = &mode.value {
+        let is_pattern = |name: &str| PATTERNS.iter().any(|pattern| pattern.name() == name);
+        if over.keys().any(|name| is_pattern(name)) {
+            entries.retain(|name, _| over.contains_key(name) || !is_pattern(name));
+        }
         overlay::lay_over(reading, entries, over.clone());
     }
 }

@@ -26,7 +26,7 @@ const MAX_ERRORS: usize = 10;
 #[derive(Default)]
 pub(super) struct RayFiles {
     /// By path. `None`: the file can't be used, which was reported.
-    tables: BTreeMap<PathBuf, Option<RayTable>>,
+    tables: BTreeMap<PathBuf, Option<(RayTable, Option<Span>)>>,
     /// The files in the order in which they were read.
     pub inputs: Vec<InputFile>,
 }
@@ -47,17 +47,25 @@ impl RayFiles {
         }
     }
 
-    /// The rays of a file that was read, without a rate. `None` if there is something wrong with the file.
-    pub fn table(&self, report: &Report, file: Spanned<&str>) -> Option<RayTable> {
+    /// The rays of a file that was read, without a rate, and the header of a column `Time/s` that counts the rays. `None` if
+    /// there is something wrong with the file.
+    pub fn table(&self, report: &Report, file: Spanned<&str>) -> Option<(RayTable, Option<Span>)> {
         self.tables.get(&report.folder(file.span).join(file.value))?.clone()
     }
 
-    fn open(&mut self, report: &mut Report, as_written: &str, path: &Path, span: Span) -> Option<RayTable> {
+    fn open(
+        &mut self,
+        report: &mut Report,
+        as_written: &str,
+        path: &Path,
+        span: Span,
+    ) -> Option<(RayTable, Option<Span>)> {
         match report.open_up_to(path, Layer::Preset, MAX_BYTES) {
             Ok(source) => {
                 self.inputs.push(InputFile::new(portable(as_written), report.text(source)));
                 // Every ray was checked as it was parsed.
-                RayTable::new(parse(report, source)?, None).ok()
+                let (pulses, counted) = parse(report, source)?;
+                Some((RayTable::new(pulses, None).ok()?, counted))
             }
             Err(Unreadable::Reported) => None,
             Err(problem) => {
@@ -73,8 +81,8 @@ impl RayFiles {
     }
 }
 
-/// The columns that a table may have; the first two or the next three must be there.
-const COLUMNS: [&str; 10] = [
+/// The columns that a table may have; the first two or the next three must be there, or the azimuth and the zenith.
+const COLUMNS: [&str; 11] = [
     "azimuth_deg",
     "elevation_deg",
     "x",
@@ -85,7 +93,10 @@ const COLUMNS: [&str; 10] = [
     "origin_x_m",
     "origin_y_m",
     "origin_z_m",
+    "zenith_deg",
 ];
+/// The columns of Livox's pattern tables (livox_laser_simulation), in lower case, as an index into [`COLUMNS`].
+const OF_LIVOX: [(&str, usize); 3] = [("time/s", TIME_S), ("azimuth/deg", AZIMUTH), ("zenith/deg", ZENITH)];
 const AZIMUTH: usize = 0;
 const ELEVATION: usize = 1;
 const X: usize = 2;
@@ -96,9 +107,14 @@ const TIME_US: usize = 6;
 const ORIGIN_X: usize = 7;
 const ORIGIN_Y: usize = 8;
 const ORIGIN_Z: usize = 9;
+/// The angle from straight up.
+const ZENITH: usize = 10;
 
 /// Reads a table: a header, then a ray a line. Empty lines and such that begin with `#` are left out.
-fn parse(report: &Report, source: u32) -> Option<Vec<Pulse>> {
+///
+/// In some of Livox's tables the column `Time/s` counts the rays: it goes up by one from line to line, which would be a pulse a
+/// second. Its span is given then, and the rays have no times.
+fn parse(report: &Report, source: u32) -> Option<(Vec<Pulse>, Option<Span>)> {
     let text = report.text(source);
     let mut lines = Lines { text: text.strip_prefix('\u{feff}').unwrap_or(text), whole: text };
     let header = lines.next();
@@ -132,7 +148,16 @@ fn parse(report: &Report, source: u32) -> Option<Vec<Pulse>> {
         let span = Span::new(source, header_at..header_at + header.len());
         report.error(span, "the table has no rays", "expected a ray a line after this", None);
     }
-    (errors == 0 && !pulses.is_empty()).then_some(pulses)
+    if errors > 0 || pulses.is_empty() {
+        return None;
+    }
+    let time = fields((header_at, header)).find(|(_, name)| name.eq_ignore_ascii_case(OF_LIVOX[0].0));
+    let counts = pulses.len() > 1 && pulses.windows(2).all(|pair| pair[1].time_s - pair[0].time_s == 1.0);
+    let counted = time.filter(|_| counts).map(|(span, _)| Span::new(source, span));
+    if counted.is_some() {
+        pulses.iter_mut().for_each(|pulse| pulse.time_s = 0.0);
+    }
+    Some((pulses, counted))
 }
 
 /// The lines that say something, each with the byte where it begins.
@@ -175,7 +200,8 @@ fn columns(report: &Report, source: u32, header: (usize, &str)) -> Option<Vec<us
     let mut is_fine = true;
     for (span, name) in fields(header) {
         let span = Span::new(source, span);
-        let known = COLUMNS.iter().position(|c| *c == name);
+        let of_livox = OF_LIVOX.iter().find(|(livox, _)| name.eq_ignore_ascii_case(livox));
+        let known = COLUMNS.iter().position(|c| *c == name).or(of_livox.map(|(_, index)| *index));
         match known {
             None => {
                 let help = match nearest(name, COLUMNS) {
@@ -196,12 +222,12 @@ fn columns(report: &Report, source: u32, header: (usize, &str)) -> Option<Vec<us
         return None;
     }
     let has = |list: &[usize]| list.iter().filter(|c| columns.contains(c)).count();
-    let (angles, axes) = (has(&[AZIMUTH, ELEVATION]), has(&[X, Y, Z]));
+    let (azimuth, upward, axes) = (has(&[AZIMUTH]), has(&[ELEVATION, ZENITH]), has(&[X, Y, Z]));
     let complain = |message: &str, label: &str| {
         report.error(whole, message, label, None);
         None
     };
-    if (angles, axes) != (2, 0) && (angles, axes) != (0, 3) {
+    if (azimuth, upward, axes) != (1, 1, 0) && (azimuth, upward, axes) != (0, 0, 3) {
         return complain(
             "a table of rays has one direction a line",
             "expected the columns `azimuth_deg` and `elevation_deg`, or `x`, `y` and `z`",
@@ -236,6 +262,7 @@ fn ray(columns: &[usize], line: (usize, &str)) -> Result<Pulse, Wrong> {
             return Err((span, format!("`{name}` is {}", quoted(field)), "expected a finite number".into()));
         };
         let expected = match column {
+            ZENITH if !(0.0..=180.0).contains(&number) => "expected 0 (straight up) to 180 (straight down)",
             ELEVATION if number.abs() > 90.0 => "expected -90 (straight down) to 90 (straight up)",
             TIME_S | TIME_US if number < 0.0 => "expected a time from the frame's start, 0 or more",
             _ => "",
@@ -252,7 +279,9 @@ fn ray(columns: &[usize], line: (usize, &str)) -> Result<Pulse, Wrong> {
         return Err((span, format!("the line has {read} values"), format!("`{missing}` is missing")));
     }
     let direction = if columns.contains(&AZIMUTH) {
-        direction(Angle::deg(values[AZIMUTH]), Angle::deg(values[ELEVATION]))
+        let zenith = columns.contains(&ZENITH).then_some(values[ZENITH]);
+        let elevation = zenith.map_or(values[ELEVATION], |zenith| 90.0 - zenith);
+        direction(Angle::deg(values[AZIMUTH]), Angle::deg(elevation))
     } else {
         DVec3::new(values[X], values[Y], values[Z])
     };

@@ -204,7 +204,8 @@ fn shifts(
         t.report().error(bad.span, message, label, None);
         return None;
     }
-    if !is_destaggered {
+    // A file that says `staggered` keeps the numbers for a job that wants the other layout.
+    if !is_destaggered && !t.has(&keys::LAYOUT) {
         let help = "`layout = \"destaggered\"` moves them";
         let message = format!("`{}` moves nothing", key.name());
         t.report().warning(list.span, message, "rows stay as fired", Some(help.into()));

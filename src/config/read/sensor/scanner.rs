@@ -9,7 +9,8 @@ use super::super::rays::RayFiles;
 use super::limit::check_rays;
 use crate::angle::Angle;
 use crate::sensor::{
-    Axis, Mirror, MirrorError, Order, Prism, Raster, RayTable, RayTableError, Risley, RisleyError, direction,
+    Axis, Mirror, MirrorError, Order, Prism, Raster, RayTable, RayTableError, Ripple, Risley, RisleyError,
+    TurningMirror, direction,
 };
 use crate::source::Spanned;
 
@@ -79,14 +80,21 @@ pub(super) fn risley(t: &Table<'_>) -> Option<Risley> {
         .and_then(|prisms| prisms.value.iter().map(prism).collect::<Vec<_>>().into_iter().collect());
     let beams = beams(t);
     let (pulse_rate, rate) = (t.read(&PULSE_RATE), t.read(&NEEDED_FRAME_RATE));
+    let mirror = t.has(&risley::MIRROR).then(|| turning_mirror(&t.read(&risley::MIRROR)?.value));
     let (prisms, list, beams, pulse_rate, rate) = (prisms?, list?, beams?, pulse_rate?, rate?);
+    let mirror = mirror.map_or(Some(None), |mirror| mirror.map(Some))?;
     let beams: Vec<DVec3> = beams.into_iter().map(|(az, el)| direction(az, el)).collect();
     Risley::new(list, &beams, pulse_rate.value, rate.value)
+        .and_then(|pattern| match mirror {
+            Some(mirror) => pattern.with_mirror(mirror),
+            None => Ok(pattern),
+        })
         .map_err(|error| {
             let span = match error {
                 RisleyError::Prism(index) => prisms.value[index].span,
                 RisleyError::NoPrisms => prisms.span,
                 RisleyError::Rate => t.report().later(pulse_rate.span, rate.span),
+                RisleyError::Mirror => t.span_of(&risley::MIRROR),
                 _ => t.span_of(&BEAMS),
             };
             t.report().error(span, error.to_string(), "", None);
@@ -98,7 +106,25 @@ fn prism(t: &Table<'_>) -> Option<Prism> {
     let (rate, wedge, index) = (t.read(&risley::RATE), t.read(&risley::WEDGE), t.read(&risley::INDEX));
     let phase = Angle::deg(t.value(&risley::PHASE));
     let tilted = t.read(&risley::TILTED).map(|tilted| tilted.value).unwrap_or_default();
-    Some(Prism { rate_hz: rate?.value, wedge: Angle::deg(wedge?.value), index: index?.value, phase, tilted })
+    let ripple = match t.has(&risley::RIPPLE) {
+        true => ripple(&t.read(&risley::RIPPLE)?.value)?,
+        false => Ripple::default(),
+    };
+    let (rate, wedge, index) = (rate?.value, wedge?.value, index?.value);
+    Some(Prism { rate_hz: rate, wedge: Angle::deg(wedge), index, phase, tilted, ripple })
+}
+
+fn ripple(t: &Table<'_>) -> Option<Ripple> {
+    let (rate, amplitude) = (t.read(&risley::RIPPLE_RATE), t.read(&risley::AMPLITUDE));
+    let phase = Angle::deg(t.value(&risley::RIPPLE_PHASE));
+    Some(Ripple { rate_hz: rate?.value, amplitude: Angle::deg(amplitude?.value), phase })
+}
+
+fn turning_mirror(t: &Table<'_>) -> Option<TurningMirror> {
+    let (rate, tilt) = (t.read(&risley::MIRROR_RATE), t.read(&risley::TILT));
+    let index = t.value(&risley::MIRROR_INDEX);
+    let phase = Angle::deg(t.value(&risley::MIRROR_PHASE));
+    Some(TurningMirror { rate_hz: rate?.value, tilt: Angle::deg(tilt?.value), index, phase })
 }
 
 /// Azimuth and elevation of each beam; straight ahead if they are left out.
@@ -112,10 +138,32 @@ fn beams(t: &Table<'_>) -> Option<Vec<(Angle, Angle)>> {
 
 pub(super) fn rays(t: &Table<'_>, files: &RayFiles) -> Option<RayTable> {
     let (file, rate) = (t.read(&rays::FILE), t.read(&FRAME_RATE));
+    let (lines, pulse_rate) = (t.read_or_default(&rays::LINES), t.read(&rays::PULSE_RATE));
     // The errors of the file were reported when it was read.
-    let table = files.table(t.report(), file?)?;
-    table
+    let (table, counted) = files.table(t.report(), file?)?;
+    if let Some(span) = counted.filter(|_| !t.has(&rays::PULSE_RATE)) {
+        let help = "`pulse_rate_hz`, the pulses of each beam a second, gives them times; without it all go out at once";
+        t.report().warning(span, "this column counts the rays, and is no time", "", Some(help.to_owned()));
+    }
+    let lines = lines?;
+    if let Some(pulse_rate) = &pulse_rate {
+        let frame = rate.as_ref().map_or(0.0, |rate| (pulse_rate.value / rate.value).round());
+        check_rays(t.report(), lines.value, frame.min(1e12) as u64, pulse_rate.span)?;
+    }
+    let made = table
         .with_rate(rate.map(|rate| rate.value))
-        .map_err(|error: RayTableError| t.report().error(t.span, error.to_string(), "", None))
-        .ok()
+        .and_then(|table| table.with_lines(lines.value as usize))
+        .and_then(|table| match &pulse_rate {
+            Some(rate) => table.with_pulse_rate(rate.value),
+            None => Ok(table),
+        });
+    made.map_err(|error: RayTableError| {
+        let span = match error {
+            RayTableError::Lines => lines.span,
+            RayTableError::PulseRate => t.span_of(&rays::PULSE_RATE),
+            _ => t.span,
+        };
+        t.report().error(span, error.to_string(), "", None);
+    })
+    .ok()
 }
