@@ -528,7 +528,7 @@ fn a_job_takes_a_built_in_sensor_in_one_of_its_modes() {
         "the sensor has no mode `2048x100` | did you mean `2048x10`?"
     );
     assert_eq!(
-        message("preset = 'hesai/qt64'\nmode = 'fast'"),
+        message("preset = 'ideal/camera'\nmode = 'fast'"),
         "the sensor has no mode `fast` | this sensor has no modes: leave it out"
     );
 }

@@ -4,7 +4,7 @@
 //! (k1 to k4 of OpenCV's fisheye), or without one (wiki of Kalibr, "Supported models").
 
 use super::super::fields::Fields;
-use super::{Calibration, LensKeys, MOST_PIXELS, check_focal};
+use super::calibration::{Calibration, LensKeys, MOST_PIXELS, check_focal};
 use crate::source::Spanned;
 
 pub(super) fn read(fields: &Fields<'_>) -> Option<Calibration> {

@@ -8,7 +8,7 @@
 //! rectified depth streams are.
 
 use super::super::fields::Fields;
-use super::{Calibration, LensKeys, check_focal, size};
+use super::calibration::{Calibration, LensKeys, check_focal, size};
 use crate::source::Spanned;
 
 pub(super) fn read(fields: &Fields<'_>) -> Option<Calibration> {

@@ -1,6 +1,7 @@
 //! A calibrated camera, in the dialects in which calibrations are written.
 //!
 //! ```text
+//! calibration  what every dialect gives
 //! ros          OpenCV's calibration files, and ROS's camera_info
 //! kalibr       Kalibr's camchain and camera files
 //! open3d       Open3D's PinholeCameraIntrinsic and what holds one
@@ -11,6 +12,7 @@
 //! move by half a pixel. A lens is taken only if its formula is one of beamcast's: OpenCV's pinhole with k1, k2, p1, p2, k3 to
 //! k6, and OpenCV's fisheye with k1 to k4.
 
+mod calibration;
 mod kalibr;
 mod librealsense;
 mod open3d;
@@ -22,45 +24,9 @@ use super::writer::Toml;
 use crate::config::keys::sensor::{FISHEYE, PINHOLE, camera};
 use crate::source::suggest::{list, nearest, quoted};
 use crate::source::tree::{Node, Value};
+use calibration::Calibration;
 
 pub(super) use ros::KEYS;
-
-/// Most rows and most columns of an image.
-const MOST_PIXELS: u32 = 1_000_000;
-
-/// What a calibration says of a camera.
-struct Calibration {
-    width: u32,
-    height: u32,
-    /// Focal lengths in pixels.
-    focal: [f64; 2],
-    /// The principal point in pixels, counted as here: the centre of the top left pixel is at (0.5, 0.5).
-    principal: [f64; 2],
-    lens: LensKeys,
-    /// What was used, for the file's first comment.
-    used: String,
-    /// What else a user must know, a sentence each.
-    notes: Vec<String>,
-}
-
-struct LensKeys {
-    is_fisheye: bool,
-    /// The coefficients in OpenCV's order; none if the lens does not distort.
-    coefficients: Vec<f64>,
-}
-
-impl LensKeys {
-    /// A pinhole with OpenCV's coefficients. Zeros are no distortion.
-    fn pinhole(coefficients: Vec<f64>) -> Self {
-        let is_ideal = coefficients.iter().all(|x| *x == 0.0);
-        Self { is_fisheye: false, coefficients: if is_ideal { Vec::new() } else { coefficients } }
-    }
-
-    /// OpenCV's fisheye with k1 to k4.
-    fn fisheye(coefficients: Vec<f64>) -> Self {
-        Self { is_fisheye: true, coefficients }
-    }
-}
 
 /// Reads a camera of its dialect.
 type Reader = fn(&Fields<'_>) -> Option<Calibration>;
@@ -164,24 +130,4 @@ fn one_of_several(top: &Fields<'_>, wanted: Option<&str>) -> Option<Calibration>
         found.notes.insert(0, note);
     }
     Some(found)
-}
-
-/// The image's size: whole numbers of pixels under two keys.
-fn size(fields: &Fields<'_>, [width, height]: [&str; 2]) -> Option<[u32; 2]> {
-    let side = |key: &str, of: &str| {
-        fields.need(key, &format!("the number of the image's {of}"))?;
-        fields.integer(key, 1, MOST_PIXELS)
-    };
-    let (width, height) = (side(width, "columns"), side(height, "rows"));
-    Some([width?, height?])
-}
-
-/// Refuses focal lengths that are not positive: `[fx, fy]`.
-fn check_focal(fields: &Fields<'_>, key: &str, [fx, fy]: [f64; 2]) -> Option<[f64; 2]> {
-    if fx > 0.0 && fy > 0.0 {
-        return Some([fx, fy]);
-    }
-    let help = "a camera that is not calibrated has zeros here".to_owned();
-    let message = format!("the focal lengths are {fx} and {fy} pixels");
-    fields.file().fail(fields.span(key), message, "expected more than 0", help)
 }

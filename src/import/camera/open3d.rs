@@ -3,7 +3,7 @@
 //! distortion.
 
 use super::super::fields::Fields;
-use super::{Calibration, LensKeys, check_focal, size};
+use super::calibration::{Calibration, LensKeys, check_focal, size};
 use crate::source::Spanned;
 use crate::source::tree::Value;
 

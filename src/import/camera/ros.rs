@@ -7,7 +7,7 @@
 //! (`roi`), in which pixels are combined (`binning_x`, `binning_y`).
 
 use super::super::fields::Fields;
-use super::{Calibration, LensKeys, MOST_PIXELS, check_focal};
+use super::calibration::{Calibration, LensKeys, MOST_PIXELS, check_focal};
 use crate::source::Spanned;
 use crate::source::tree::Value;
 

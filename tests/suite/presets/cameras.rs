@@ -42,7 +42,7 @@ fn field(
     let shots = shots(size, |u, v| {
         [half_x * (2.0 * u / size[0] as f64 - 1.0), half_y * (2.0 * v / size[1] as f64 - 1.0)]
     });
-    Truth { preset, source, nominal, allowed: ALLOWED, shots }
+    Truth { preset, mode: None, source, nominal, allowed: ALLOWED, shots }
 }
 
 /// One unit's intrinsics. A fixed point of x = (xd − …)/(1 + k1·r² + k2·r⁴ + k3·r⁶) undoes the distortion.
@@ -61,6 +61,7 @@ fn kinect_v2() -> Truth {
     let nominal = "one unit's calibration";
     Truth {
         preset: "kinect/v2",
+        mode: None,
         source: "a published calibration of a unit",
         nominal,
         allowed: ALLOWED,

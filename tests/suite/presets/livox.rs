@@ -50,7 +50,7 @@ fn first_frame(preset: &'static str, angle_deg: f64, pulse_rate_hz: Option<f64>)
         .collect();
     let allowed = Errors { angle_deg, time_ns: 1e-3, place_mm: 2e3 * angle_deg.to_radians() };
     let nominal = "phases at the start, range";
-    Truth { preset, source: "livox_laser_simulation scan_mode/*.csv", nominal, allowed, shots }
+    Truth { preset, mode: None, source: "livox_laser_simulation scan_mode/*.csv", nominal, allowed, shots }
 }
 
 /// Four seconds after the first pulse, the frames still go on where those before ended.

@@ -58,7 +58,7 @@ fn truth(preset: &'static str, source: &'static str, nominal: &'static str) -> T
             shots.push(Shot { row, column, pulse: Some(TruePulse { time_s, ring: Some(row), point }) });
         }
     }
-    Truth { preset, source, nominal, allowed: ALLOWED, shots }
+    Truth { preset, mode: None, source, nominal, allowed: ALLOWED, shots }
 }
 
 /// The modes that the units have, among them the one of firmware 3.

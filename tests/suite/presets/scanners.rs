@@ -81,7 +81,7 @@ fn plane(
         })
         .into_iter()
         .collect();
-    Truth { preset, source, nominal, allowed: ALLOWED, shots }
+    Truth { preset, mode: None, source, nominal, allowed: ALLOWED, shots }
 }
 
 /// A beam whose azimuth and elevation in degrees follow from the time in seconds.
@@ -98,5 +98,5 @@ fn survey(
         .map(|column| shot(0, column, time_s(column), angles_deg(time_s(column))))
         .into_iter()
         .collect();
-    Truth { preset, source, nominal, allowed: ALLOWED, shots }
+    Truth { preset, mode: None, source, nominal, allowed: ALLOWED, shots }
 }
