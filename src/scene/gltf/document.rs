@@ -324,7 +324,7 @@ mod tests {
             }
         }
         let deep = format!("{}1{}", "[".repeat(200), "]".repeat(200));
-        let text = format!(r#"{{"asset":{{"version":"2.0"}},"nodes":{deep}}}"#);
+        let text = format!(r#"{{"asset":{{"version":"2.0"}},"accessors":{deep}}}"#);
         assert!(error(text.as_bytes()).contains("JSON"));
     }
 }

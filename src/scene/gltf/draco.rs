@@ -52,6 +52,7 @@ impl Draco {
             .flat_map(|point| point.0.to_le_bytes())
             .collect();
         let mut attributes = BTreeMap::new();
+        let mut total = 0_u64;
         for id in 0..mesh.num_attributes() {
             let attribute = mesh.attribute(id);
             let components = usize::from(attribute.num_components());
@@ -64,12 +65,10 @@ impl Draco {
                 // glTF has no such components.
                 _ => continue,
             };
-            let bytes = (points as u64).saturating_mul(4 * components as u64);
-            if bytes > limit {
-                return Err(Fault::new(
-                    "",
-                    format!("an attribute of {bytes} bytes is more than the {limit} allowed"),
-                ));
+            total = total.saturating_add((points as u64).saturating_mul(4 * components as u64));
+            if total > limit {
+                let problem = format!("its attributes take {total} bytes, more than the {limit} allowed");
+                return Err(Fault::new("", problem));
             }
             let values = attribute.read_f32s(points, components);
             let values = values.into_iter().flat_map(f32::to_le_bytes).collect();

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Deserializer};
+use serde_json::Value;
 use serde_json::value::RawValue;
 
 /// A value that may be anything, though only a `T` is of use.
@@ -39,6 +40,16 @@ impl<'de, T: DeserializeOwned> Deserialize<'de> for Lenient<T> {
             Err(_) => Self::Wrong,
         })
     }
+}
+
+/// A name. A number is a name too, and what is neither is none: names say nothing of where the geometry is.
+fn name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    let raw = Box::<RawValue>::deserialize(deserializer)?;
+    Ok(match serde_json::from_str(raw.get()) {
+        Ok(Value::String(name)) => Some(name),
+        Ok(Value::Number(number)) => Some(number.to_string()),
+        _ => None,
+    })
 }
 
 /// The whole file.
@@ -103,6 +114,7 @@ pub(super) struct CesiumRtc {
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Scene {
+    #[serde(deserialize_with = "name")]
     pub name: Option<String>,
     pub nodes: Vec<u32>,
 }
@@ -111,6 +123,7 @@ pub(super) struct Scene {
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Node {
+    #[serde(deserialize_with = "name")]
     pub name: Option<String>,
     pub children: Vec<u32>,
     pub mesh: Option<u32>,
@@ -154,6 +167,7 @@ fn yes() -> bool {
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Mesh {
+    #[serde(deserialize_with = "name")]
     pub name: Option<String>,
     pub primitives: Vec<Primitive>,
     pub weights: Vec<f64>,

@@ -162,6 +162,12 @@ impl<'t> Scanner<'t> {
         steps.join(", ")
     }
 
+    /// Whether a number here is a whole one.
+    fn wants_integer(&self) -> bool {
+        let mut keys = self.levels.iter().rev().filter(|level| level.is_object).map(|level| self.key(level));
+        keys.next().is_some_and(|key| WHOLE_NUMBERS.contains(&key)) || keys.next() == Some(b"attributes")
+    }
+
     /// Whether a `null` here stands for a value that is absent, and not for something that glTF leaves to others.
     fn is_gltf(&self) -> bool {
         let mut keys = self.keys();
@@ -179,6 +185,32 @@ impl<'t> Scanner<'t> {
         true
     }
 }
+
+/// The members whose values are whole numbers, alone or in a list.
+const WHOLE_NUMBERS: [&[u8]; 22] = [
+    b"buffer",
+    b"bufferView",
+    b"byteLength",
+    b"byteOffset",
+    b"byteStride",
+    b"camera",
+    b"children",
+    b"componentType",
+    b"count",
+    b"indices",
+    b"inverseBindMatrices",
+    b"joints",
+    b"material",
+    b"mesh",
+    b"mode",
+    b"nodes",
+    b"skin",
+    b"scene",
+    b"POSITION",
+    b"TRANSLATION",
+    b"ROTATION",
+    b"SCALE",
+];
 
 /// `node` for `nodes`.
 fn singular(list: &str) -> &str {
@@ -219,6 +251,14 @@ pub(super) fn place_of(text: &[u8], byte: usize) -> (String, &[u8]) {
             Some(_) => {}
         }
     }
+}
+
+/// Where the fraction of a whole number begins: 2 for `36.0`. glTF only recommends that whole numbers have none.
+fn needless_fraction(value: &[u8]) -> Option<usize> {
+    let point = value.iter().position(|&b| b == b'.').filter(|&point| point > 0)?;
+    let (digits, zeros) = (&value[..point], &value[point + 1..]);
+    let is_whole = digits.iter().all(u8::is_ascii_digit) && zeros.iter().all(|&b| b == b'0');
+    (is_whole && !zeros.is_empty()).then_some(point)
 }
 
 /// Whether a value is a word for a number that is none, as serialisers of several languages write it.
@@ -273,6 +313,13 @@ fn mended_values(text: &[u8], notices: &Notices) -> Option<Vec<u8>> {
     while let Some((token, at)) = scanner.next() {
         match token {
             Token::Value if scanner.deeper == 0 => {
+                if let Some(fraction) =
+                    needless_fraction(&text[at.clone()]).filter(|_| scanner.wants_integer())
+                {
+                    let bytes = mended.get_or_insert_with(|| text.to_vec());
+                    bytes[at.start + fraction..at.end].fill(b' ');
+                    continue;
+                }
                 let mend = match &text[at.clone()] {
                     b"null" => mend_of_null(&scanner),
                     value if is_no_number(value) => Some(Mend::Replace(b"\"\"")),

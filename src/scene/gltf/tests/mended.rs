@@ -454,6 +454,51 @@ fn errors_in_a_binary_file_name_the_element_and_show_the_text() {
 }
 
 #[test]
+fn whole_numbers_may_have_a_fraction_of_zero() {
+    // glTF recommends that they have none; the value is the same.
+    let mut asset = Asset::triangle();
+    asset.json["nodes"] = json!([
+        { "children": ["1@"], "translation": [0.0, 2.0, 0.0] },
+        { "mesh": "0@", "translation": [0.5, 0, 0] },
+    ]);
+    asset.json["accessors"][0]["count"] = json!("3@");
+    asset.json["accessors"][0]["componentType"] = json!("5126@");
+    asset.json["bufferViews"][1]["byteOffset"] = json!("36@");
+    asset.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!("0@");
+    asset.json["meshes"][0]["primitives"][0]["indices"] = json!("1@");
+    asset.json["meshes"][0]["primitives"][0]["mode"] = json!("4@");
+    asset.json["scenes"] = json!([{ "nodes": ["0@"] }]);
+    asset.json["scene"] = json!("0@");
+    let whole = |fraction: &str| {
+        let mut text = asset.text();
+        for digits in ["0", "1", "3", "4", "36", "5126"] {
+            text = text.replace(&format!("\"{digits}@\""), &format!("{digits}{fraction}"));
+        }
+        load_bytes(text.as_bytes(), &plain())
+    };
+    for fraction in ["", ".0", ".000"] {
+        let loaded = whole(fraction).unwrap();
+        close(&world(&loaded), &[unit_at(0.5, 2.0, 0.0)], 0.0);
+        assert_eq!(warned(&loaded), [""; 0]);
+    }
+    assert!(whole(".5").is_err());
+}
+
+#[test]
+fn names_that_are_no_texts_do_no_harm() {
+    let mut asset = Asset::triangle();
+    for (name, expected) in
+        [(json!(12), "12"), (json!([1]), ""), (json!({}), ""), (json!(true), ""), (json!("a"), "a")]
+    {
+        for list in ["nodes", "meshes"] {
+            asset.json[list][0]["name"] = name.clone();
+        }
+        asset.json["scenes"] = json!([{ "name": name, "nodes": [0] }]);
+        assert_eq!(asset.load().scene.geometry.objects[0].name, expected);
+    }
+}
+
+#[test]
 fn padding_and_marks_around_the_json_are_passed_over() {
     // The case json_nul_padded.
     let text = Asset::triangle().text();
