@@ -40,7 +40,7 @@ impl Draco {
             ErrorKind::LimitExceeded => Fault::new(
                 "",
                 format!(
-                    "its {} bytes of Draco ask for more bytes of geometry, than the {limit} allowed",
+                    "its {} bytes of Draco unpack to more than the {limit} bytes of geometry allowed",
                     stream.len()
                 ),
             ),

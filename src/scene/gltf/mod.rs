@@ -247,7 +247,7 @@ fn warn_of_unknown_labels(document: &Document, labels: &BTreeMap<String, u32>, n
     let materials = document.materials.iter().filter_map(|material| material.name.given());
     let names: BTreeSet<&str> = nodes.chain(materials.map(String::as_str)).collect();
     // `extras.label` may name a label too.
-    let extras = document.nodes.iter().filter_map(|node| nodes::label_of_extras(node));
+    let extras = document.nodes.iter().filter_map(nodes::label_of_extras);
     let named: BTreeSet<String> = extras.filter_map(|label| label.as_str().map(str::to_owned)).collect();
     let unknown = labels.keys().filter(|name| !names.contains(name.as_str()) && !named.contains(*name));
     for (number, name) in unknown.enumerate() {

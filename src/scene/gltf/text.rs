@@ -127,10 +127,9 @@ impl<'t> Scanner<'t> {
     }
 
     fn begin_member(&mut self, start: usize) {
-        if let Some(level) = self.levels.last_mut().filter(|level| level.member == usize::MAX) {
-            if self.deeper == 0 {
-                level.member = start;
-            }
+        let level = self.levels.last_mut().filter(|level| level.member == usize::MAX);
+        if let Some(level) = level.filter(|_| self.deeper == 0) {
+            level.member = start;
         }
     }
 
