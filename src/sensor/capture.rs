@@ -132,7 +132,8 @@ impl<'a> Capture<'a> {
         for row in ends(rows).into_iter().chain(every_beam) {
             for column in ends(columns) {
                 let Some(pulse) = self.pulse(row, column) else { continue };
-                if !((pulse.direction.length_squared() - 1.0).abs() < 1e-6) {
+                let off_unit_length = (pulse.direction.length_squared() - 1.0).abs();
+                if off_unit_length.is_nan() || off_unit_length > 1e-6 {
                     return Some(NumberProblem::Direction);
                 }
                 // Outputs have 32 bits for a time and for a coordinate.

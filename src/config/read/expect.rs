@@ -26,11 +26,9 @@ pub(super) fn expectations(job: &Table<'_>, sensors: &[String]) -> (Vec<Expectat
     let mut cells = 0.0;
     for t in &tables.value {
         let name = t.read(&keys::NAME);
-        if let Some(name) = name {
-            if !taken.insert(name.value) {
-                let message = format!("two expectations are called {}", quoted(name.value));
-                report.error(name.span, message, "expected another name", None);
-            }
+        if let Some(name) = name.filter(|name| !taken.insert(name.value)) {
+            let message = format!("two expectations are called {}", quoted(name.value));
+            report.error(name.span, message, "expected another name", None);
         }
         let sensor = t.read(&keys::SENSOR);
         if let Some(Spanned { value, span }) = sensor

@@ -82,7 +82,7 @@ fn change(bytes: &mut Vec<u8>, other: &[u8], random: &mut Rng) {
             let number = match random.below(3) {
                 0 => WORDS[random.below(8)].to_vec(),
                 1 => (random.u64() >> random.below(64)).to_string().into_bytes(),
-                _ => format!("{:e}", random.signed() * 10_f64.powf(random.signed() * 20.0)).into_bytes(),
+                _ => format!("{:e}", f64::from_bits(random.u64())).into_bytes(),
             };
             bytes.splice(start..start + length, number);
         }

@@ -13,6 +13,7 @@ use beamcast::glam::{DAffine3, DVec3};
 use beamcast::import::{self, Source};
 use beamcast::output::recorded::{Recorded, read_exr, read_ply};
 use beamcast::output::{Image, SensorFrame};
+use beamcast::rng::Rng;
 use beamcast::scene::{Object, gltf};
 use beamcast::sensor::facts::SensorFacts;
 use beamcast::trace::{BruteForce, Instructions};
@@ -130,7 +131,7 @@ fn gltf(bytes: &[u8]) {
         let scene = loaded.scene;
         if scene.triangle_count() < 2000 && scene.arrangement.placements.len() < 200 {
             let centre = scene.geometry.centre;
-            let directions: Vec<DVec3> = (0..16).map(|i| direction(i, 1.0)).collect();
+            let directions: Vec<DVec3> = (0..16).map(|seed| Rng::new(seed).direction()).collect();
             agree(&scene, centre + DVec3::new(0.3, 0.2, 0.1), &directions);
         }
     }
@@ -331,14 +332,6 @@ fn tracers_seeds() -> Vec<Vec<u8>> {
             &mut [1.0, 1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 0.0, 2.0, 0.0, 0.0, 0.5, 1.0, 0.0, 0.0].into_iter(),
         ),
     ]
-}
-
-/// The directions of a spiral over the sphere.
-fn direction(i: u32, length: f64) -> DVec3 {
-    let z = (f64::from(i) + 0.5) / 8.0 - 1.0;
-    let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
-    let r = (1.0 - z * z).max(0.0).sqrt();
-    DVec3::new(r * cos, r * sin, z) * length
 }
 
 /// Asserts that each tracer finds what brute force finds.
