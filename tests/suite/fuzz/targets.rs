@@ -290,11 +290,11 @@ fn baseline_seeds() -> Vec<Vec<u8>> {
     vec![[record, vec![0], fs::read(pixels.unwrap()).unwrap()].concat()]
 }
 
-/// Triangles, then rays, as floats of any bits. Numbers that no scene and no ray may have become 1.
+/// Triangles, then rays, as floats of any bits, and rays as doubles of any bits. What is no number becomes 1.
 fn tracers(bytes: &[u8]) {
     let Some((&count, rest)) = bytes.split_first() else { return };
     let floats: Vec<f32> = rest.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-    let usable = |x: f32| if x == 0.0 || (1e-20..1e9).contains(&x.abs()) { x } else { 1.0 };
+    let usable = |x: f32| if x.is_finite() { x } else { 1.0 };
     let points: Vec<[f32; 3]> = floats.as_chunks().0.iter().map(|p: &[f32; 3]| p.map(usable)).collect();
     let triangles = usize::from(count % 64) + 1;
     if points.len() < 3 * triangles + 2 {
@@ -311,7 +311,9 @@ fn tracers(bytes: &[u8]) {
     let vector = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
     let origin = vector(&rays[0]);
     let mut directions: Vec<DVec3> = rays[1..].iter().take(64).map(vector).collect();
-    directions.retain(|d| *d != DVec3::ZERO);
+    let doubles: Vec<f64> = rest.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+    directions.extend(doubles.as_chunks().0.iter().take(32).map(|d: &[f64; 3]| DVec3::from_array(*d)));
+    directions.retain(|d| d.is_finite() && *d != DVec3::ZERO);
     // At corners and along edges the answer hangs by the last bit.
     directions.extend(corners.iter().take(32).map(|p| vector(p) - origin).filter(|d| *d != DVec3::ZERO));
     if !directions.is_empty() {
