@@ -23,6 +23,7 @@ mod packet;
 mod policy;
 mod rays;
 mod rounding;
+mod scratch;
 mod simd;
 mod single;
 mod stats;

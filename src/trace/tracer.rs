@@ -11,13 +11,13 @@ use super::batch::{Batch, NearestHit, NearestHits, PACKET_RAYS, RaySet};
 use super::bvh::{self, Bvh8, Child, LeafBlock, TriangleRef};
 use super::exact::{self, Candidate, Corners, Limits, LocalRay};
 use super::hit_attributes::Surfaces;
-use super::packet::{self, PacketStack, RayData, RayPacket};
-use super::policy::{self, PACKET_NODE, PACKET_RAY, PacketPolicy};
+use super::packet::{self, RayPacket};
+use super::policy::{self, PACKET_NODE, PACKET_RAY};
 use super::rays::{Cast, Hit, Origins, Rays};
+use super::scratch::{ScalarScratch, Scratch, SingleScratch};
 use super::simd::{self, F32x8, SimdTask};
 use super::single::{RayStack, SingleRay};
 use super::stats::TraversalStats;
-use super::stream::RayStream;
 use super::top::{Top, bounds_of};
 use crate::scene::bounds::Bounds;
 use crate::scene::{Arrangement, Scene};
@@ -676,41 +676,6 @@ thread_local! {
     static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
 }
 
-/// The memory that casting works in, kept from packet to packet and from cast to cast.
-#[derive(Default)]
-struct Scratch {
-    /// The traversal stacks of packets in the hierarchy over placements and in that of a mesh.
-    top: PacketStack,
-    mesh: PacketStack,
-    /// Directions and origins in the space of a placement.
-    directions: Vec<DVec3>,
-    origins: Vec<DVec3>,
-    /// The data of a packet's rays in the scene's space and in that of a mesh.
-    rays: RayData,
-    mesh_rays: RayData,
-    single: SingleScratch,
-    policy: PacketPolicy,
-}
-
-impl Scratch {
-    /// New memory. This is kept out of casting, so that its temporary copy is not on the stack of that.
-    #[cold]
-    #[inline(never)]
-    fn boxed() -> Box<Self> {
-        Box::default()
-    }
-
-    /// The work that was done in this memory so far.
-    fn stats(&self) -> TraversalStats {
-        let mut stats =
-            TraversalStats { nodes: self.top.visited + self.mesh.visited, ..TraversalStats::default() };
-        for more in [self.rays.stats(), self.mesh_rays.stats(), self.single.stats()] {
-            stats += more;
-        }
-        stats
-    }
-}
-
 /// How an attempt at a packet ended.
 enum PacketEnd {
     /// Its rays have their hits.
@@ -719,30 +684,4 @@ enum PacketEnd {
     NoPyramid,
     /// It cost more than its rays are expected to cost one by one.
     GivenUp,
-}
-
-/// The memory for rays in no packet.
-#[derive(Default)]
-struct SingleScratch {
-    top: RayStack,
-    mesh: RayStack,
-    stream: RayStream,
-    scalar: ScalarScratch,
-}
-
-impl SingleScratch {
-    /// The work that was done in this memory so far.
-    fn stats(&self) -> TraversalStats {
-        let mut stats = self.top.stats;
-        stats += self.mesh.stats;
-        stats += self.stream.stats();
-        stats
-    }
-}
-
-/// The traversal stacks of a ray that is cast in f64.
-#[derive(Default)]
-struct ScalarScratch {
-    top: Vec<(Child, f64)>,
-    mesh: Vec<(Child, f64)>,
 }

@@ -15,6 +15,9 @@ pub(in crate::trace) use avx512::Avx512F32x8;
 
 use super::SimdTask;
 
+// `load_xyz` reads eight points as twenty-four numbers in a row, which must not have gaps.
+const _: () = assert!(size_of::<[glam::DVec3; 8]>() == 24 * size_of::<f64>());
+
 /// Whether this processor has AVX2 and FMA, and the bit counting instructions that come with them.
 #[inline]
 pub(in crate::trace) fn has_avx2() -> bool {

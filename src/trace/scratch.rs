@@ -1,0 +1,71 @@
+//! The memory that casting works in.
+
+use glam::DVec3;
+
+use super::bvh::Child;
+use super::packet::{PacketStack, RayData};
+use super::policy::PacketPolicy;
+use super::single::RayStack;
+use super::stats::TraversalStats;
+use super::stream::RayStream;
+
+/// The memory that casting works in, kept from packet to packet and from cast to cast.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// The traversal stacks of packets in the hierarchy over placements and in that of a mesh.
+    pub top: PacketStack,
+    pub mesh: PacketStack,
+    /// Directions and origins in the space of a placement.
+    pub directions: Vec<DVec3>,
+    pub origins: Vec<DVec3>,
+    /// The data of a packet's rays in the scene's space and in that of a mesh.
+    pub rays: RayData,
+    pub mesh_rays: RayData,
+    pub single: SingleScratch,
+    pub policy: PacketPolicy,
+}
+
+impl Scratch {
+    /// New memory. This is kept out of casting, so that its temporary copy is not on the stack of that.
+    #[cold]
+    #[inline(never)]
+    pub fn boxed() -> Box<Self> {
+        Box::default()
+    }
+
+    /// The work that was done in this memory so far.
+    pub fn stats(&self) -> TraversalStats {
+        let mut stats =
+            TraversalStats { nodes: self.top.visited + self.mesh.visited, ..TraversalStats::default() };
+        for more in [self.rays.stats(), self.mesh_rays.stats(), self.single.stats()] {
+            stats += more;
+        }
+        stats
+    }
+}
+
+/// The memory for rays in no packet.
+#[derive(Default)]
+pub(super) struct SingleScratch {
+    pub top: RayStack,
+    pub mesh: RayStack,
+    pub stream: RayStream,
+    pub scalar: ScalarScratch,
+}
+
+impl SingleScratch {
+    /// The work that was done in this memory so far.
+    pub fn stats(&self) -> TraversalStats {
+        let mut stats = self.top.stats;
+        stats += self.mesh.stats;
+        stats += self.stream.stats();
+        stats
+    }
+}
+
+/// The traversal stacks of a ray that is cast in f64.
+#[derive(Default)]
+pub(super) struct ScalarScratch {
+    pub top: Vec<(Child, f64)>,
+    pub mesh: Vec<(Child, f64)>,
+}
