@@ -35,7 +35,7 @@ use std::path::Path;
 use crate::error::Error;
 use crate::source::suggest::{harmless_json, missing_file_help, quoted};
 use crate::source::tree::Entries;
-use crate::source::{Diagnostic, FileKind, Layer, Report, Unreadable, Wanted, recognise};
+use crate::source::{Diagnostic, FileKind, Layer, Report, Severity, Unreadable, Wanted, recognise};
 
 pub use job::{Config, InputFile, Job, MountedSensor, OutputSettings, Places, SensorFile};
 use keys::GRAMMAR;
@@ -82,6 +82,26 @@ pub fn load_preset(name: &str) -> Result<SensorFile, Error> {
     match parse::parse(&report, source) {
         Some(entries) => into_sensor(report, path, entries),
         None => Err(Error::Config(report.into_diagnostics())),
+    }
+}
+
+/// The first reason why a sensor file of this text would be refused. `None` if it would be read. The text must name no other
+/// file.
+pub(crate) fn problem_of_sensor(text: &str) -> Option<String> {
+    let path = Path::new("sensor.toml");
+    let mut report = Report::default();
+    let source = report.add(path, text.to_owned(), Layer::Main);
+    let read = match parse::parse(&report, source) {
+        Some(entries) => into_sensor(report, path, entries),
+        None => Err(Error::Config(report.into_diagnostics())),
+    };
+    match read {
+        Ok(_) => None,
+        Err(Error::Config(found)) => {
+            let error = found.iter().find(|d| d.severity == Severity::Error).or(found.first());
+            Some(error.map_or_else(String::new, |error| error.message.clone()))
+        }
+        Err(other) => Some(other.to_string()),
     }
 }
 

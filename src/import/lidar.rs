@@ -3,12 +3,27 @@
 use super::writer::Toml;
 use crate::config::keys::sensor::{RANGE, RING, ROTATING, range, rotating};
 
+/// Most beams of a calibration. No unit has more than 256; the bound keeps a table of something else, or a hostile one, from
+/// becoming a sensor file that is too large to be read.
+pub(super) const MOST_BEAMS: u32 = 4096;
+
+/// One column of a cycle of columns that differ.
+#[derive(Clone, Debug)]
+pub(super) struct Turn {
+    /// One a beam; that of a silent beam is 0.
+    pub times_us: Vec<f64>,
+    /// The indices of the beams that do not fire.
+    pub silent: Vec<usize>,
+}
+
 /// The keys of a rotating LiDAR's sensor file. Lists have one entry a beam, in the vendor's order of channels.
 #[derive(Debug)]
 pub(super) struct Lidar {
     pub elevations_deg: Vec<f64>,
     pub azimuth_offsets_deg: Vec<f64>,
     pub beam_times_us: Option<Vec<f64>>,
+    /// The columns that differ. Empty if all columns are alike.
+    pub cycle: Vec<Turn>,
     /// The origins of the beams in the head's frame, in metres: x forward at the head's azimuth, y left, z up, from the sensor's
     /// origin.
     pub origins_m: Option<Vec<[f64; 3]>>,
@@ -30,6 +45,7 @@ impl Lidar {
             elevations_deg,
             azimuth_offsets_deg,
             beam_times_us: None,
+            cycle: Vec::new(),
             origins_m: None,
             range_offset_m: 0.0,
             pixel_shifts: None,
@@ -39,12 +55,25 @@ impl Lidar {
         }
     }
 
-    /// The same with firing times, and with the largest of the usual numbers of columns whose time lets every beam fire.
-    pub fn firing_at(self, times_us: Vec<f64>) -> Self {
-        let last_s = times_us.iter().copied().fold(0.0, f64::max) * 1e-6;
-        let fits = |columns: &u32| last_s * f64::from(*columns) * self.rate_hz < 1.0;
-        let columns = [1800, 900, 600, 450, 360, 180].into_iter().find(fits).unwrap_or(90);
-        Self { columns, beam_times_us: Some(times_us), ..self }
+    /// The same with firing times, one for each column of a cycle, and with the largest of the usual numbers of columns whose
+    /// time lets every beam fire. Units whose beams fire in turns have twice as many columns as others.
+    pub fn firing_in_turns(self, turns: &[Turn]) -> Self {
+        let fires = |turn: &Turn, beam: usize| turn.silent.binary_search(&beam).is_err();
+        let times = turns.iter().flat_map(|turn| {
+            turn.times_us.iter().enumerate().filter(|(beam, _)| fires(turn, *beam)).map(|(_, time)| *time)
+        });
+        let (first, last) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(f, l), t| (f.min(t), l.max(t)));
+        let spread_s = (last - first) * 1e-6;
+        let fits = |columns: &u32| spread_s * f64::from(*columns) * self.rate_hz < 1.0;
+        let is_in_turns = turns.iter().any(|turn| !turn.silent.is_empty());
+        let usual = [3600, 1800, 900, 600, 450, 360, 180].into_iter().skip(usize::from(!is_in_turns));
+        let columns = usual.into_iter().find(fits).unwrap_or(90);
+        match turns {
+            [all_alike] if all_alike.silent.is_empty() => {
+                Self { columns, beam_times_us: Some(all_alike.times_us.clone()), ..self }
+            }
+            turns => Self { columns, cycle: turns.to_vec(), ..self },
+        }
     }
 
     /// Writes `ring` and `[rotating]`.
@@ -57,6 +86,8 @@ impl Lidar {
         }
         if let Some(times) = &self.beam_times_us {
             toml.numbers(rotating::BEAM_TIMES.name(), times);
+        }
+        if self.beam_times_us.is_some() || !self.cycle.is_empty() {
             toml.flag(rotating::TURNS_WHILE_FIRING.name(), true);
         }
         if let Some(origins) = &self.origins_m {
@@ -74,6 +105,14 @@ impl Lidar {
             toml.sector(rotating::SECTOR.name(), from, to);
         }
         toml.number(rotating::RATE.name(), self.rate_hz);
+        for turn in &self.cycle {
+            toml.line(&format!("\n[[{}.{}]]", ROTATING.name(), rotating::CYCLE.name()));
+            toml.numbers(rotating::PHASE_TIMES.name(), &turn.times_us);
+            if !turn.silent.is_empty() {
+                toml.comment("Beams that do not fire in this column; their times above stand for nothing.");
+                toml.line(&format!("{} = {:?}", rotating::SILENT_BEAMS.name(), turn.silent));
+            }
+        }
         if self.range_offset_m != 0.0 {
             toml.line("\n# Every range includes the offset, so none is less.");
             toml.line(&format!("[{}]", RANGE.name()));

@@ -22,6 +22,9 @@ mod robosense;
 mod velodyne;
 mod writer;
 
+use std::path::Path;
+
+use crate::config;
 use crate::source::csv::rows;
 use crate::source::suggest::quoted;
 use crate::source::{Diagnostic, FileKind, Layer, MAX_TEXT_BYTES, Report, Unit};
@@ -95,7 +98,7 @@ impl Format {
             Some(Self::Hesai)
         } else if rays::is_header(&header) {
             Some(Self::Rays)
-        } else if header.len() == 2 && header.iter().all(|cell| cell.parse::<f64>().is_ok()) {
+        } else if header.len() <= 3 && header.iter().all(|cell| cell.parse::<f64>().is_ok()) {
             Some(Self::Robosense)
         } else {
             None
@@ -175,8 +178,15 @@ fn convert(
         report.error(file.whole(), message, "", Some(help));
     }
     let found = report.into_diagnostics();
-    match made {
-        Some(()) if found.is_empty() => Ok(text),
-        _ => Err(found),
+    if made.is_none() || !found.is_empty() {
+        return Err(found);
+    }
+    // Rays are read from their own file when the sensor file is.
+    match if format == Format::Rays { None } else { config::problem_of_sensor(&text) } {
+        None => Ok(text),
+        Some(problem) => {
+            let message = format!("the sensor file of this calibration would be refused: {problem}");
+            Err(vec![Diagnostic::about_file(Path::new(file_name), message, None)])
+        }
     }
 }

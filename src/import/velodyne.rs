@@ -16,13 +16,10 @@
 
 use super::fields::Fields;
 use super::file::File;
-use super::lidar::Lidar;
+use super::lidar::{Lidar, MOST_BEAMS};
 use super::writer::Toml;
 use crate::source::Span;
 use crate::source::tree::Value;
-
-/// Most lasers of a file.
-const MOST_LASERS: u32 = 4096;
 
 /// Corrections of measured ranges and intensities. Simulated measurements need none.
 const OF_MEASUREMENTS: [&str; 7] = [
@@ -70,7 +67,7 @@ pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
     if lasers.is_empty() {
         return file.fail(node.span, "`lasers` is empty", "expected one table a laser", None);
     }
-    if let Some(expected) = top.integer("num_lasers", 0, MOST_LASERS)
+    if let Some(expected) = top.integer("num_lasers", 0, MOST_BEAMS)
         && expected as usize != lasers.len()
     {
         let span = top.span("num_lasers");
@@ -119,7 +116,7 @@ fn laser(fields: &Fields<'_>) -> Option<Laser> {
     fields.need("laser_id", "the laser's number, from 0");
     fields.need("vert_correction", "the laser's elevation in radians");
     fields.need("rot_correction", "the laser's azimuth correction in radians");
-    let id = fields.integer("laser_id", 0, MOST_LASERS - 1);
+    let id = fields.integer("laser_id", 0, MOST_BEAMS - 1);
     let angle = |key: &str, most: f64| {
         let value = fields.number(key)?;
         if value.abs() > most {

@@ -125,7 +125,7 @@ pub(crate) mod rotating {
         "One a beam, microseconds after the column's own time, negative before it; left out: 0.",
     );
     /// Units have two or four; the bound keeps a small file from asking for much memory.
-    const MOST_PHASES: usize = 16;
+    pub const MOST_PHASES: usize = 16;
     pub static CYCLE: Key<Tables> = key(
         "cycle",
         Tables::in_braces(&PHASE, 1).at_most(MOST_PHASES),
