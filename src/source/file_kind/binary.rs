@@ -1,6 +1,9 @@
 //! Files that begin with a signature of their own.
 
-use super::kind::FileKind::{self, Cloud, Exr, Gltf, Gltf1, Mesh, Other, Ply, Recording, Wrapped};
+use super::kind::FileKind::{
+    self, Calibration, Cloud, Exr, Gltf, Gltf1, Mesh, Other, Ply, Recording, Wrapped,
+};
+use super::kind::Unit;
 
 const BLENDER: &str = "Blender imports it and exports glTF (File > Export > glTF 2.0)";
 const ASSIMP: &str = "Blender, or `assimp export FILE scene.glb`, makes glTF of it";
@@ -82,6 +85,7 @@ const SIGNATURES: &[(usize, &[u8], FileKind)] = &[
     (0, b"\x4d\x3c\xb2\xa1", PCAP),
     (0, b"\xa1\xb2\x3c\x4d", PCAP),
     (0, b"\x0a\x0d\x0d\x0a", PCAP),
+    (0, b"\xee\xff\x01", Calibration(Unit::HesaiMirrors)),
     (0, b"#ROSBAG", Recording("a ROS bag")),
     (0, b"\x89MCAP", Recording("an MCAP recording")),
     (0, b"SQLite format 3", Recording("an SQLite database, perhaps a ROS 2 bag")),

@@ -56,6 +56,8 @@ pub enum Unit {
     Velodyne,
     /// A camera: its intrinsics.
     Camera,
+    /// A Hesai unit with mirrors on its rotor, such as AT128: its angle correction, which is binary and is not read.
+    HesaiMirrors,
 }
 
 /// What a command takes a file for.
@@ -137,6 +139,9 @@ impl FileKind {
             Self::Calibration(Unit::Ouster) => "Ouster metadata".to_owned(),
             Self::Calibration(Unit::Velodyne) => "a Velodyne calibration".to_owned(),
             Self::Calibration(Unit::Camera) => "a camera's intrinsics".to_owned(),
+            Self::Calibration(Unit::HesaiMirrors) => {
+                "a binary angle correction of a Hesai unit (.dat)".to_owned()
+            }
             Self::Wrapped(name, _)
             | Self::Mesh(name, _)
             | Self::Cloud(name)
@@ -153,6 +158,7 @@ impl FileKind {
         let message = match self {
             Self::Empty => "the file is empty".to_owned(),
             Self::Text | Self::Unknown => format!("this is not {words}"),
+            Self::Calibration(Unit::HesaiMirrors) => format!("this is {}, which is not read", self.name()),
             _ => format!("this is {}, not {words}", self.name()),
         };
         (message, self.mend(wanted))
@@ -187,6 +193,11 @@ impl FileKind {
             Self::Exr | Self::Ply => "`beamcast info`, `view` and `diff` read it".to_owned(),
             Self::Manifest => "`beamcast info`, `view` and `diff` read it and its folder".to_owned(),
             Self::Baseline => "`beamcast check` reads it: name the job that it belongs to".to_owned(),
+            Self::Calibration(Unit::HesaiMirrors) => {
+                "it corrects each of the unit's mirrors by itself, which no sensor file can say; its angles as CSV, with the \
+                 columns Channel, Elevation, Azimuth, are read"
+                    .to_owned()
+            }
             Self::Calibration(_) => "`beamcast import FILE -o sensor.toml` makes a sensor file of it".to_owned(),
             Self::Wrapped(_, mend) => (*mend).to_owned(),
             Self::Mesh(_, mend) => format!("beamcast reads glTF 2.0: {mend}"),

@@ -42,6 +42,7 @@ fn signatures() {
         (b"\xd4\xc3\xb2\xa1\x02\0\x04\0", "a packet capture (pcap)"),
         (b"\x0a\x0d\x0d\x0a\x1c\0\0\0", "a packet capture (pcap)"),
         (b"\x89MCAP0\r\n", "an MCAP recording"),
+        (b"\xee\xff\x01\x05\x80\x03", "a binary angle correction of a Hesai unit (.dat)"),
         (b"\x76\x2f\x31\x01\x02\0", "an EXR image"),
         (b"\x89PNG\r\n\x1a\n\0", "a PNG image"),
         (b"\x93NUMPY\x01\0", "a NumPy array (npy)"),
