@@ -22,8 +22,6 @@ mod robosense;
 mod velodyne;
 mod writer;
 
-use std::path::Path;
-
 use crate::config;
 use crate::source::csv::rows;
 use crate::source::suggest::quoted;
@@ -177,16 +175,18 @@ fn convert(
         let help = "no sensor has so many beams: is this the right file?".to_owned();
         report.error(file.whole(), message, "", Some(help));
     }
-    let found = report.into_diagnostics();
-    if made.is_none() || !found.is_empty() {
-        return Err(found);
-    }
     // Rays are read from their own file when the sensor file is.
-    match if format == Format::Rays { None } else { config::problem_of_sensor(&text) } {
-        None => Ok(text),
-        Some(problem) => {
-            let message = format!("the sensor file of this calibration would be refused: {problem}");
-            Err(vec![Diagnostic::about_file(Path::new(file_name), message, None)])
-        }
+    if made.is_some()
+        && !report.has_errors()
+        && format != Format::Rays
+        && let Some(problem) = config::problem_of_sensor(&text)
+    {
+        let message = format!("the sensor file of this calibration would be refused: {problem}");
+        report.error(file.whole(), message, "", None);
+    }
+    let found = report.into_diagnostics();
+    match made {
+        Some(()) if found.is_empty() => Ok(text),
+        _ => Err(found),
     }
 }
