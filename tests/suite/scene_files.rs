@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::cli::{beamcast, code, stderr, stdout};
 use crate::hostile_scenes::{buffer, triangle};
 
-const SENSOR: &str = "[[sensor]]\nname = \"c\"\n[sensor.pinhole]\nwidth_px = 4\nheight_px = 3\nhfov_deg = 60.0\nrate_hz = 10.0\n\
+const SENSOR: &str = "[[sensor]]\nname = \"c\"\npose = { position_m = [0.3, -0.5, 0.3], rpy_deg = [0.0, 0.0, 90.0] }\n[sensor.pinhole]\nwidth_px = 4\nheight_px = 3\nhfov_deg = 60.0\nrate_hz = 10.0\n\
                       [output]\ndir = \"out\"\nformats = [\"exr\"]\n";
 
 /// A folder with a job that names the scene `scene`, whose buffer's uri is `uri`.
