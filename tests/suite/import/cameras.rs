@@ -229,6 +229,16 @@ fn a_region_of_interest_and_binning_see_the_same_directions() {
              k: [525.0, 0.0, 310.25, 0.0, 524.0, 245.5, 0.0, 0.0, 1.0]\n{more}"
         )
     };
+    // Pixels that are not square, and a part beside the principal point, are doubted, and are right here.
+    let camera = |text: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sensor.toml");
+        std::fs::write(&path, toml(text, None).unwrap()).unwrap();
+        match beamcast::config::load_sensor(&path).unwrap().sensor.pattern {
+            Pattern::Camera(camera) => camera,
+            other => panic!("no camera: {other:?}"),
+        }
+    };
     let whole = camera(&info(""));
     for (more, size, offset, factor) in [
         (
@@ -240,9 +250,9 @@ fn a_region_of_interest_and_binning_see_the_same_directions() {
         ("roi: {x_offset: 100, y_offset: 0, width: 0, height: 0}\n", [540, 480], [100.0, 0.0], [1.0, 1.0]),
         ("binning_x: 2\nbinning_y: 4\n", [320, 120], [0.0, 0.0], [2.0, 4.0]),
         (
-            "binning_x: 2\nbinning_y: 2\nroi: {x_offset: 10, y_offset: 20, width: 301, height: 200}\n",
+            "binning_x: 2\nbinning_y: 2\nroi: {x_offset: 10, y_offset: 100, width: 301, height: 200}\n",
             [150, 100],
-            [10.0, 20.0],
+            [10.0, 100.0],
             [2.0, 2.0],
         ),
         ("binning_x: 1\nbinning_y: 0\nroi:\n  x_offset: 0\n  width: 0\n", [640, 480], [0.0, 0.0], [1.0, 1.0]),
