@@ -75,6 +75,8 @@ pub struct Snapshot {
     pub record: SensorRecord,
     /// The channels of the frame.
     pub image: Image,
+    /// What labels stand for, in words.
+    pub labels: BTreeMap<u32, String>,
     hashes: Hashes,
 }
 
@@ -173,8 +175,8 @@ impl SensorRecord {
 }
 
 impl Snapshot {
-    /// Records a frame of `scene`.
-    pub fn of(frame: &SensorFrame, scene: &Scene) -> Self {
+    /// Records a frame of `scene`, whose labels stand for `labels`.
+    pub fn of(frame: &SensorFrame, scene: &Scene, labels: &BTreeMap<u32, String>) -> Self {
         let image = Image::of(frame).without_repeats();
         let mut hashes = Hashes::default();
         let mut channels = BTreeMap::new();
@@ -217,7 +219,7 @@ impl Snapshot {
             instances,
             beams: beams(&frame.capture.sensor.pattern),
         };
-        Self { record, image, hashes }
+        Self { record, image, labels: labels.clone(), hashes }
     }
 
     /// The hashes of rows and columns.

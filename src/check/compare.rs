@@ -80,9 +80,9 @@ pub struct ChannelDifference {
     /// pixels with a return in one image only. Causes are compared in all pixels, other channels only in pixels with a return
     /// in both images.
     pub pixels: Vec<u32>,
-    /// The number of pixels that differ at all. Where the first image is not known exactly, it is at least the number of
+    /// How much differs at all. Where the first image is not known exactly, it is at least the number of
     /// [`ChannelDifference::pixels`].
-    pub differing: AtLeast,
+    pub differing: Differing,
     /// Statistics of the absolute difference over the pixels with a return in both images. `None` for ids, and if the
     /// differences are not known.
     pub statistics: Option<Statistics>,
@@ -90,13 +90,51 @@ pub struct ChannelDifference {
     pub resolution: f64,
 }
 
-/// A number of pixels that may be a lower bound.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct AtLeast {
-    /// The number.
-    pub count: usize,
-    /// Whether it is exact.
-    pub exact: bool,
+/// How much of a channel differs, as closely as it is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Differing {
+    /// So many pixels.
+    Pixels(usize),
+    /// So many pixels, or more.
+    AtLeastPixels(usize),
+    /// Pixels in so many rows: which of the row's pixels is not known.
+    Rows(usize),
+}
+
+impl Default for Differing {
+    fn default() -> Self {
+        Self::Pixels(0)
+    }
+}
+
+impl Differing {
+    /// The number of pixels or of rows.
+    pub fn count(self) -> usize {
+        let (Self::Pixels(count) | Self::AtLeastPixels(count) | Self::Rows(count)) = self;
+        count
+    }
+
+    /// Whether the number is exact.
+    pub fn is_exact(self) -> bool {
+        !matches!(self, Self::AtLeastPixels(_))
+    }
+
+    /// What is counted: `pixels` or `rows`.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Pixels(_) | Self::AtLeastPixels(_) => "pixels",
+            Self::Rows(_) => "rows",
+        }
+    }
+
+    /// The number with its unit, of an image of so many rows and columns: `at least 1800 of 28800 pixels`, `16 of 31 rows`.
+    pub fn words(self, rows: usize, columns: usize) -> String {
+        match self {
+            Self::Pixels(count) => format!("{count} of {} pixels", rows * columns),
+            Self::AtLeastPixels(count) => format!("at least {count} of {} pixels", rows * columns),
+            Self::Rows(count) => format!("{count} of {rows} rows"),
+        }
+    }
 }
 
 /// Statistics of absolute differences, in the channel's unit.
@@ -199,7 +237,10 @@ fn compare_channel(
     ChannelDifference {
         channel: String::new(),
         within_tolerance: pixels.len() as f64 <= tolerance.pixels * first.len() as f64,
-        differing: AtLeast { count: pixels.len(), exact: resolution == 0.0 },
+        differing: match resolution == 0.0 {
+            true => Differing::Pixels(pixels.len()),
+            false => Differing::AtLeastPixels(pixels.len()),
+        },
         pixels,
         statistics: if are_ids { None } else { statistics(differences, worst) },
         resolution,
@@ -299,7 +340,7 @@ mod tests {
         assert_eq!(differing(tolerance(0.011, 0.0, 0.25)), (1, true));
         // A first image that is known only to 4 cm cannot show that 1 cm differs.
         let d = compare(&a, &b, &at(0.0, 0.0), &|_| 0.04);
-        assert_eq!(d.channels[1].differing, AtLeast { count: 1, exact: false });
+        assert_eq!(d.channels[1].differing, Differing::AtLeastPixels(1));
     }
 
     /// A value midway between two steps is half a step off, and a little more once it is rounded to 32 bits.
@@ -311,7 +352,7 @@ mod tests {
             let known = ((f64::from(value as f32) / step).round() * step) as f32;
             let (a, b) = (image([known; 4], [0; 4]), image([value as f32; 4], [0; 4]));
             let d = compare(&a, &b, &|_| Tolerance::default(), &|_| step);
-            assert_eq!(d.channels[1].differing.count, 0, "{value}");
+            assert_eq!(d.channels[1].differing.count(), 0, "{value}");
         }
     }
 

@@ -1,11 +1,10 @@
 //! Expectations: declarations of what a rig should see, and their evaluation.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt;
 
 use glam::DVec3;
 
-use super::outcome::ExpectationOutcome;
+use super::outcome::{ExpectationOutcome, Sight};
 use super::phrasing::{counted, digits, list, metres};
 use crate::angle::Angle;
 use crate::output::SensorFrame;
@@ -146,6 +145,8 @@ pub struct Zone {
 pub struct Seen<'a> {
     /// The scene that was scanned.
     pub scene: &'a Scene,
+    /// What the labels of the scene stand for, in words.
+    pub labels: &'a BTreeMap<u32, String>,
     /// The frame of each sensor.
     pub frames: &'a [SensorFrame<'a>],
     /// The number of rays that were cast a second, if it was measured.
@@ -161,6 +162,11 @@ impl Target {
             Some(start) => name.starts_with(start),
             None => name == object,
         })
+    }
+
+    /// Whether a surface of an object's name with a label is meant.
+    pub(super) fn is_of(&self, name: &str, label: u32) -> bool {
+        self.label.is_none_or(|own| own == label) && self.names(name)
     }
 
     fn is_hit(&self, hit: &Return, scene: &Scene) -> bool {
@@ -191,13 +197,18 @@ impl Target {
     }
 }
 
-impl fmt::Display for Target {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Target {
+    /// The target in words: `"crate_3"`, `label 4 "pedestrian"`.
+    fn words(&self, labels: &BTreeMap<u32, String>) -> String {
+        let label = |label: u32| match labels.get(&label) {
+            Some(name) => format!("label {label} {name:?}"),
+            None => format!("label {label}"),
+        };
         match (&self.object, self.label) {
-            (Some(object), Some(label)) => write!(f, "{object:?} with label {label}"),
-            (Some(object), None) => write!(f, "{object:?}"),
-            (None, Some(label)) => write!(f, "label {label}"),
-            (None, None) => f.write_str("anything"),
+            (Some(object), Some(number)) => format!("{object:?} with {}", label(number)),
+            (Some(object), None) => format!("{object:?}"),
+            (None, Some(number)) => label(number),
+            (None, None) => "anything".to_owned(),
         }
     }
 }
@@ -239,6 +250,19 @@ impl Point<'_> {
     fn place(&self) -> String {
         format!("sensor {}, row {}, column {}", self.seen.name, self.row, self.column)
     }
+
+    fn sight(&self) -> Sight {
+        Sight::Frame {
+            sensor: self.seen.name.to_owned(),
+            channel: None,
+            pixel: Some([self.row, self.column]),
+        }
+    }
+}
+
+/// The frame of a sensor, to look at a channel of it.
+fn sight_of(sensor: &str, channel: Option<&'static str>) -> Sight {
+    Sight::Frame { sensor: sensor.to_owned(), channel, pixel: None }
 }
 
 impl Expectation {
@@ -250,11 +274,11 @@ impl Expectation {
         }
         let seen = Seen { frames: &frames, ..*seen };
         let (expected, verdict) = self.what.examine(&seen);
-        let (met, found, place) = match verdict {
-            Finding::Measured { met, found, place } => (met, found, place),
-            Finding::Nothing(problem) => (false, problem, String::new()),
+        let (met, found, place, sights) = match verdict {
+            Finding::Measured { met, found, place, sights } => (met, found, place, sights),
+            Finding::Nothing(problem) => (false, problem, String::new(), Vec::new()),
         };
-        ExpectationOutcome { name: self.name.clone(), met, expected, found, place }
+        ExpectationOutcome { name: self.name.clone(), met, expected, found, place, sights, written_at: None }
     }
 }
 
@@ -264,6 +288,7 @@ enum Finding {
         met: bool,
         found: String,
         place: String,
+        sights: Vec<Sight>,
     },
     /// There is nothing to measure. The text says why.
     Nothing(String),
@@ -271,7 +296,15 @@ enum Finding {
 
 impl Finding {
     fn new(met: bool, found: impl Into<String>, place: impl Into<String>) -> Self {
-        Self::Measured { met, found: found.into(), place: place.into() }
+        Self::Measured { met, found: found.into(), place: place.into(), sights: Vec::new() }
+    }
+
+    /// Adds what shows the finding.
+    fn shown_by(mut self, shown: impl IntoIterator<Item = Sight>) -> Self {
+        if let Self::Measured { sights, .. } = &mut self {
+            sights.extend(shown);
+        }
+        self
     }
 }
 
@@ -305,10 +338,17 @@ impl Expected {
                 };
                 let words = count.words(&|n| format!("{n}"));
                 let noun = if words.ends_with(" 1") { "point" } else { "points" };
-                (format!("{words} {noun} on {target}{at}"), points(seen, target, count, range_m))
+                (
+                    format!("{words} {noun} on {}{at}", target.words(seen.labels)),
+                    points(seen, target, count, range_m),
+                )
             }
             Self::Plane { target, normal, offset_m, max_error_m } => (
-                format!("{target} within {} of the plane {normal}·p = {offset_m} m", metres(*max_error_m)),
+                format!(
+                    "{} within {} of the plane {normal}·p = {offset_m} m",
+                    target.words(seen.labels),
+                    metres(*max_error_m)
+                ),
                 plane(seen, target, *normal, *offset_m, *max_error_m),
             ),
             Self::Resolution { target, horizontal, vertical } => {
@@ -317,7 +357,7 @@ impl Expected {
                 };
                 let limits = [limit(horizontal, "from column to column"), limit(vertical, "from row to row")];
                 let limits: Vec<String> = limits.into_iter().flatten().collect();
-                let words = format!("beams on {target} at most {} apart", list(&limits));
+                let words = format!("beams on {} at most {} apart", target.words(seen.labels), list(&limits));
                 (words, resolution(seen, target, *horizontal, *vertical))
             }
             Self::Coverage { zone, at_least } => {
@@ -340,7 +380,8 @@ impl Expected {
                 (format!("{} of the rays return", bounds.words(&percent)), returns(seen, bounds))
             }
             Self::Unobstructed { body, at_most } => {
-                let words = format!("at most {} of the rays hit {body}", percent(*at_most));
+                let words =
+                    format!("at most {} of the rays hit {}", percent(*at_most), body.words(seen.labels));
                 (words, unobstructed(seen, body, *at_most))
             }
             Self::PointsPerSecond(bounds) => {
@@ -402,24 +443,29 @@ fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bounds) -> Fin
             by_sensor.entry(point.seen.name).or_insert((0, f64::INFINITY, f64::NEG_INFINITY));
         (*n, *near, *far) = (*n + 1, near.min(point.hit.range_m), far.max(point.hit.range_m));
     }
-    let mut elsewhere = if outside > 0 { format!(", {outside} at other ranges") } else { String::new() };
+    let mut elsewhere =
+        if outside > 0 { format!(", {} at other ranges", counted(outside, "point")) } else { String::new() };
     // Beams that the target blocks give no point. A person who looks for the points wants to know where they went.
     let blocked: usize = seen.frames.iter().map(|of| blockers_on(of, seen.scene, target).count()).sum();
     if blocked > 0 {
         elsewhere += &format!(", {} nearer than the sensor's least range", counted(blocked, "beam"));
     }
-    let place = by_sensor
-        .iter()
-        .map(|(name, (n, near, far))| format!("sensor {name}: {n} at {} to {}", metres(*near), metres(*far)));
+    let place = by_sensor.iter().map(|(name, (n, near, far))| {
+        format!("sensor {name}: {} at {} to {}", counted(*n, "point"), metres(*near), metres(*far))
+    });
     let place = list(&place.collect::<Vec<_>>());
+    let looked = seen.frames.iter().map(|frame| frame.name);
+    let sights = looked.filter(|name| inside == 0 || by_sensor.contains_key(name));
+    let channel = if target.object.is_some() { "id.instance" } else { "id.semantic" };
     Finding::new(count.hold(inside as f64), format!("{}{elsewhere}", counted(inside, "point")), place)
+        .shown_by(sights.map(|name| sight_of(name, Some(channel))))
 }
 
 fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m: f64) -> Finding {
     if let Some(problem) = target.missing(seen.scene) {
         return Finding::Nothing(problem);
     }
-    let mut worst: Option<(f64, String)> = None;
+    let mut worst: Option<(f64, Point)> = None;
     let (mut count, mut wrong) = (0, 0);
     for point in returns_on(seen, target) {
         let pulse = point.pulse();
@@ -432,18 +478,18 @@ fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m
         count += 1;
         wrong += usize::from(error.abs() > max_error_m);
         if worst.as_ref().is_none_or(|(e, _)| error.abs() > e.abs()) {
-            worst = Some((error, point.place()));
+            worst = Some((error, point));
         }
     }
     match worst {
-        None => Finding::Nothing(format!("no points on {target}")),
-        Some((error, place)) => {
+        None => Finding::Nothing(format!("no points on {}", target.words(seen.labels))),
+        Some((error, point)) => {
             let found = format!(
                 "{wrong} of {} are further off, the worst by {}",
                 counted(count, "point"),
                 metres(error)
             );
-            Finding::new(wrong == 0, found, place)
+            Finding::new(wrong == 0, found, point.place()).shown_by([point.sight()])
         }
     }
 }
@@ -457,7 +503,7 @@ fn resolution(seen: &Seen, target: &Target, horizontal: Option<Angle>, vertical:
     if let Some(problem) = target.missing(seen.scene) {
         return Finding::Nothing(problem);
     }
-    let mut worst: [Option<(f64, String)>; 2] = [None, None];
+    let mut worst: [Option<(f64, String, Sight)>; 2] = [None, None];
     for point in returns_on(seen, target) {
         let SensorFrame { frame, capture, .. } = point.seen;
         let wraps = matches!(&capture.sensor.pattern, Pattern::Rotating(p) if p.is_full_turn());
@@ -474,13 +520,13 @@ fn resolution(seen: &Seen, target: &Target, horizontal: Option<Angle>, vertical:
             let is_hit = frame.get(row, column).is_some_and(|hit| target.is_hit(&hit, seen.scene));
             if let Some(pulse) = capture.pulse(row, column).filter(|_| is_hit) {
                 let angle = angle_between(point.pulse().direction, pulse.direction);
-                if worst.as_ref().is_none_or(|(a, _)| angle > *a) {
-                    *worst = Some((angle, point.place()));
+                if worst.as_ref().is_none_or(|(a, ..)| angle > *a) {
+                    *worst = Some((angle, point.place(), point.sight()));
                 }
             }
         }
     }
-    let (mut met, mut found, mut places) = (true, Vec::new(), Vec::new());
+    let (mut met, mut found, mut places, mut sights) = (true, Vec::new(), Vec::new(), Vec::new());
     let [columns, rows] = worst;
     for (limit, worst, noun) in [(horizontal, columns, "column"), (vertical, rows, "row")] {
         let Some(limit) = limit else { continue };
@@ -489,17 +535,18 @@ fn resolution(seen: &Seen, target: &Target, horizontal: Option<Angle>, vertical:
                 met = false;
                 found.push(format!("no two neighbours from {noun} to {noun}"));
             }
-            Some((angle, place)) => {
+            Some((angle, place, sight)) => {
                 let fine = angle <= limit.radians() * (1.0 + 1e-9);
                 met &= fine;
                 found.push(format!("{}° from {noun} to {noun}", digits(Angle::rad(angle).degrees())));
                 if !fine {
                     places.push(place);
+                    sights.push(sight);
                 }
             }
         }
     }
-    Finding::new(met, list(&found), list(&places))
+    Finding::new(met, list(&found), list(&places)).shown_by(sights)
 }
 
 impl Ground {
@@ -562,6 +609,7 @@ fn coverage(seen: &Seen, zone: &Zone, at_least: f64) -> Finding {
         format!("the nearest cell unseen is at ({x:.2}, {y:.2}) m")
     });
     Finding::new(share >= at_least, format!("{} of {} cells", percent(share), counts.len()), place)
+        .shown_by([Sight::Ground])
 }
 
 fn blind_zone(seen: &Seen, ground: &Ground, at_most_m: f64, (from, to): (i32, i32)) -> Finding {
@@ -590,6 +638,7 @@ fn blind_zone(seen: &Seen, ground: &Ground, at_most_m: f64, (from, to): (i32, i3
     let others =
         if blind > 1 { format!(", and {} further degrees that are blind", blind - 1) } else { String::new() };
     Finding::new(distance <= at_most_m, found, format!("azimuth {degree}° to {}°{others}", degree + 1))
+        .shown_by([Sight::Ground])
 }
 
 /// The fraction of a sensor's rays that satisfies a condition, 0 to 1.
@@ -601,6 +650,10 @@ struct Share<'a> {
 impl Share<'_> {
     fn place(&self) -> String {
         format!("sensor {}", self.of.name)
+    }
+
+    fn sight(&self, channel: Option<&'static str>) -> Sight {
+        sight_of(self.of.name, channel)
     }
 }
 
@@ -630,8 +683,8 @@ fn returns(seen: &Seen, bounds: &Bounds) -> Finding {
                 true => format!(", {} are blocked nearer than the sensor's least range", percent(blocked)),
                 false => String::new(),
             };
-            let found = format!("{} return{near}", percent(worst.share));
-            Finding::new(bounds.hold(worst.share), found, worst.place())
+            let found = format!("{} of the rays return{near}", percent(worst.share));
+            Finding::new(bounds.hold(worst.share), found, worst.place()).shown_by([worst.sight(None)])
         }
     }
 }
@@ -675,8 +728,9 @@ fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Finding {
     } else {
         String::new()
     };
-    let found = format!("{} hit it{near}", percent(worst.share));
+    let found = format!("{} of the rays hit it{near}", percent(worst.share));
     Finding::new(bounds.hold(worst.share), found, format!("{}{directions}", worst.place()))
+        .shown_by([worst.sight(Some("id.instance"))])
 }
 
 fn points_per_second(seen: &Seen, bounds: &Bounds) -> Finding {

@@ -5,8 +5,8 @@ use std::error::Error;
 
 use super::baseline::{SensorRecord, Snapshot, StoredPixels};
 use super::changes::Changes;
-use super::compare::{AtLeast, ChannelDifference, ImageDifference, Tolerance, compare};
-use super::outcome::{Change, SensorOutcome};
+use super::compare::{ChannelDifference, Confusion, Differing, ImageDifference, Tolerance, compare};
+use super::outcome::{Change, Difference, SensorOutcome};
 use super::phrasing::{self, Region, counted, digits, list, metres};
 use crate::scan::Cause;
 
@@ -46,11 +46,11 @@ pub fn judge(
     let reason = reason(&now.name, changes);
     if (now.rows, now.columns) != (accepted.rows, accepted.columns) {
         let size = |r: &SensorRecord| format!("{} × {}", r.rows, r.columns);
-        outcome.differences.push(format!(
-            "{reason}the image is {}, the baseline {}",
+        outcome.differences.push(of_all(format!(
+            "{reason}the image is {} pixels, the baseline {}",
             size(now),
             size(accepted)
-        ));
+        )));
         return outcome;
     }
     let checked: Vec<&String> = now.channels.keys().filter(|c| settings.holds(c)).collect();
@@ -63,7 +63,8 @@ pub fn judge(
         .cloned()
         .collect();
     if !missing.is_empty() {
-        outcome.differences.push(format!("{reason}the run has no {}, the baseline does", list(&missing)));
+        let sentence = format!("{reason}the run has no {}, the baseline does", list(&missing));
+        outcome.differences.push(of_all(sentence));
     }
     if differing.is_empty() {
         return outcome;
@@ -71,9 +72,8 @@ pub fn judge(
     let stored = match read_pixels() {
         Ok(stored) => stored,
         Err(problem) => {
-            outcome
-                .differences
-                .push(format!("{reason}{} differ from the baseline, {problem}", names(&differing)));
+            let sentence = format!("{reason}{} differ from the baseline, {problem}", names(&differing));
+            outcome.differences.push(of_all(sentence));
             return outcome;
         }
     };
@@ -89,11 +89,17 @@ pub fn judge(
     // Only the first sentence names the reason.
     let own = format!("sensor {}: ", now.name);
     let prefixes = std::iter::once(reason).chain(std::iter::repeat(own));
-    outcome
-        .differences
-        .extend(prefixes.zip(sentences).map(|(prefix, sentence)| format!("{prefix}{sentence}")));
+    outcome.differences.extend(prefixes.zip(sentences).map(|(prefix, difference)| Difference {
+        sentence: format!("{prefix}{}", difference.sentence),
+        ..difference
+    }));
     outcome.baseline = Some(stored.image);
     outcome
+}
+
+/// A difference of the whole image.
+fn of_all(sentence: String) -> Difference {
+    Difference { sentence, ..Difference::default() }
 }
 
 struct Judgement<'a> {
@@ -106,15 +112,15 @@ struct Judgement<'a> {
 
 impl Judgement<'_> {
     /// The difference of a channel whose hash differs, as far as it is known.
-    fn channel(&self, name: &str, accept: &str, problems: &mut Vec<String>) -> ChannelDifference {
+    fn channel(&self, name: &str, accept: &str, problems: &mut Vec<Difference>) -> ChannelDifference {
         let known = self.difference.channels.iter().find(|c| c.channel == name);
         let has_tolerance = self.settings.tolerances.contains_key(name);
         match known {
             Some(known) if has_tolerance => known.clone(),
             None if has_tolerance => {
-                problems.push(format!(
+                problems.push(of_all(format!(
                     "the baseline was accepted before {name} had a tolerance, and has no pixels of it: {accept}"
-                ));
+                )));
                 ChannelDifference::default()
             }
             known => {
@@ -127,16 +133,19 @@ impl Judgement<'_> {
         }
     }
 
-    /// The number of pixels of a channel that differ at all.
-    fn count(&self, name: &str, seen: usize, resolution: f64) -> AtLeast {
+    /// How much of a channel differs at all.
+    fn count(&self, name: &str, seen: usize, resolution: f64) -> Differing {
         let region = self.region(name);
         if self.accepted.kept.contains_key(name) && resolution == 0.0 {
-            return AtLeast { count: seen, exact: true };
+            return Differing::Pixels(seen);
         }
+        let (rows, columns) = (region.rows.len(), region.columns.len());
         // In a single row the differing columns are the differing pixels, and in a single column the rows are.
-        let count = seen.max(region.rows.len()).max(region.columns.len());
-        let exact = !region.columns.is_empty() && (region.rows.len() == 1 || region.columns.len() == 1);
-        AtLeast { count, exact }
+        match () {
+            () if columns > 0 && (rows == 1 || columns == 1) => Differing::Pixels(rows.max(columns)),
+            () if seen < rows => Differing::Rows(rows),
+            () => Differing::AtLeastPixels(seen.max(columns)),
+        }
     }
 
     /// The rows whose hashes differ, and for the main depth the columns too.
@@ -154,7 +163,7 @@ impl Judgement<'_> {
         Region { rows, columns }
     }
 
-    fn sentences(&self, channels: &[ChannelDifference]) -> Vec<String> {
+    fn sentences(&self, channels: &[ChannelDifference]) -> Vec<Difference> {
         let wrong: Vec<&ChannelDifference> =
             channels.iter().filter(|c| !c.within_tolerance && !c.channel.is_empty()).collect();
         let mut sentences = Vec::new();
@@ -163,13 +172,24 @@ impl Judgement<'_> {
         let mut in_order = wrong.clone();
         in_order.sort_by_key(|c| c.channel != main);
         for found in in_order {
-            match found.channel.as_str() {
-                name if name == main => sentences.push(self.range_sentence(found)),
-                "id.semantic" => sentences.extend(self.label_sentence(found)),
-                "cause" => sentences.extend(self.cause_sentence(found, &wrong)),
-                _ if found.statistics.is_some() => sentences.push(self.value_sentence(found)),
-                _ => {}
-            }
+            let sentence = match found.channel.as_str() {
+                name if name == main => Some(self.range_sentence(found)),
+                "id.semantic" => self.label_sentence(found),
+                "cause" => self.cause_sentence(found, &wrong),
+                _ if found.statistics.is_some() => Some(self.value_sentence(found)),
+                _ => None,
+            };
+            let worst = found.statistics.filter(|s| s.max > found.resolution / 2.0).map(|s| s.worst);
+            let columns = self.current.record.columns;
+            sentences.extend(sentence.map(|sentence| {
+                Difference {
+                    sentence,
+                    channel: Some(found.channel.clone()),
+                    pixel: worst
+                        .or(found.pixels.first().copied())
+                        .map(|p| [p as usize / columns, p as usize % columns]),
+                }
+            }));
         }
         // Consequences of a differing range are reported in short. Channels that differ on their own are reported in full.
         let quiet: Vec<&ChannelDifference> = wrong
@@ -187,15 +207,17 @@ impl Judgement<'_> {
             let too = if sentences.is_empty() { "" } else { " too" };
             let verb = if quiet.len() == 1 { "differs" } else { "differ" };
             let comma = if place.is_empty() { "" } else { ", " };
-            sentences.push(format!("{names} {verb}{too}{comma}{place}"));
+            let channel = quiet.first().map(|first| first.channel.clone());
+            let sentence = format!("{names} {verb}{too}{comma}{place}");
+            sentences.push(Difference { sentence, channel, pixel: None });
         }
         sentences
     }
 
-    /// The sentence about the ranges, such as `2048 of 262144 ranges differ, max 1.2 m, all in row 17`.
+    /// The sentence about the ranges, such as `range differs in 2048 of 262144 pixels, max 1.2 m, all in row 17`.
     fn range_sentence(&self, found: &ChannelDifference) -> String {
         let mask = self.difference.mask;
-        let mut parts = vec![self.how_many(found, "ranges")];
+        let mut parts = vec![self.how_many(found, &found.channel)];
         if let Some(s) = found.statistics {
             if s.max > found.resolution / 2.0 {
                 let at = self.pixel(s.worst);
@@ -215,7 +237,7 @@ impl Judgement<'_> {
     }
 
     fn value_sentence(&self, found: &ChannelDifference) -> String {
-        let mut parts = vec![self.how_many(found, &format!("values of {}", found.channel))];
+        let mut parts = vec![self.how_many(found, &found.channel)];
         if let Some(s) = found.statistics.filter(|s| s.max > found.resolution / 2.0) {
             parts.push(format!("max {} ({})", digits(s.max), self.pixel(s.worst)));
         }
@@ -223,21 +245,21 @@ impl Judgement<'_> {
         parts.join(", ")
     }
 
-    /// The sentence about the labels, such as `534 of 28800 labels differ (label 3 → 0: 534), all on "crate_3"`.
+    /// The sentence about the labels, such as `the label differs in 534 of 28800 pixels, label 3 "crate" → 0: 534 pixels, all on
+    /// "crate_3"`.
     fn label_sentence(&self, found: &ChannelDifference) -> Option<String> {
         if found.pixels.is_empty() {
             return None; // the labels of what appeared and vanished, which is told
         }
-        let mut parts = vec![self.how_many(found, "labels")];
+        let mut parts = vec![self.how_many(found, "the label")];
         let confusion = self.difference.label_confusion.iter().take(3);
-        let pairs: Vec<String> =
-            confusion.map(|c| format!("{} → {}: {} pixels", c.was, c.is, c.pixels)).collect();
-        parts.push(format!("label {}", pairs.join("; ")));
+        let pairs: Vec<String> = confusion.map(|c| confusion_words(c, &self.current.labels)).collect();
+        parts.push(pairs.join("; "));
         parts.extend(self.places(found));
         Some(parts.join(", "))
     }
 
-    /// The sentence about the causes, such as `39 of 360 causes differ, surface → too_near: 39 pixels, all in row 0`. Returns
+    /// The sentence about the causes, such as `the cause differs in 39 of 360 pixels, surface → too_near: 39 pixels, all in row 0`. Returns
     /// that appeared and vanished where nothing else is are told with the ranges.
     fn cause_sentence(&self, found: &ChannelDifference, wrong: &[&ChannelDifference]) -> Option<String> {
         let (was, is) = (self.stored.image.u32("cause")?, self.current.image.u32("cause")?);
@@ -260,22 +282,20 @@ impl Judgement<'_> {
         let shown = most.iter().take(3).map(|([was, is], pixels)| {
             format!("{} → {}: {}", word(*was), word(*is), counted(*pixels, "pixel"))
         });
-        let mut parts = vec![self.how_many(found, "causes"), shown.collect::<Vec<_>>().join("; ")];
+        let mut parts = vec![self.how_many(found, "the cause"), shown.collect::<Vec<_>>().join("; ")];
         parts.extend(self.places(found));
         Some(parts.join(", "))
     }
 
-    fn how_many(&self, found: &ChannelDifference, noun: &str) -> String {
-        let AtLeast { count, exact } = found.differing;
-        let least = if exact { "" } else { "at least " };
+    fn how_many(&self, found: &ChannelDifference, what: &str) -> String {
+        let (rows, columns) = self.size();
+        let many = found.differing.words(rows, columns);
         let tolerance = self.settings.tolerance(&found.channel);
-        let by = match (tolerance.absolute > 0.0 || tolerance.relative > 0.0, tolerance.pixels > 0.0) {
-            (true, _) => " by more than the tolerance",
-            (false, true) => ", more than may",
-            (false, false) => "",
-        };
-        let verb = if count == 1 { "differs" } else { "differ" };
-        format!("{least}{count} of {} {noun} {verb}{by}", self.current.record.pixels())
+        match (tolerance.absolute > 0.0 || tolerance.relative > 0.0, tolerance.pixels > 0.0) {
+            (true, _) => format!("{what} differs by more than the tolerance in {many}"),
+            (false, true) => format!("{what} differs in {many}, more than may"),
+            (false, false) => format!("{what} differs in {many}"),
+        }
     }
 
     /// The location of the differing pixels in the image, and the objects that they show.
@@ -307,6 +327,13 @@ impl Judgement<'_> {
         let columns = self.current.record.columns;
         format!("row {}, column {}", pixel as usize / columns, pixel as usize % columns)
     }
+}
+
+/// A change from one label to another: `label 3 "crate" → 0: 534 pixels`.
+pub fn confusion_words(found: &Confusion, names: &BTreeMap<u32, String>) -> String {
+    let name = |label: u32| names.get(&label).map_or(String::new(), |name| format!(" {name:?}"));
+    let Confusion { was, is, pixels } = *found;
+    format!("label {was}{} → {is}{}: {}", name(was), name(is), counted(pixels, "pixel"))
 }
 
 /// The most changes that are named as the reason.

@@ -5,7 +5,7 @@ use std::io;
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesText, Event};
 
-use super::outcome::{Outcome, SensorOutcome, Verdict};
+use super::outcome::{Failure, Outcome, SensorOutcome, Verdict};
 
 /// The elements of JUnit for a case that did not pass.
 const FAILURE: &str = "failure";
@@ -30,12 +30,16 @@ fn cases(outcome: &Outcome) -> Vec<Case> {
     let mut cases = Vec::new();
     if !outcome.problems.is_empty() || (outcome.sensors.is_empty() && outcome.expectations.is_empty()) {
         let element = if outcome.verdict == Verdict::Broken { ERROR } else { FAILURE };
-        cases.push(Case { name: "job".into(), element, reasons: outcome.problems.clone() });
+        cases.push(Case {
+            name: "job".into(),
+            element,
+            reasons: outcome.problems.iter().map(Failure::located).collect(),
+        });
     }
     cases.extend(outcome.sensors.iter().map(|SensorOutcome { name, differences, .. }| Case {
         name: format!("sensor {name} is as in its baseline"),
         element: FAILURE,
-        reasons: differences.clone(),
+        reasons: differences.iter().map(|difference| difference.sentence.clone()).collect(),
     }));
     cases.extend(outcome.expectations.iter().map(|expectation| Case {
         name: expectation.name.clone(),
@@ -109,13 +113,17 @@ fn xml_text(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ExpectationOutcome;
+    use super::super::{Difference, ExpectationOutcome};
     use super::*;
+
+    fn difference(sentence: &str) -> Difference {
+        Difference { sentence: sentence.into(), ..Difference::default() }
+    }
 
     fn outcome() -> Outcome {
         let sensor = |name: &str, differences: &[&str]| SensorOutcome {
             name: name.into(),
-            differences: differences.iter().map(|&d| d.into()).collect(),
+            differences: differences.iter().map(|d| difference(d)).collect(),
             ..SensorOutcome::default()
         };
         let expectation = ExpectationOutcome {
@@ -123,7 +131,7 @@ mod tests {
             met: false,
             expected: "at least 5 points on \"x|y\"".into(),
             found: "1 point".into(),
-            place: String::new(),
+            ..ExpectationOutcome::default()
         };
         Outcome {
             job: "a,b.toml".into(),
@@ -142,7 +150,7 @@ mod tests {
         let broken = Outcome {
             job: "broken.toml".into(),
             verdict: Verdict::Broken,
-            problems: vec!["no such file".into()],
+            problems: vec!["no such file".to_owned().into()],
             ..Outcome::default()
         };
         let good = Outcome { job: "good.toml".into(), ..Outcome::default() };
@@ -177,7 +185,7 @@ and so on</failure>
         let mut outcome = outcome();
         outcome.job = bad.into();
         outcome.sensors[0].name = bad.into();
-        outcome.sensors[0].differences = vec![bad.into()];
+        outcome.sensors[0].differences = vec![difference(bad)];
         let xml = xml(&[outcome]);
         let written = "\u{FFFD}\u{FFFD}[31m\u{FFFD}\u{FFFD}\u{10FFFF}é";
         assert_eq!(xml.matches(written).count(), 7, "{xml}"); // the suite, three classes, a name, a message and a text

@@ -8,6 +8,7 @@
 //! judge        judgement of a frame against its baseline; phrasing puts it into words
 //! expect       expectations of what a rig should see, and their evaluation
 //! cloud        comparison of clouds of any layout, by the Chamfer distance
+//! vehicle      the vehicle that carries the rig, as far as the scene has it
 //! pictures     pictures of the ground that is covered, and of differences
 //! outcome      the outcome of a check as plain data; report and junit write it for people, CI servers and scripts
 //! ```
@@ -24,12 +25,14 @@ pub(crate) mod phrasing;
 mod pictures;
 mod pixels;
 pub mod report;
+mod vehicle;
 
 pub use baseline::{
     Baseline, BaselineError, MAX_PIXEL_BYTES, SceneRecord, SensorRecord, Snapshot, StoredPixels,
 };
 pub use changes::Changes;
 pub use compare::Tolerance;
-pub use judge::{Settings, judge};
-pub use outcome::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
-pub use pictures::{Picture, coverage_map, heat_map};
+pub use judge::{Settings, confusion_words, judge};
+pub use outcome::{Change, Difference, ExpectationOutcome, Failure, Outcome, SensorOutcome, Sight, Verdict};
+pub use pictures::{GroundMap, colours, difference_picture, difference_scale, multiples, number};
+pub use vehicle::Vehicle;

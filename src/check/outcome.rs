@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::compare::ChannelDifference;
 use crate::output::Image;
-use crate::source::Diagnostic;
+use crate::source::{Diagnostic, Place};
 
 /// The outcome of checking one job.
 #[derive(Clone, Debug, Default)]
@@ -15,7 +15,7 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// Sentences about the job as a whole: the reason why it could not be run or compared, and the command that corrects
     /// it.
-    pub problems: Vec<String>,
+    pub problems: Vec<Failure>,
     /// Warnings about the job and its scene: the job was run, and is probably not what was meant.
     pub warnings: Vec<Diagnostic>,
     /// The changes since the baseline was accepted, whether or not they led to a difference.
@@ -25,6 +25,22 @@ pub struct Outcome {
     pub sensors: Vec<SensorOutcome>,
     /// One outcome for each `[[expect]]`, in the job's order.
     pub expectations: Vec<ExpectationOutcome>,
+}
+
+/// A sentence about what is wrong, and where it is written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// The sentence.
+    pub sentence: String,
+    /// The place in the user's files that the sentence is about. `None` if it is about the job as a whole.
+    pub place: Option<Place>,
+}
+
+impl From<String> for Failure {
+    /// A failure of the job as a whole.
+    fn from(sentence: String) -> Self {
+        Self { sentence, place: None }
+    }
 }
 
 /// The result of a check.
@@ -46,8 +62,10 @@ pub enum Verdict {
 pub struct SensorOutcome {
     /// The sensor's name.
     pub name: String,
-    /// Sentences that say what differs, where and why. It is empty if no channel differs beyond its tolerance.
-    pub differences: Vec<String>,
+    /// The table of the sensor in the job.
+    pub written_at: Option<Place>,
+    /// What differs, where and why. It is empty if no channel differs beyond its tolerance.
+    pub differences: Vec<Difference>,
     /// The channels that were compared. Channels that the baseline keeps only as hashes have no statistics.
     pub channels: Vec<ChannelDifference>,
     /// Rows of the run's image.
@@ -57,6 +75,33 @@ pub struct SensorOutcome {
     /// The pixels that the baseline keeps: some of the channels, rounded to [`ChannelDifference::resolution`]. They are
     /// present if a channel differs from the baseline at all and the images have the same size.
     pub baseline: Option<Image>,
+}
+
+/// A difference of a sensor's frame from its baseline.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Difference {
+    /// The sentence that says what differs, where and why.
+    pub sentence: String,
+    /// The channel that shows it best. `None` if the sentence is about all channels.
+    pub channel: Option<String>,
+    /// The row and the column of the pixel that differs most.
+    pub pixel: Option<[usize; 2]>,
+}
+
+/// What shows the finding of an expectation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Sight {
+    /// The frame of a sensor.
+    Frame {
+        /// The sensor's name.
+        sensor: String,
+        /// The channel that shows it best. `None` for the main one.
+        channel: Option<&'static str>,
+        /// The row and the column of the pixel that decides.
+        pixel: Option<[usize; 2]>,
+    },
+    /// The map of the ground that the rig sees.
+    Ground,
 }
 
 /// A change since the baseline was accepted.
@@ -104,7 +149,7 @@ impl fmt::Display for Change {
 }
 
 /// The outcome of an `[[expect]]`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ExpectationOutcome {
     /// The expectation's name in the job.
     pub name: String,
@@ -116,4 +161,8 @@ pub struct ExpectationOutcome {
     pub found: String,
     /// The sensor, pixel, place or direction that decides. It is empty if there is none.
     pub place: String,
+    /// What shows the finding, such as the frame of the sensor that decides.
+    pub sights: Vec<Sight>,
+    /// The table of the expectation in the job.
+    pub written_at: Option<Place>,
 }

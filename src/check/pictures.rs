@@ -2,86 +2,207 @@
 
 use super::compare::ChannelDifference;
 use super::expect::{Seen, Zone};
-use crate::output::Image;
+use super::phrasing::counted;
+use super::vehicle::Vehicle;
+use crate::output::{
+    self, Entry, Image, LINE_COLOUR, NO_RETURN_COLOUR, Picture, Rgb, Samples, TEXT_COLOUR, round_step,
+    text_width, ticks, with_legend,
+};
 
-/// A picture with 8 bits for each colour channel.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Picture {
-    /// The width in pixels.
-    pub width: usize,
-    /// The height in pixels.
-    pub height: usize,
-    /// The pixels as red, green and blue, row by row.
-    pub pixels: Vec<u8>,
+/// The ground that a rig sees, in the body's frame.
+#[derive(Clone, Debug)]
+pub struct GroundMap {
+    /// The part of the ground that the map shows.
+    pub zone: Zone,
+    /// The returns from the ground in each cell of the zone: x varies fastest.
+    pub counts: Vec<u32>,
+    /// The name, x and y of each sensor.
+    pub sensors: Vec<(String, [f64; 2])>,
+    /// The outline of the vehicle seen from above, if it is known.
+    pub outline: Vec<[f64; 2]>,
 }
 
-const UNSEEN: [u8; 3] = [0x14, 0x14, 0x18];
-const SENSOR: [u8; 3] = [0xff, 0x30, 0x60];
+/// The colours of sensors and of the vehicle's outline on a map.
+const SENSOR: Rgb = [0xff, 0x30, 0x60];
+const VEHICLE: Rgb = [0xff, 0xff, 0xff];
 
-/// The ground that a rig sees, from above, with forward (+x) up. A cell is brighter the more returns it has (Viridis,
-/// logarithmic), dark if it is unseen, and red where a sensor stands.
-pub fn coverage_map(seen: &Seen, zone: &Zone) -> Picture {
-    let counts = zone.count(seen);
-    let (nx, ny) = zone.cells();
-    // The picture has at least 400 pixels on its longer side, so that a person recognises the cells.
-    let scale = (400 / nx.max(ny)).max(1);
-    let most = counts.iter().copied().max().unwrap_or(0).max(1);
-    let (width, height) = (ny * scale, nx * scale);
-    let mut pixels = Vec::with_capacity(3 * width * height);
-    for down in 0..height {
-        for across in 0..width {
-            // +x is up and +y is left.
-            let (x, y) = (nx - 1 - down / scale, ny - 1 - across / scale);
-            let count = counts[y * nx + x];
-            let brightness = libm::log1p(f64::from(count)) / libm::log1p(f64::from(most));
-            let colour = colorous::VIRIDIS.eval_continuous(0.15 + 0.85 * brightness);
-            pixels.extend(if count == 0 { UNSEEN } else { [colour.r, colour.g, colour.b] });
+impl GroundMap {
+    /// The colour of a cell that no beam hits.
+    pub const UNSEEN: Rgb = [0x2a, 0x2a, 0x32];
+
+    /// The map of a zone.
+    pub fn of(seen: &Seen, zone: Zone, vehicle: Option<&Vehicle>) -> Self {
+        let at = |frame: &output::SensorFrame| {
+            let at = frame.capture.body_from_sensor.translation;
+            (frame.name.to_owned(), [at.x, at.y])
+        };
+        Self {
+            counts: zone.count(seen),
+            zone,
+            sensors: seen.frames.iter().map(at).collect(),
+            outline: vehicle.map_or(Vec::new(), Vehicle::outline),
         }
     }
-    for frame in seen.frames {
-        let at = frame.capture.body_from_sensor.translation;
-        let up = (at.x - zone.x_m[0]) / zone.cell_m * scale as f64;
-        let left = (at.y - zone.y_m[0]) / zone.cell_m * scale as f64;
-        for (dx, dy) in (-2..=2).flat_map(|dx| (-2..=2).map(move |dy| (dx, dy))) {
-            let (down, across) = (height as f64 - up + f64::from(dx), width as f64 - left + f64::from(dy));
-            if (0.0..height as f64).contains(&down) && (0.0..width as f64).contains(&across) {
-                let start = 3 * (down as usize * width + across as usize);
-                pixels[start..start + 3].copy_from_slice(&SENSOR);
+
+    /// The most returns that a cell has; at least 1.
+    pub fn most(&self) -> u32 {
+        self.counts.iter().copied().max().unwrap_or(0).max(1)
+    }
+
+    /// The part of the cells that are seen, 0 to 1.
+    pub fn share(&self) -> f64 {
+        self.counts.iter().filter(|count| **count > 0).count() as f64 / self.counts.len().max(1) as f64
+    }
+
+    /// The colour of a part of the scale, 0 for one return to 1 for the most.
+    pub fn colour(part: f64) -> Rgb {
+        let colour = colorous::VIRIDIS.eval_continuous(0.15 + 0.85 * part);
+        [colour.r, colour.g, colour.b]
+    }
+
+    /// The map from above, with forward (+x) up. A cell is brighter the more returns it has (logarithmic). Numbers at the sides
+    /// are metres, and there is a legend.
+    pub fn picture(&self, title: &str) -> Picture {
+        let (nx, ny) = self.zone.cells();
+        // The map has at least 400 pixels on its longer side, so that a person recognises the cells.
+        let scale = (400 / nx.max(ny)).max(1);
+        let (width, height) = (ny * scale, nx * scale);
+        let log_most = libm::log(f64::from(self.most()));
+        let part = |count: u32| if log_most > 0.0 { libm::log(f64::from(count)) / log_most } else { 1.0 };
+        let (left, top) = (56, 8);
+        let mut picture = Picture::new(width + left + 24, height + top + 36, NO_RETURN_COLOUR);
+        for down in 0..nx {
+            for across in 0..ny {
+                // +x is up and +y is left.
+                let count = self.counts[(ny - 1 - across) * nx + (nx - 1 - down)];
+                let colour = if count == 0 { Self::UNSEEN } else { Self::colour(part(count)) };
+                let corner = ((left + across * scale) as i64, (top + down * scale) as i64);
+                picture.fill(corner, (scale, scale), colour);
             }
         }
+        let across =
+            |y: f64| left as i64 + ((self.zone.y_m[1] - y) / self.zone.cell_m * scale as f64).round() as i64;
+        let down =
+            |x: f64| top as i64 + ((self.zone.x_m[1] - x) / self.zone.cell_m * scale as f64).round() as i64;
+        let pixels_a_m = scale as f64 / self.zone.cell_m;
+        for x in multiples(self.zone.x_m, round_step(48.0 / pixels_a_m)) {
+            let text = number(x);
+            picture.line((left as i64 - 5, down(x)), (left as i64 - 1, down(x)), LINE_COLOUR);
+            picture.text((left as i64 - 8 - text_width(&text, 1) as i64, down(x) - 4), &text, 1, TEXT_COLOUR);
+        }
+        let bottom = (top + height) as i64;
+        for y in multiples(self.zone.y_m, round_step(40.0 / pixels_a_m)) {
+            let text = number(y);
+            picture.line((across(y), bottom), (across(y), bottom + 4), LINE_COLOUR);
+            picture.text((across(y) - text_width(&text, 1) as i64 / 2, bottom + 8), &text, 1, TEXT_COLOUR);
+        }
+        picture.text((left as i64, bottom + 24), "left  +y, m", 1, TEXT_COLOUR);
+        picture.text((0, top as i64), "+x, m", 1, TEXT_COLOUR);
+        let corners = self.outline.iter().zip(self.outline.iter().cycle().skip(1));
+        for (a, b) in corners {
+            picture.line((across(a[1]), down(a[0])), (across(b[1]), down(b[0])), VEHICLE);
+        }
+        for (_, [x, y]) in &self.sensors {
+            picture.fill((across(*y) - 2, down(*x) - 2), (5, 5), SENSOR);
+        }
+        let mut entries = vec![
+            Entry::Ramp {
+                name: "returns a cell".to_owned(),
+                ticks: ticks(1.0, f64::from(self.most()), true, 6),
+                colour: &Self::colour,
+            },
+            Entry::Swatch(Self::UNSEEN, "ground not seen".to_owned()),
+            Entry::Swatch(SENSOR, counted(self.sensors.len(), "sensor")),
+        ];
+        if !self.outline.is_empty() {
+            entries.push(Entry::Swatch(VEHICLE, "vehicle".to_owned()));
+        }
+        entries.push(Entry::Note(format!(
+            "cells of {} m; {:.0} % of them seen; the body's frame, x forward",
+            self.zone.cell_m,
+            100.0 * self.share()
+        )));
+        with_legend(picture, title, &entries)
     }
-    Picture { width, height, pixels }
 }
 
-const BOTH_MISS: [u8; 3] = [0x10, 0x10, 0x14];
-const SAME: [u8; 3] = [0x40, 0x40, 0x48];
-const APPEARED: [u8; 3] = [0x30, 0xd0, 0x50];
-const VANISHED: [u8; 3] = [0x30, 0x80, 0xff];
+/// The multiples of a step in a range.
+pub fn multiples([low, high]: [f64; 2], step: f64) -> Vec<f64> {
+    const MOST: i64 = 200;
+    let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
+    (first..=last.min(first.saturating_add(MOST))).map(|i| i as f64 * step).collect()
+}
 
-/// The differences of a channel between images of the same size. The colour goes from dark red to white with the difference
-/// (Inferno, logarithmic over three decades below the greatest). Green pixels appeared, blue ones vanished, and grey ones
-/// are unchanged.
-pub fn heat_map(first: &Image, second: &Image, found: &ChannelDifference) -> Picture {
-    let masks = [first.mask(), second.mask()];
-    let (Some(a), Some(b)) = (first.channel(&found.channel), second.channel(&found.channel)) else {
-        return Picture { width: 0, height: 0, pixels: Vec::new() };
+/// A number of metres without rounding noise.
+pub fn number(value: f64) -> String {
+    let rounded = (value * 1e6).round() / 1e6;
+    (rounded + 0.0).to_string()
+}
+
+/// The colours of differences between a first and a second image.
+pub mod colours {
+    use crate::output::Rgb;
+
+    /// A value that is the same.
+    pub const SAME: Rgb = [0x4a, 0x4a, 0x52];
+    /// A value that is far less in the second image.
+    pub const LESS: Rgb = [0x4c, 0x9b, 0xff];
+    /// A value that is far more in the second image, or an id that is another.
+    pub const MORE: Rgb = [0xff, 0x8c, 0x2e];
+    /// A return that only the first image has.
+    pub const VANISHED: Rgb = [0x2f, 0xe0, 0xd8];
+    /// A return that only the second image has.
+    pub const APPEARED: Rgb = [0xff, 0x4f, 0xd0];
+}
+
+/// The largest difference that the colours tell apart, of absolute differences that are not 0: the 99th percentile, so that a few
+/// outliers do not hide the rest, and at most three times the median. 0 if there are none.
+pub fn difference_scale(mut differences: Vec<f64>) -> f64 {
+    differences.retain(|d| *d > 0.0 && d.is_finite());
+    if differences.is_empty() {
+        return 0.0;
+    }
+    let last = differences.len() - 1;
+    let mut quantile = |percent: usize| {
+        *differences.select_nth_unstable_by((last * percent).div_ceil(100), f64::total_cmp).1
     };
-    let is_main = second.main_depth().is_some_and(|(name, _)| name == found.channel);
-    let max = found.statistics.map_or(1.0, |s| s.max);
+    quantile(99).min(3.0 * quantile(50))
+}
+
+/// The colour of a difference on a scale whose ends are ± `scale`. The least difference is told apart from none.
+pub fn difference_colour(difference: f64, scale: f64) -> Rgb {
+    if difference == 0.0 {
+        return colours::SAME;
+    }
+    let part = if scale > 0.0 { (difference.abs() / scale).min(1.0) } else { 1.0 };
+    let to = if difference < 0.0 { colours::LESS } else { colours::MORE };
+    let mix = |k: usize| {
+        let (from, to) = (f64::from(colours::SAME[k]), f64::from(to[k]));
+        (from + (to - from) * (0.25 + 0.75 * part)).round() as u8
+    };
+    [mix(0), mix(1), mix(2)]
+}
+
+/// The differences of a channel between images of the same size, with a legend: blue where the second image has less, orange where
+/// it has more. `None` if an image lacks the channel.
+pub fn difference_picture(
+    title: &str,
+    first: &Image,
+    second: &Image,
+    found: &ChannelDifference,
+) -> Option<Picture> {
+    let masks = [first.mask(), second.mask()];
+    let (a, b) = (first.channel(&found.channel)?, second.channel(&found.channel)?);
+    let are_ids = matches!((a, b), (Samples::U32(_), Samples::U32(_)));
+    let difference = |index: usize| b.get(index) - a.get(index);
+    let both = (0..second.pixels()).filter(|&i| masks[0][i] && masks[1][i]);
+    let scale = if are_ids { 0.0 } else { difference_scale(both.map(|i| difference(i).abs()).collect()) };
     let colour = |index: usize| match (masks[0][index], masks[1][index]) {
-        (false, true) if is_main => APPEARED,
-        (true, false) if is_main => VANISHED,
-        (true, true) => {
-            let difference = (a.get(index) - b.get(index)).abs();
-            if difference == 0.0 {
-                return SAME;
-            }
-            let decades = if found.statistics.is_some() { libm::log10(difference / max) } else { 0.0 };
-            let colour =
-                colorous::INFERNO.eval_continuous((0.4 + 0.6 * (1.0 + decades / 3.0)).clamp(0.4, 1.0));
-            [colour.r, colour.g, colour.b]
-        }
-        _ => BOTH_MISS,
+        (false, true) => colours::APPEARED,
+        (true, false) => colours::VANISHED,
+        (false, false) => NO_RETURN_COLOUR,
+        (true, true) if are_ids => difference_colour(difference(index).abs(), 0.0),
+        (true, true) => difference_colour(difference(index), scale),
     };
     // The image of a LiDAR is a narrow stripe, so its rows are repeated until it is a quarter as tall as wide.
     let repeat = (second.columns / (4 * second.rows)).clamp(1, 16);
@@ -93,5 +214,88 @@ pub fn heat_map(first: &Image, second: &Image, found: &ChannelDifference) -> Pic
             pixels.extend(&line);
         }
     }
-    Picture { width: second.columns, height: second.rows * repeat, pixels }
+    let picture = Picture { width: second.columns, height: second.rows * repeat, pixels };
+    let unit = output::channel(&found.channel).map_or("", |spec| spec.unit);
+    let comma = if unit.is_empty() { "" } else { ", " };
+    let ramp_colour = |part: f64| difference_colour((2.0 * part - 1.0) * scale, scale);
+    let mut entries = Vec::new();
+    if are_ids {
+        entries.push(Entry::Swatch(colours::MORE, "another".to_owned()));
+    } else if scale > 0.0 {
+        entries.push(Entry::Ramp {
+            name: format!("second minus first{comma}{unit}"),
+            ticks: ticks(-scale, scale, false, 5),
+            colour: &ramp_colour,
+        });
+    }
+    entries.extend([
+        Entry::Swatch(colours::SAME, "the same".to_owned()),
+        Entry::Swatch(colours::APPEARED, "appeared".to_owned()),
+        Entry::Swatch(colours::VANISHED, "vanished".to_owned()),
+        Entry::Swatch(NO_RETURN_COLOUR, "no return in either".to_owned()),
+    ]);
+    let largest = found.statistics.map_or(0.0, |s| s.max);
+    if scale > 0.0 && largest > scale {
+        let words = super::phrasing::digits(largest);
+        entries.push(Entry::Note(format!("beyond the scale up to {words} {unit}").trim_end().to_owned()));
+    }
+    Some(with_legend(picture, &format!("{title}{}", found.channel), &entries))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::Channel;
+
+    #[test]
+    fn outliers_do_not_flatten_a_change_of_all_pixels() {
+        let alike = vec![0.05; 1000];
+        assert_eq!(difference_scale(alike.clone()), 0.05);
+        // One pixel in twenty sees past an edge.
+        let with_edges = alike.into_iter().chain([30.0; 50]).collect();
+        assert!((difference_scale(with_edges) - 0.15).abs() < 1e-9);
+        assert_eq!(difference_scale(vec![0.0, f64::INFINITY, f64::NAN]), 0.0);
+        // A change of 50 mm is clearly another colour than no change, less or more.
+        let far = |a: Rgb, b: Rgb| (0..3).map(|k| a[k].abs_diff(b[k])).max().unwrap();
+        for d in [0.05, -0.05] {
+            assert!(far(difference_colour(d, 0.15), colours::SAME) > 70);
+        }
+        assert_eq!(difference_colour(-30.0, 0.15), colours::LESS);
+    }
+
+    #[test]
+    fn a_picture_of_differences_has_the_colours_of_its_legend() {
+        let image = |range: [f32; 4]| Image {
+            rows: 2,
+            columns: 2,
+            channels: vec![Channel { name: "range".into(), samples: Samples::F32(range.to_vec()) }],
+        };
+        let inf = f32::INFINITY;
+        let (a, b) = (image([1.0, 2.0, inf, 4.0]), image([1.0, 2.5, 3.0, inf]));
+        let found = ChannelDifference { channel: "range".to_owned(), ..ChannelDifference::default() };
+        let picture = difference_picture("top: ", &a, &b, &found).unwrap();
+        let top = 24; // the title's height
+        let at = |x: usize, y: usize| &picture.pixels[3 * ((top + y) * picture.width + x)..][..3];
+        assert_eq!([at(0, 0), at(1, 0)], [colours::SAME, colours::MORE]);
+        assert_eq!([at(0, 1), at(1, 1)], [colours::APPEARED, colours::VANISHED]);
+        let none = ChannelDifference { channel: "Z".to_owned(), ..ChannelDifference::default() };
+        assert_eq!(difference_picture("", &a, &b, &none), None);
+    }
+
+    #[test]
+    fn a_map_has_forward_up_and_left_left() {
+        let zone = Zone { ground: Default::default(), x_m: [0.0, 2.0], y_m: [0.0, 2.0], cell_m: 1.0 };
+        // Only the cell at x = 1.5, y = 0.5 is seen: up and right.
+        let map = GroundMap { zone, counts: vec![0, 3, 0, 0], sensors: vec![], outline: vec![] };
+        let picture = map.picture("map");
+        let at = |x: usize, y: usize| {
+            let pixel = 3 * ((24 + 8 + y) * picture.width + 56 + x);
+            picture.pixels[pixel..pixel + 3].to_vec()
+        };
+        assert_eq!(at(300, 100), GroundMap::colour(1.0));
+        assert_eq!([at(100, 100), at(100, 300), at(300, 300)], [GroundMap::UNSEEN; 3]);
+        assert_eq!(map.share(), 0.25);
+        assert_eq!(multiples([-1.0, 1.0], 0.5), [-1.0, -0.5, 0.0, 0.5, 1.0]);
+        assert_eq!(number(0.1 + 0.2), "0.3");
+    }
 }

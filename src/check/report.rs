@@ -6,8 +6,9 @@ use serde_json::{Value, json};
 
 use super::compare::ChannelDifference;
 use super::judge::MOST_REASONS;
-use super::outcome::{ExpectationOutcome, Outcome, SensorOutcome, Verdict};
+use super::outcome::{ExpectationOutcome, Failure, Outcome, SensorOutcome, Verdict};
 use super::phrasing::counted;
+use crate::source::Place;
 use crate::source::suggest::on_one_line;
 
 impl Verdict {
@@ -36,12 +37,36 @@ impl ExpectationOutcome {
     }
 }
 
+impl Failure {
+    /// The sentence behind its place: `jobs/a.toml:3:9: …`.
+    pub fn located(&self) -> String {
+        let Self { sentence, place } = self;
+        match place.as_ref().map(|place| (place.path.display(), place.line_column())) {
+            Some((path, Some((line, column)))) => format!("{path}:{line}:{column}: {sentence}"),
+            Some((path, None)) => format!("{path}: {sentence}"),
+            None => sentence.clone(),
+        }
+    }
+}
+
 impl Outcome {
-    /// Every sentence that says what is wrong.
-    pub fn failures(&self) -> Vec<String> {
-        let differences = self.sensors.iter().flat_map(|sensor| &sensor.differences).cloned();
-        let unmet = self.expectations.iter().filter(|e| !e.met).map(ExpectationOutcome::sentence);
+    /// Everything that is wrong.
+    pub fn failures(&self) -> Vec<Failure> {
+        let differences = self.sensors.iter().flat_map(|sensor| {
+            let place = &sensor.written_at;
+            sensor.differences.iter().map(|d| Failure { sentence: d.sentence.clone(), place: place.clone() })
+        });
+        let unmet = self.expectations.iter().filter(|e| !e.met);
+        let unmet = unmet.map(|e| Failure { sentence: e.sentence(), place: e.written_at.clone() });
         self.problems.iter().cloned().chain(differences).chain(unmet).collect()
+    }
+
+    /// The sentences about everything that is wrong. Those about sensors and expectations name these, and the others begin with
+    /// their place.
+    pub fn sentences(&self) -> Vec<String> {
+        let problems = self.problems.iter().map(Failure::located);
+        let others = self.failures().into_iter().skip(self.problems.len()).map(|failure| failure.sentence);
+        problems.chain(others).collect()
     }
 }
 
@@ -66,8 +91,8 @@ pub fn text(outcomes: &[Outcome]) -> String {
             let _ = write!(text, ", {} met", counted(met, "expectation"));
         }
         text.push('\n');
-        for failure in outcome.failures() {
-            let _ = writeln!(text, "  {}", on_one_line(&failure));
+        for sentence in outcome.sentences() {
+            let _ = writeln!(text, "  {}", on_one_line(&sentence));
         }
         // A few changes were already named with the differences that they caused.
         if outcome.changes.len() > MOST_REASONS || outcome.sensors.iter().all(|s| s.differences.is_empty()) {
@@ -93,8 +118,8 @@ pub fn markdown(outcomes: &[Outcome]) -> String {
     }
     for outcome in outcomes.iter().filter(|outcome| !outcome.verdict.is_fine()) {
         let _ = writeln!(text, "\n#### {}\n", escaped(&outcome.job));
-        for failure in outcome.failures() {
-            let _ = writeln!(text, "- {}", escaped(&failure));
+        for sentence in outcome.sentences() {
+            let _ = writeln!(text, "- {}", escaped(&sentence));
         }
         if !outcome.changes.is_empty() {
             text.push_str("\nChanged since the baseline was accepted:\n\n");
@@ -124,15 +149,23 @@ fn escaped(text: &str) -> String {
     escaped.replace("://", ":<!-- -->//").replace("www.", "www<!-- -->.")
 }
 
-/// The report as GitHub's workflow commands: an annotation for each failure, at the job's file.
-pub fn github(outcomes: &[Outcome]) -> String {
+/// The report as GitHub's workflow commands: an annotation for each failure, at the place that it is about. `name_of` gives the
+/// name of a file in the repository.
+pub fn github(outcomes: &[Outcome], name_of: &dyn Fn(&str) -> String) -> String {
     let data = |text: &str| on_one_line(text).replace('%', "%25");
     let property = |text: &str| data(text).replace(':', "%3A").replace(',', "%2C");
     let mut text = String::new();
     for outcome in outcomes {
-        for failure in outcome.failures() {
-            let file = property(&outcome.job);
-            let _ = writeln!(text, "::error file={file},title=beamcast check::{}", data(&failure));
+        for Failure { sentence, place } in outcome.failures() {
+            // What `--set` changed is in no file, and so the annotation is at the job's.
+            let in_file = place.as_ref().filter(|place| !place.path.starts_with("--set"));
+            let path = in_file.map_or(outcome.job.as_str().into(), |place| place.path.to_string_lossy());
+            let file = property(&name_of(&path));
+            let at = match in_file.and_then(Place::line_column) {
+                Some((line, column)) => format!(",line={line},col={column}"),
+                None => String::new(),
+            };
+            let _ = writeln!(text, "::error file={file}{at},title=beamcast check::{}", data(&sentence));
         }
     }
     text
@@ -142,14 +175,26 @@ pub fn github(outcomes: &[Outcome]) -> String {
 pub fn json(outcomes: &[Outcome]) -> Value {
     let jobs = outcomes.iter().map(|outcome| {
         let expectation = |e: &ExpectationOutcome| {
-            json!({ "name": e.name, "met": e.met, "expected": e.expected, "found": e.found, "place": e.place })
+            let at = line_and_column(e.written_at.as_ref());
+            json!({
+                "name": e.name,
+                "met": e.met,
+                "expected": e.expected,
+                "found": e.found,
+                "place": e.place,
+                "line": at.0,
+                "column": at.1,
+            })
         };
         let sensor = |s: &SensorOutcome| {
+            let at = line_and_column(s.written_at.as_ref());
             json!({
                 "name": s.name,
+                "line": at.0,
+                "column": at.1,
                 "rows": s.rows,
                 "columns": s.columns,
-                "differences": s.differences,
+                "differences": s.differences.iter().map(|d| &d.sentence).collect::<Vec<_>>(),
                 "channels": s.channels.iter().map(|c| channel(c, s.columns)).collect::<Vec<_>>(),
             })
         };
@@ -157,7 +202,7 @@ pub fn json(outcomes: &[Outcome]) -> Value {
         json!({
             "job": outcome.job,
             "verdict": outcome.verdict.word(),
-            "problems": outcome.problems,
+            "problems": outcome.problems.iter().map(Failure::located).collect::<Vec<_>>(),
             "warnings": outcome.warnings,
             "changes": outcome.changes.iter().map(change).collect::<Vec<_>>(),
             "sensors": outcome.sensors.iter().map(sensor).collect::<Vec<_>>(),
@@ -166,6 +211,11 @@ pub fn json(outcomes: &[Outcome]) -> Value {
     });
     let fine = outcomes.iter().all(|outcome| outcome.verdict.is_fine());
     json!({ "passed": fine, "jobs": jobs.collect::<Vec<_>>() })
+}
+
+/// The line and the column of a place in the job's own file, if they are known.
+fn line_and_column(place: Option<&Place>) -> (Option<usize>, Option<usize>) {
+    place.and_then(Place::line_column).unzip()
 }
 
 /// A channel's difference as JSON, for an image of so many columns.
@@ -183,8 +233,9 @@ pub fn channel(found: &ChannelDifference, columns: usize) -> Value {
     json!({
         "channel": found.channel,
         "within_tolerance": found.within_tolerance,
-        "differing": found.differing.count,
-        "differing_is_exact": found.differing.exact,
+        "differing": found.differing.count(),
+        "differing_unit": found.differing.unit(),
+        "differing_is_exact": found.differing.is_exact(),
         "resolution": found.resolution,
         "statistics": statistics,
     })
@@ -192,12 +243,21 @@ pub fn channel(found: &ChannelDifference, columns: usize) -> Value {
 
 #[cfg(test)]
 mod tests {
+    use super::super::outcome::Difference;
     use super::*;
 
     fn outcomes() -> Vec<Outcome> {
         let sensor = SensorOutcome {
             name: "roof".into(),
-            differences: vec!["sensor roof: 3 of 8 ranges differ, 50 % <&> more".into()],
+            differences: vec![Difference {
+                sentence: "sensor roof: range differs in 3 of 8 pixels, 50 % <&> more".into(),
+                ..Difference::default()
+            }],
+            written_at: Some(Place {
+                path: "a,b.toml".into(),
+                source: "\n\n  [[sensor]]".into(),
+                span: 4..14,
+            }),
             ..SensorOutcome::default()
         };
         let expectation = ExpectationOutcome {
@@ -205,7 +265,8 @@ mod tests {
             met: false,
             expected: "at least 5 points on \"x|y\"".into(),
             found: "1 point".into(),
-            place: String::new(),
+            written_at: Some(Place { path: "--set".into(), source: "a=1".into(), span: 0..3 }),
+            ..ExpectationOutcome::default()
         };
         vec![
             Outcome {
@@ -222,9 +283,11 @@ mod tests {
     #[test]
     fn annotations_are_escaped() {
         assert_eq!(
-            github(&outcomes()),
-            "::error file=a%2Cb.toml,title=beamcast check::sensor roof: 3 of 8 ranges differ, 50 %25 <&> more\n\
-             ::error file=a%2Cb.toml,title=beamcast check::a, b: c: expected at least 5 points on \"x|y\", found 1 point\n"
+            github(&outcomes(), &|path| format!("jobs/{path}")),
+            "::error file=jobs/a%2Cb.toml,line=3,col=3,title=beamcast check::sensor roof: range differs in 3 of 8 pixels, \
+             50 %25 <&> more\n\
+             ::error file=jobs/a%2Cb.toml,title=beamcast check::a, b: c: expected at least 5 points on \"x|y\", found 1 \
+             point\n"
         );
     }
 

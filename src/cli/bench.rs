@@ -7,6 +7,7 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::job::{JobArgs, load_scene};
+use super::json;
 use super::terminal::Terminal;
 use super::threads;
 use crate::error::Error;
@@ -100,7 +101,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
                 "exactly": e.exactly,
             })),
         });
-        return terminal.json(&report);
+        return terminal.json(&json::BENCH.of(report));
     }
     let peak = peak_rss_bytes.map_or_else(|| "unknown".to_owned(), |bytes| Bytes(bytes).to_string());
     terminal.data(&format!(

@@ -8,15 +8,16 @@ use std::time::Instant;
 
 use super::interrupt::Interrupt;
 use super::job::{SceneArgs, load_scene, strictly};
+use super::json;
 use super::terminal::Terminal;
 use super::threads;
-use crate::check::{Outcome, Verdict, junit, report};
+use crate::check::{Failure, Outcome, Verdict, junit, report};
 use crate::error::Error;
-use crate::output::{encode_png, write_file};
+use crate::output::write_file;
 use crate::run::checking::{self, Checked, Found, Run, State};
-use crate::run::{Plan, Session};
+use crate::run::{Plan, Session, paths};
 use crate::trace::AnyTracer;
-use crate::view::{View, page};
+use crate::view::{Shown, of_outcomes};
 
 /// The arguments of `beamcast check`.
 #[derive(Debug, clap::Args)]
@@ -93,10 +94,10 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     terminal.with_progress(rays, interrupt.progress(), check_all)?;
 
     let mut broken = None;
-    let (mut outcomes, mut views) = (Vec::new(), Vec::new());
+    let (mut outcomes, mut shown) = (Vec::new(), Vec::new());
     for job in jobs {
         outcomes.push(job.outcome);
-        views.push(job.views);
+        shown.push(job.shown);
         if let State::Broken(error) = job.state {
             // The last error ends the run, which shows it; the others are shown here.
             if let Some(earlier) = broken.replace(error) {
@@ -106,7 +107,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
     write_reports(args, terminal, &outcomes)?;
     if let Some(path) = &args.html {
-        write_file(path, page::of_outcomes(&outcomes, &views).as_bytes())?;
+        write_file(path, of_outcomes(&outcomes, &shown).as_bytes())?;
     }
     match broken {
         Some(error) => Err(error),
@@ -150,7 +151,8 @@ fn check_all(
             }
             Err(error) => {
                 // Each of the other jobs reads the scene again, and so has an error of its own.
-                jobs[group.remove(0)].fail(error.into());
+                let place = job.places.scene.clone();
+                jobs[group.remove(0)].fail_at(place, error.into());
                 groups.extend(Some(group));
                 continue;
             }
@@ -183,13 +185,13 @@ fn check_all(
             }
             terminal.warn_of(&doubts);
             checked.outcome.warnings = warnings;
-            checked.views = check_job(args, &session, &plan, &mut checked.outcome, terminal, interrupt)?;
+            checked.shown = check_job(args, &session, &plan, &mut checked.outcome, terminal, interrupt)?;
         }
     }
     Ok(())
 }
 
-/// Casts a job's frames and judges or accepts them. Returns the frames as the page shows them, if there is a page.
+/// Casts a job's frames and judges or accepts them. Returns what the page shows of the job, if there is a page.
 fn check_job(
     args: &Args,
     session: &Session,
@@ -197,7 +199,7 @@ fn check_job(
     outcome: &mut Outcome,
     terminal: &Terminal,
     interrupt: &Interrupt,
-) -> Result<Vec<View>, Error> {
+) -> Result<Shown, Error> {
     let start = Instant::now();
     let mut frames = Vec::new();
     for item in &plan.items {
@@ -217,9 +219,10 @@ fn check_job(
         } else {
             outcome.verdict = Verdict::Failed;
             let problem = |name: &&str| {
-                format!(
+                let sentence = format!(
                     "sensor {name} sees nothing, which is not accepted; --allow-empty accepts it all the same"
-                )
+                );
+                Failure::from(sentence)
             };
             outcome.problems.extend(blank.iter().map(problem));
         }
@@ -227,17 +230,17 @@ fn check_job(
         run.judge(outcome);
     }
     if let Some(folder) = &args.coverage {
-        let map = run.coverage();
+        let map = run.ground().picture(&format!("{name}: the ground that the rig sees"));
         let path = folder.join(format!("{name}.png"));
-        let file = encode_png(map.width, map.height, &map.pixels).map_err(|e| Error::output(&path, e))?;
+        let file = map.to_png().map_err(|e| Error::output(&path, e))?;
         interrupt.uncut(|| write_file(&path, &file))?;
         terminal.detail(format_args!("wrote {}", path.display()));
     }
-    Ok(if args.html.is_some() { run.views() } else { Vec::new() })
+    Ok(if args.html.is_some() { run.shown() } else { Shown::default() })
 }
 
 fn write_reports(args: &Args, terminal: &Terminal, outcomes: &[Outcome]) -> Result<(), Error> {
-    let json = args.json.as_ref().map(|_| report::json(outcomes));
+    let json = args.json.as_ref().map(|_| json::CHECK.of(report::json(outcomes)));
     let to_stdout = args.json.as_ref().is_some_and(|path| path.as_os_str() == "-");
     match (&args.json, json) {
         (Some(_), Some(json)) if to_stdout => {
@@ -259,7 +262,9 @@ fn write_reports(args: &Args, terminal: &Terminal, outcomes: &[Outcome]) -> Resu
     }
     if std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true") {
         // GitHub looks for these on either stream.
-        terminal.commands(&report::github(outcomes), to_stdout)?;
+        let workspace = std::env::var_os("GITHUB_WORKSPACE").map(PathBuf::from);
+        let name_of = |path: &str| paths::in_repository(path.as_ref(), workspace.as_deref());
+        terminal.commands(&report::github(outcomes, &name_of), to_stdout)?;
         if let Some(path) = std::env::var_os("GITHUB_STEP_SUMMARY").map(PathBuf::from) {
             let appended = fs::OpenOptions::new()
                 .append(true)

@@ -1,20 +1,24 @@
 //! `beamcast diff`: compares two outputs, channel by channel.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use clap::builder::StringValueParser;
 use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
 use super::job::{SceneArgs, load_job, load_scene};
+use super::json;
+use super::shell::suggesting;
 use super::terminal::Terminal;
 use super::threads;
 use crate::check::cloud::{CloudDifference, compare_clouds};
 use crate::check::compare::{ChannelDifference, ImageDifference, compare};
-use crate::check::{Tolerance, heat_map, phrasing, report};
+use crate::check::{Tolerance, confusion_words, difference_picture, phrasing, report};
 use crate::error::Error;
 use crate::output::recorded::Cloud;
-use crate::output::{CHANNEL_NAMES, Image, encode_png, write_file};
+use crate::output::{CHANNEL_NAMES, Image, write_file};
 use crate::run::sides::{Content, Side};
 use crate::run::{Holding, Plan, Session, memory};
 use crate::source::is_config;
@@ -38,7 +42,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
     /// Show this channel in the picture
-    #[arg(long, value_name = "CHANNEL", default_value = "range", requires = "png")]
+    #[arg(long, value_name = "CHANNEL", default_value = "range", requires = "png",
+          value_parser = suggesting(StringValueParser::new(), || CHANNEL_NAMES.to_vec()), hide_possible_values = true)]
     channel: String,
     /// Print JSON
     #[arg(long)]
@@ -94,14 +99,17 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         }
     }
     let pairs = a.pairs(&b, [&args.a, &args.b])?;
+    // The newer side's words for a label come first.
+    let labels: BTreeMap<u32, String> =
+        a.labels.iter().chain(&b.labels).map(|(n, l)| (*n, l.clone())).collect();
     let mut found = Vec::new();
     for (name, a, b) in pairs {
-        found.push(compare_items(args, &name, a, b)?);
+        found.push(compare_items(args, &name, a, b, &labels)?);
     }
     let is_same = found.iter().all(|pair| pair.within);
     if args.json {
         let pairs: Vec<&Value> = found.iter().map(|pair| &pair.json).collect();
-        terminal.json(&json!({ "same": is_same, "pairs": pairs }))?;
+        terminal.json(&json::DIFF.of(json!({ "same": is_same, "pairs": pairs })))?;
     } else {
         terminal.print(&found.iter().map(|pair| pair.text.as_str()).collect::<String>())?;
     }
@@ -130,7 +138,7 @@ fn side(
     plan.check_scene(&scene)?;
     let session = Session::open(job, &scene);
     terminal.with_progress(plan.rays, interrupt.progress(), || {
-        let mut side = Side::default();
+        let mut side = Side::of_session(&session);
         for item in &plan.items {
             let frame = session.cast(item, interrupt.progress());
             interrupt.check()?;
@@ -148,9 +156,15 @@ struct Found {
     json: Value,
 }
 
-fn compare_items(args: &Args, name: &str, a: &Content, b: &Content) -> Result<Found, Error> {
+fn compare_items(
+    args: &Args,
+    name: &str,
+    a: &Content,
+    b: &Content,
+    labels: &BTreeMap<u32, String>,
+) -> Result<Found, Error> {
     match (a, b) {
-        (Content::Image(a), Content::Image(b)) => compare_images(args, name, a, b),
+        (Content::Image(a), Content::Image(b)) => compare_images(args, name, a, b, labels),
         (Content::Cloud(a), Content::Cloud(b)) => compare_two_clouds(args, name, a, b),
         _ => Err(Error::Usage(format!(
             "{} and {}: an image and a cloud can't be compared",
@@ -160,7 +174,13 @@ fn compare_items(args: &Args, name: &str, a: &Content, b: &Content) -> Result<Fo
     }
 }
 
-fn compare_images(args: &Args, name: &str, a: &Image, b: &Image) -> Result<Found, Error> {
+fn compare_images(
+    args: &Args,
+    name: &str,
+    a: &Image,
+    b: &Image,
+    labels: &BTreeMap<u32, String>,
+) -> Result<Found, Error> {
     let prefix = if name.is_empty() { String::new() } else { format!("{}: ", on_one_line(name)) };
     if (a.rows, a.columns) != (b.rows, b.columns) {
         let text = format!("{prefix}{} × {} and {} × {} pixels\n", a.rows, a.columns, b.rows, b.columns);
@@ -174,7 +194,6 @@ fn compare_images(args: &Args, name: &str, a: &Image, b: &Image) -> Result<Found
     let difference = compare(a, b, &tolerance, &|_| 0.0);
     let found = difference.channels.iter().find(|c| c.channel == args.channel);
     if let (Some(path), Some(channel)) = (&args.png, found) {
-        let map = heat_map(a, b, channel);
         // Each of several images has a picture of its own.
         let path = match name.split('/').next() {
             Some(sensor) if !sensor.is_empty() => {
@@ -183,24 +202,33 @@ fn compare_images(args: &Args, name: &str, a: &Image, b: &Image) -> Result<Found
             }
             _ => path.clone(),
         };
-        let file = encode_png(map.width, map.height, &map.pixels).map_err(|e| Error::output(&path, e))?;
-        write_file(&path, &file)?;
+        if let Some(picture) = difference_picture(&prefix, a, b, channel) {
+            write_file(&path, &picture.to_png().map_err(|e| Error::output(&path, e))?)?;
+        }
     }
     let within = difference.missing.is_empty()
         && difference.added.is_empty()
         && difference.channels.iter().all(|channel| channel.within_tolerance);
-    let text = image_text(&prefix, &difference, b, within);
+    let text = image_text(&prefix, &difference, b, within, labels);
     let channels: Vec<Value> =
         difference.channels.iter().map(|channel| report::channel(channel, b.columns)).collect();
     let confusion: Vec<Value> = difference
         .label_confusion
         .iter()
-        .map(|c| json!({ "was": c.was, "is": c.is, "pixels": c.pixels }))
+        .map(|c| {
+            json!({
+                "was": c.was,
+                "was_name": labels.get(&c.was),
+                "is": c.is,
+                "is_name": labels.get(&c.is),
+                "pixels": c.pixels,
+            })
+        })
         .collect();
     let points: Vec<Value> = difference
         .points_per_label
         .iter()
-        .map(|(label, [a, b])| json!({ "label": label, "a": a, "b": b }))
+        .map(|(label, [a, b])| json!({ "label": label, "name": labels.get(label), "a": a, "b": b }))
         .collect();
     let json = json!({
         "name": name,
@@ -220,12 +248,18 @@ fn compare_images(args: &Args, name: &str, a: &Image, b: &Image) -> Result<Found
     Ok(Found { within, text, json })
 }
 
-fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within: bool) -> String {
+fn image_text(
+    prefix: &str,
+    difference: &ImageDifference,
+    image: &Image,
+    within: bool,
+    labels: &BTreeMap<u32, String>,
+) -> String {
     let mut text = String::new();
     let differing: Vec<&ChannelDifference> = difference
         .channels
         .iter()
-        .filter(|c| c.differing.count > 0 || c.statistics.is_some_and(|s| s.max > 0.0))
+        .filter(|c| c.differing.count() > 0 || c.statistics.is_some_and(|s| s.max > 0.0))
         .collect();
     let mask = difference.mask;
     if differing.is_empty() && within {
@@ -238,8 +272,8 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
         text,
         "{prefix}{verdict}: {} in both, {} appeared, {} vanished (IoU {:.6})",
         phrasing::counted(mask.both, "return"),
-        mask.appeared,
-        mask.vanished,
+        phrasing::counted(mask.appeared, "return"),
+        phrasing::counted(mask.vanished, "return"),
         mask.iou()
     );
     for (which, names) in [("first", &difference.missing), ("second", &difference.added)] {
@@ -251,7 +285,7 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
         let _ = writeln!(
             text,
             "  {:<12} {:>10} {:>12} {:>12} {:>12} {:>12}  where",
-            "channel", "differing", "max", "mean", "RMS", "p99"
+            "channel", "pixels", "max", "mean", "RMS", "p99"
         );
     }
     let main = image.main_depth().map(|(name, _)| name);
@@ -264,7 +298,7 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
             text,
             "  {:<12} {:>10} {:>12} {:>12} {:>12} {:>12}  {region}{}",
             on_one_line(&c.channel),
-            c.differing.count,
+            c.differing.count(),
             number(s.map(|s| s.max)),
             number(s.map(|s| s.mean)),
             number(s.map(|s| s.rms)),
@@ -277,10 +311,11 @@ fn image_text(prefix: &str, difference: &ImageDifference, image: &Image, within:
         );
     }
     for c in difference.label_confusion.iter().take(10) {
-        let _ = writeln!(text, "  label {} → {}: {}", c.was, c.is, phrasing::counted(c.pixels, "pixel"));
+        let _ = writeln!(text, "  {}", confusion_words(c, labels));
     }
     for (label, [a, b]) in difference.points_per_label.iter().filter(|(_, [a, b])| a != b) {
-        let _ = writeln!(text, "  label {label}: {a} → {}", phrasing::counted(*b, "point"));
+        let name = labels.get(label).map_or(String::new(), |name| format!(" {name:?}"));
+        let _ = writeln!(text, "  label {label}{name}: {a} → {}", phrasing::counted(*b, "point"));
     }
     text
 }
@@ -306,9 +341,10 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
             for field in fields.iter().filter(|field| field.max > 0.0) {
                 let _ = writeln!(
                     text,
-                    "  {:<12} {} differ, max {}, mean {}",
+                    "  {:<12} {} of {} differ, max {}, mean {}",
                     on_one_line(&field.field),
                     field.differing,
+                    phrasing::counted(a.points, "point"),
                     phrasing::digits(field.max),
                     phrasing::digits(field.mean)
                 );

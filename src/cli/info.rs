@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::facts;
 use super::job::SceneArgs;
+use super::json;
 use super::outline;
 use super::terminal::Terminal;
 use crate::error::Error;
@@ -51,7 +52,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         let mut json = serde_json::to_value(&file).map_err(|e| Error::output("stdout", e))?;
         json["outline"] = json!(outline);
         json["diagnostics"] = json!(warnings);
-        return terminal.json(&json);
+        return terminal.json(&json::INFO.of(json));
     }
     let name = path.to_string_lossy();
     let (json, text) = match Recorded::open(path, memory::of_machine().unwrap_or(u64::MAX))? {
@@ -68,7 +69,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         Recorded::Folder(folder) => folder_facts(&name, &folder),
     };
     if args.json {
-        return terminal.json(&json);
+        return terminal.json(&json::INFO.of(json));
     }
     let kind = json.get("kind").and_then(Value::as_str).unwrap_or_default();
     terminal.print(&format!("{}: {kind}\n{text}", plain(&name)))

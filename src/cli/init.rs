@@ -2,7 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use super::shell::presets_or;
 use super::terminal::Terminal;
+use clap::builder::StringValueParser;
+
 use crate::config::{load_preset, load_sensor, starter_job};
 use crate::error::Error;
 use crate::output::{check_file, write_file};
@@ -12,7 +15,8 @@ use crate::run::paths::seen_from;
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The sensor: one that comes with beamcast (see `beamcast presets`), or a sensor file
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "velodyne/vlp-16")]
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "velodyne/vlp-16",
+          value_parser = presets_or(StringValueParser::new()), hide_possible_values = true)]
     preset: String,
     /// The scene, .glb or .gltf
     #[arg(long, value_name = "FILE", default_value = "scene.glb")]

@@ -1,7 +1,10 @@
-//! Stopping on SIGINT, SIGTERM and SIGHUP, with nothing half-written.
+//! Stopping on SIGINT (Ctrl-C), SIGTERM and SIGHUP, with nothing half-written.
 
+use std::io::{self, Write};
 use std::sync::atomic::{AtomicI32, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, TryLockError};
+use std::thread;
+use std::time::Duration;
 
 use crate::error::Error;
 use crate::scan::Progress;
@@ -31,8 +34,7 @@ impl Interrupt {
     /// [`Error::Usage`] if the system refuses.
     pub fn watch() -> Result<Self, Error> {
         let interrupt = Self::default();
-        #[cfg(unix)]
-        unix::watch(interrupt.shared.clone())
+        system::watch(interrupt.shared.clone())
             .map_err(|e| Error::Usage(format!("signals can't be watched: {e}")))?;
         Ok(interrupt)
     }
@@ -60,49 +62,50 @@ impl Interrupt {
     }
 }
 
+/// The time that work has to end by itself.
+const GRACE: Duration = Duration::from_millis(700);
+
+/// The steps of waiting for a file that is being written, and their number.
+const STEP: Duration = Duration::from_millis(20);
+const PATIENCE: usize = 50;
+
+/// Starts a thread that waits for a signal, as `next` does, and then has the process end.
+fn spawn(shared: Arc<Shared>, next: impl FnOnce() -> Option<i32> + Send + 'static) -> io::Result<()> {
+    thread::Builder::new().name("signals".into()).spawn(move || {
+        let Some(signal) = next() else { return };
+        shared.signal.store(signal, Ordering::SeqCst);
+        shared.progress.cancelled.store(true, Ordering::Relaxed);
+        thread::sleep(GRACE);
+        // A file that is being written is finished first. One that takes longer, such as a pipe that nobody reads, is given up;
+        // it has no name yet.
+        for _ in 0..PATIENCE {
+            match shared.uncut.try_lock() {
+                Err(TryLockError::WouldBlock) => thread::sleep(STEP),
+                _ => break,
+            }
+        }
+        let error = Error::Interrupted { signal };
+        let _ = writeln!(io::stderr(), "error: {error}");
+        std::process::exit(error.exit_code().into());
+    })?;
+    Ok(())
+}
+
 #[cfg(unix)]
 mod unix {
-    use std::io::{self, Write};
-    use std::sync::atomic::Ordering;
-    use std::sync::{Arc, TryLockError};
-    use std::thread;
-    use std::time::Duration;
+    use std::io;
+    use std::sync::Arc;
 
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     use signal_hook::iterator::Signals;
 
-    use crate::cli::interrupt::Shared;
-    use crate::error::Error;
-
-    /// The time that work has to end by itself.
-    const GRACE: Duration = Duration::from_millis(700);
-
-    /// The steps of waiting for a file that is being written, and their number.
-    const STEP: Duration = Duration::from_millis(20);
-    const PATIENCE: usize = 50;
+    use crate::cli::interrupt::{Shared, spawn};
 
     pub fn watch(shared: Arc<Shared>) -> io::Result<()> {
         // A signal that is watched is no longer ignored, and whoever started the process with `nohup` wants it to go on.
         let hangup = (!is_ignored(SIGHUP)).then_some(SIGHUP);
         let mut signals = Signals::new([SIGINT, SIGTERM].into_iter().chain(hangup))?;
-        thread::Builder::new().name("signals".into()).spawn(move || {
-            let Some(signal) = signals.forever().next() else { return };
-            shared.signal.store(signal, Ordering::SeqCst);
-            shared.progress.cancelled.store(true, Ordering::Relaxed);
-            thread::sleep(GRACE);
-            // A file that is being written is finished first. One that takes longer, such as a pipe that nobody reads,
-            // is given up; it has no name yet.
-            for _ in 0..PATIENCE {
-                match shared.uncut.try_lock() {
-                    Err(TryLockError::WouldBlock) => thread::sleep(STEP),
-                    _ => break,
-                }
-            }
-            let error = Error::Interrupted { signal };
-            let _ = writeln!(io::stderr(), "error: {error}");
-            std::process::exit(error.exit_code().into());
-        })?;
-        Ok(())
+        spawn(shared, move || signals.forever().next())
     }
 
     /// Whether the process was started with a signal ignored. Linux tells; elsewhere no signal is known to be.
@@ -121,9 +124,40 @@ mod unix {
     }
 }
 
-#[cfg(unix)]
-pub use unix::outlive_file_limits;
-
-/// Does nothing where files have no such limit.
+/// Windows tells of Ctrl-C as SIGINT, but has nothing that a thread could wait on: a flag is looked at again and again.
 #[cfg(not(unix))]
-pub fn outlive_file_limits() {}
+mod elsewhere {
+    use std::io;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::thread;
+
+    use signal_hook::consts::{SIGINT, SIGTERM};
+
+    use crate::cli::interrupt::{STEP, Shared, spawn};
+
+    pub fn watch(shared: Arc<Shared>) -> io::Result<()> {
+        let came = Arc::new(AtomicUsize::new(0));
+        for signal in [SIGINT, SIGTERM] {
+            signal_hook::flag::register_usize(signal, Arc::clone(&came), signal as usize)?;
+        }
+        spawn(shared, move || {
+            loop {
+                match came.load(Ordering::SeqCst) {
+                    0 => thread::sleep(STEP),
+                    signal => return i32::try_from(signal).ok(),
+                }
+            }
+        })
+    }
+
+    /// Does nothing: files have no such limit.
+    pub fn outlive_file_limits() {}
+}
+
+#[cfg(not(unix))]
+use elsewhere as system;
+#[cfg(unix)]
+use unix as system;
+
+pub use system::outlive_file_limits;

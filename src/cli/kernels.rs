@@ -7,6 +7,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::job::SceneArgs;
+use super::json;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::kernels::{self, AIMS, DISTANCES_M, Figures, HIT_RATIOS};
@@ -46,7 +47,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     if args.json {
         let kernels: Vec<_> = all.iter().map(|f| Value::Object(columns(f).into_iter().collect())).collect();
         let triangles = scene.triangle_count();
-        terminal.json(&json!({ "rays": args.rays, "triangles": triangles, "kernels": kernels }))
+        terminal
+            .json(&json::KERNELS.of(json!({ "rays": args.rays, "triangles": triangles, "kernels": kernels })))
     } else if args.csv {
         terminal.data(&csv(&all))
     } else {

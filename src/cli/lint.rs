@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::facts;
 use super::job::{SceneArgs, heed};
+use super::json;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::run::facts::examine;
@@ -33,7 +34,8 @@ pub struct Args {
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let examined = examine(&args.paths, &args.scenes.allowed_folders);
     if args.json {
-        terminal.json(&serde_json::json!({ "files": examined.facts, "diagnostics": examined.problems }))?;
+        let content = serde_json::json!({ "files": examined.facts, "diagnostics": examined.problems });
+        terminal.json(&json::LINT.of(content))?;
     } else {
         terminal.print(&examined.facts.iter().map(facts::text).collect::<Vec<_>>().join("\n"))?;
     }

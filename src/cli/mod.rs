@@ -10,6 +10,7 @@ mod info;
 mod init;
 mod interrupt;
 mod job;
+mod json;
 mod kernels;
 mod lint;
 mod outline;

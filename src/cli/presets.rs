@@ -2,14 +2,18 @@
 
 use std::path::PathBuf;
 
+use clap::builder::StringValueParser;
 use serde_json::{Value, json};
 
 use super::facts::{grouped, tidy};
+use super::json;
+use super::shell::presets_or;
 use super::terminal::Terminal;
+use crate::check::phrasing::counted;
 use crate::config::{self, SensorFile, presets};
 use crate::error::Error;
 use crate::output::plot::{Dot, colour_of, scatter};
-use crate::output::{check_file, write_file};
+use crate::output::{Entry, check_file, ticks, with_legend, write_file};
 use crate::run::facts::SensorSizes;
 use crate::sensor::facts::SensorFacts;
 use crate::sensor::{Capture, Sensor, azimuth_elevation};
@@ -38,7 +42,7 @@ enum What {
     /// Print a sensor's file, or plot where its beams go
     Show {
         /// The sensor, such as ouster/os1-128
-        #[arg(value_name = "NAME")]
+        #[arg(value_name = "NAME", value_parser = presets_or(StringValueParser::new()), hide_possible_values = true)]
         name: String,
         /// Plot the directions of its beams into this file: azimuth by elevation, coloured by time
         #[arg(long, value_name = "FILE")]
@@ -75,7 +79,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         Some(What::Show { name, png: Some(path), frames, mode, overwrite }) => {
             let file = config::load_preset(name)?;
             let sensor = sensor_in(&file, name, mode.as_deref())?;
-            let plot = plot(sensor, *frames).map_err(|e| Error::output(path, e))?;
+            let title = mode.as_ref().map_or_else(|| name.clone(), |mode| format!("{name}, mode {mode}"));
+            let plot = plot(&title, sensor, *frames).map_err(|e| Error::output(path, e))?;
             check_file(path, *overwrite)?;
             write_file(path, &plot.0)?;
             terminal.say_lines(&plot.1);
@@ -107,13 +112,11 @@ fn list(as_json: bool, terminal: &Terminal) -> Result<(), Error> {
     for (name, _) in presets::BUILT_IN {
         files.push((*name, config::load_preset(name)?));
     }
-    let text = if as_json {
+    if as_json {
         let all: Vec<Value> = files.iter().map(|(name, file)| as_value(name, file)).collect();
-        format!("{:#}\n", json!({ "presets": all }))
-    } else {
-        as_table(&files)
-    };
-    terminal.data(&text)
+        return terminal.json(&json::PRESETS.of(json!({ "presets": all })));
+    }
+    terminal.data(&as_table(&files))
 }
 
 fn as_value(name: &str, file: &SensorFile) -> Value {
@@ -164,8 +167,8 @@ fn as_table(files: &[(&str, SensorFile)]) -> String {
     rows.iter().map(line).collect()
 }
 
-/// A picture of the directions of the pulses of `frames` frames, and a sentence about it.
-fn plot(sensor: &Sensor, frames: u32) -> Result<(Vec<u8>, String), String> {
+/// A picture of the directions of the pulses of `frames` frames with a legend, and a sentence about it.
+fn plot(title: &str, sensor: &Sensor, frames: u32) -> Result<(Vec<u8>, String), String> {
     let pattern = &sensor.pattern;
     let (rays, columns) = (pattern.rays(), pattern.columns());
     let total = rays * frames as usize;
@@ -183,7 +186,17 @@ fn plot(sensor: &Sensor, frames: u32) -> Result<(Vec<u8>, String), String> {
             dots.push(Dot { azimuth, elevation, colour: colour_of((capture.start_s + pulse.time_s) / end) });
         }
     }
-    let file = scatter(&dots).map_err(|e| e.to_string())?;
+    let picture = scatter(&dots).map_err(|e| e.to_string())?;
+    let title = format!("{title}: directions of {}", counted(frames as usize, "frame"));
+    let entries = [
+        Entry::Ramp {
+            name: "time, ms".to_owned(),
+            ticks: ticks(0.0, end * 1e3, false, 5),
+            colour: &colour_of,
+        },
+        Entry::Note("across: azimuth, left is positive; up: elevation; both in degrees".to_owned()),
+    ];
+    let file = with_legend(picture, &title, &entries).to_png().map_err(|e| e.to_string())?;
     let extent = |of: fn(&Dot) -> f64| {
         let ends =
             dots.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));

@@ -8,7 +8,8 @@ use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
 use super::job::{JobArgs, heed, load_scene, strictly};
-use super::terminal::Terminal;
+use super::json;
+use super::terminal::{Terminal, Writing};
 use super::threads;
 use crate::config::Job;
 use crate::error::Error;
@@ -53,6 +54,11 @@ impl Args {
     pub fn threads(&self) -> threads::Args {
         self.job.threads
     }
+
+    /// The JSON that is printed.
+    fn document(&self) -> json::Document {
+        if self.dry_run { json::SCAN_PLAN } else { json::SCAN }
+    }
 }
 
 /// Runs jobs, one after the other. The first error ends the run.
@@ -70,8 +76,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
     match summaries.as_slice() {
         _ if !args.json => Ok(()),
-        [alone] => terminal.json(alone),
-        several => terminal.json(&json!({ "jobs": several })),
+        [alone] => terminal.json(&args.document().of(alone.clone())),
+        several => terminal.json(&args.document().of(json!({ "jobs": several }))),
     }
 }
 
@@ -109,10 +115,15 @@ fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal)
     heed(&doubts, args.strict, terminal)?;
     diagnostics.extend(doubts);
     interrupt.uncut(|| journal.begin(&plan))?;
-    let casting = || cast_and_write(&session, &plan, &mut journal, interrupt);
-    let (seen, cast, write) = terminal.with_progress(plan.rays, interrupt.progress(), casting)?;
-    interrupt.check()?;
-    interrupt.uncut(|| journal.finish(&session))?;
+    let writing = Writing::of(plan.output_names().len() as u64);
+    let casting = || {
+        let seen = cast_and_write(&session, &plan, &mut journal, interrupt, &writing)?;
+        interrupt.check()?;
+        writing.file(|| interrupt.uncut(|| journal.finish(&session)))?;
+        Ok::<_, Error>(seen)
+    };
+    let (seen, cast, write) =
+        terminal.with_progress_and_files(plan.rays, interrupt.progress(), &writing, casting)?;
 
     let outputs = journal.written();
     for output in outputs {
@@ -151,6 +162,7 @@ fn cast_and_write(
     plan: &Plan,
     journal: &mut Journal,
     interrupt: &Interrupt,
+    progress: &Writing,
 ) -> Result<(Vec<Statistics>, Duration, Duration), Error> {
     let (mut seen, mut frame) = (Vec::new(), Frame::default());
     let (mut casting, mut writing) = (Duration::ZERO, Duration::ZERO);
@@ -165,9 +177,11 @@ fn cast_and_write(
         let sensor_frame = session.sensor_frame(item, &frame);
         let start = Instant::now();
         for output in &item.outputs {
-            let content = session.encode(output, &sensor_frame)?;
-            interrupt.check()?;
-            interrupt.uncut(|| journal.write(output, &content))?;
+            progress.file(|| {
+                let content = session.encode(output, &sensor_frame)?;
+                interrupt.check()?;
+                interrupt.uncut(|| journal.write(output, &content))
+            })?;
         }
         journal.add(&sensor_frame)?;
         writing += start.elapsed();

@@ -3,10 +3,13 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use clap::builder::PathBufValueParser;
 use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
+use super::json;
+use super::shell::presets_or;
 use super::terminal::Terminal;
 use crate::angle::Angle;
 use crate::config::{self, Config};
@@ -23,7 +26,7 @@ use crate::trace::methods::Method;
 pub struct Args {
     /// Built-in sensors, sensor files, or jobs, whose sensors are tested where they stand [default: one built-in sensor of
     /// each kind]
-    #[arg(value_name = "SENSOR|JOB")]
+    #[arg(value_name = "SENSOR|JOB", value_parser = presets_or(PathBufValueParser::new()), hide_possible_values = true)]
     paths: Vec<PathBuf>,
     /// Print JSON
     #[arg(long)]
@@ -65,7 +68,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 
     if args.json {
         let all: Vec<Value> = subjects.iter().zip(&reports).map(|(s, r)| as_json(s, r)).collect();
-        terminal.json(&json!({ "sensors": all }))?;
+        terminal.json(&json::SELFTEST.of(json!({ "sensors": all })))?;
     } else {
         let all: Vec<String> = subjects.iter().zip(&reports).map(|(s, r)| as_text(s, r)).collect();
         terminal.print(&all.join("\n"))?;

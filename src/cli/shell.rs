@@ -1,7 +1,46 @@
 //! `beamcast completions` and `beamcast man`: the command line, told to shells and to `man`.
 
+use std::ffi::OsStr;
+
+use clap::builder::{PossibleValue, TypedValueParser};
+
 use super::terminal::Terminal;
+use crate::config::presets;
 use crate::error::Error;
+
+/// A parser of arguments that takes what `parser` takes, and tells shells some words to complete.
+#[derive(Clone, Copy)]
+pub struct Suggesting<P> {
+    parser: P,
+    words: fn() -> Vec<&'static str>,
+}
+
+/// A parser that suggests words.
+pub fn suggesting<P>(parser: P, words: fn() -> Vec<&'static str>) -> Suggesting<P> {
+    Suggesting { parser, words }
+}
+
+/// A parser that suggests the built-in sensors.
+pub fn presets_or<P>(parser: P) -> Suggesting<P> {
+    suggesting(parser, || presets::BUILT_IN.iter().map(|(name, _)| *name).collect())
+}
+
+impl<P: TypedValueParser> TypedValueParser for Suggesting<P> {
+    type Value = P::Value;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<Self::Value, clap::Error> {
+        self.parser.parse_ref(command, argument, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new((self.words)().into_iter().map(PossibleValue::new)))
+    }
+}
 
 /// The arguments of `beamcast completions`.
 #[derive(Debug, clap::Args)]

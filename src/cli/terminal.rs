@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -173,18 +173,36 @@ impl Terminal {
 
     /// Works, with a progress bar over `rays` rays if stderr is a terminal.
     pub fn with_progress<T>(&self, rays: u64, progress: &Progress, work: impl FnOnce() -> T) -> T {
+        self.with_progress_and_files(rays, progress, &Writing::of(0), work)
+    }
+
+    /// Works, with a progress bar over `rays` rays if stderr is a terminal. While a file is written, it says which instead.
+    pub fn with_progress_and_files<T>(
+        &self,
+        rays: u64,
+        progress: &Progress,
+        writing: &Writing,
+        work: impl FnOnce() -> T,
+    ) -> T {
         if self.quiet || !io::stderr().is_terminal() {
             return work();
         }
         let bar = ProgressBar::new(rays);
-        let template = "casting {wide_bar} {percent:>3} % of {human_len} rays, {eta} left";
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style);
-        }
+        let style = |template| ProgressStyle::with_template(template).ok();
+        let casting = style("casting {wide_bar} {percent:>3} % of {human_len} rays, {eta} left");
+        let storing = style("{msg}");
         let done = AtomicBool::new(false);
         thread::scope(|scope| {
             let draw = || {
+                let mut shown = None;
                 while !done.load(Ordering::Relaxed) {
+                    let words = writing.words();
+                    if shown.as_ref() != Some(&words) {
+                        let style = if words.is_some() { &storing } else { &casting };
+                        style.iter().for_each(|style| bar.set_style(style.clone()));
+                        bar.set_message(words.clone().unwrap_or_default());
+                        shown = Some(words);
+                    }
                     bar.set_position(progress.rays_done.load(Ordering::Relaxed));
                     thread::sleep(Duration::from_millis(50));
                 }
@@ -195,6 +213,36 @@ impl Terminal {
             let _done = SetOnDrop(&done);
             work()
         })
+    }
+}
+
+/// The files that a run writes, as far as it has come.
+#[derive(Debug)]
+pub struct Writing {
+    files: u64,
+    begun: AtomicU64,
+    is_writing: AtomicBool,
+}
+
+impl Writing {
+    /// A run that will write so many files.
+    pub fn of(files: u64) -> Self {
+        Self { files, begun: AtomicU64::new(0), is_writing: AtomicBool::new(false) }
+    }
+
+    /// Writes the next file.
+    pub fn file<T>(&self, write: impl FnOnce() -> T) -> T {
+        self.begun.fetch_add(1, Ordering::Relaxed);
+        self.is_writing.store(true, Ordering::Relaxed);
+        let written = write();
+        self.is_writing.store(false, Ordering::Relaxed);
+        written
+    }
+
+    /// What to tell while a file is written: `writing 3 of 12 files`.
+    fn words(&self) -> Option<String> {
+        let begun = self.begun.load(Ordering::Relaxed);
+        self.is_writing.load(Ordering::Relaxed).then(|| format!("writing {begun} of {} files", self.files))
     }
 }
 
@@ -210,4 +258,18 @@ impl Drop for SetOnDrop<'_> {
 /// Writes a line to stderr. A stderr that is closed is no reason to stop.
 fn to_stderr(line: &str) {
     let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn writing_is_told_file_by_file_and_only_while_it_lasts() {
+        let writing = Writing::of(12);
+        assert_eq!(writing.words(), None);
+        let told: Vec<_> = (0..3).map(|_| writing.file(|| writing.words()).unwrap()).collect();
+        assert_eq!(told, ["writing 1 of 12 files", "writing 2 of 12 files", "writing 3 of 12 files"]);
+        assert_eq!(writing.words(), None, "casting goes on");
+    }
 }

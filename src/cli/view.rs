@@ -8,9 +8,9 @@ use super::terminal::Terminal;
 use crate::config::{self, Config, MountedSensor};
 use crate::error::Error;
 use crate::output::{check_file, write_file};
-use crate::run::{Bytes, Holding, Plan, Session, memory};
+use crate::run::{Bytes, Holding, Plan, Session, checking, memory};
 use crate::source::is_config;
-use crate::view::{View, of_recording, page};
+use crate::view::{Shown, View, of_recording, page};
 
 /// The arguments of `beamcast view`.
 #[derive(Debug, clap::Args)]
@@ -39,9 +39,12 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     if !to_stdout {
         check_file(&target, args.overwrite)?;
     }
-    let (views, note) = match is_config(&args.path) {
+    let (shown, note) = match is_config(&args.path) {
         true => (of_job(&args.path, &args.scenes, &interrupt, terminal)?, String::new()),
-        false => of_recording(&args.path, memory::for_recordings())?,
+        false => {
+            let (views, note) = of_recording(&args.path, memory::for_recordings())?;
+            (Shown { views, ..Shown::default() }, note)
+        }
     };
     interrupt.check()?;
     if !note.is_empty() {
@@ -49,7 +52,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
     let title =
         args.path.file_name().map_or_else(|| args.path.to_string_lossy(), |name| name.to_string_lossy());
-    let page = page::of_views(&title, &note, &views);
+    let page = page::of_views(&title, &note, &shown);
     if to_stdout {
         return terminal.data(&page);
     }
@@ -70,7 +73,7 @@ fn of_job(
     scenes: &SceneArgs,
     interrupt: &Interrupt,
     terminal: &Terminal,
-) -> Result<Vec<View>, Error> {
+) -> Result<Shown, Error> {
     let job = match config::load(path, &[])? {
         Config::Job(job) => *job,
         Config::Sensor(_) => {
@@ -86,13 +89,14 @@ fn of_job(
     interrupt.check()?;
     plan.check_scene(&scene)?;
     let session = Session::open(job, &scene);
+    let labels = session.label_names();
     let view = |item| {
         let frame = session.cast(item, interrupt.progress())?;
         let MountedSensor { name, sensor, .. } = session.sensor(item);
-        Some(View::of_frame(name, sensor, &frame, &scene))
+        Some(View::of_frame(name, sensor, &frame, &scene, &labels))
     };
     let cast = || plan.items.iter().filter_map(view).collect();
     let views = terminal.with_progress(plan.rays, interrupt.progress(), cast);
     interrupt.check()?;
-    Ok(views)
+    Ok(Shown { views, rig: checking::rig(&session) })
 }

@@ -59,6 +59,8 @@ pub struct Places {
     pub scene: Place,
     /// For each sensor what says where it stands: its pose, else the body's, else the sensor's table.
     pub sensors: Vec<Place>,
+    /// The table of each sensor.
+    pub tables: Vec<Place>,
     /// The expectations.
     pub expectations: Vec<Place>,
 }
@@ -102,6 +104,8 @@ pub struct OutputSettings {
     pub formats: Vec<Format>,
     /// The frame of the clouds.
     pub cloud_frame: CloudFrame,
+    /// Whether PNG previews have a legend.
+    pub legend: bool,
 }
 
 /// A sensor file on its own.

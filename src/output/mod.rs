@@ -10,7 +10,7 @@
 //! format         the declaration of a format; registry lists all of them
 //! exr ply png    the formats, with one file each
 //! plot           directions as dots, for previews of patterns that are no picture
-//! picture        pictures as PNG files
+//! picture        pictures: drawing, text, PNG files; legend: what their colours mean
 //! files          the output folder of a run, whose files are complete or absent
 //! whole          single files that are complete or absent, and claims on folders
 //! manifest       the record of a run
@@ -25,6 +25,7 @@ mod format;
 mod id;
 mod image;
 mod json;
+mod legend;
 mod manifest;
 mod names;
 mod picture;
@@ -45,9 +46,10 @@ pub use format::{EncodeError, FormatSpec, Kind, Stream};
 pub use id::{id_of, index_of};
 pub use image::{Channel, Image, Samples};
 pub use json::json_lines;
+pub use legend::{Entry, round_step, ticks, with_legend};
 pub use manifest::Manifest;
 pub use names::Names;
-pub use picture::encode_png;
+pub use picture::{LINE_COLOUR, NO_RETURN_COLOUR, Picture, Rgb, TEXT_COLOUR, text_width};
 pub use registry::{FORMATS, Format};
 pub use sensor_frame::{CloudFrame, SensorFrame};
 pub use whole::{check_file, write_file};

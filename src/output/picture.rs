@@ -1,19 +1,132 @@
-//! Pictures with 8 bits for each colour channel, as PNG files.
+//! Pictures with 8 bits for each colour channel: drawing on them, and writing them as PNG files.
+
+use font8x8::legacy::{BASIC_LEGACY, LATIN_LEGACY};
 
 use super::format::EncodeError;
 
+/// Red, green and blue.
+pub type Rgb = [u8; 3];
+
 /// The colour of a pixel without a return.
-pub(super) const NO_RETURN_COLOUR: [u8; 3] = [0x10, 0x10, 0x14];
+pub const NO_RETURN_COLOUR: Rgb = [0x10, 0x10, 0x14];
 
 /// The colour of a pixel whose beam is blocked nearer than the sensor's least range.
-pub(super) const TOO_NEAR_COLOUR: [u8; 3] = [0x4a, 0x0a, 0x14];
+pub(super) const TOO_NEAR_COLOUR: Rgb = [0x4a, 0x0a, 0x14];
 
-/// A PNG of a picture with 8 bits for each colour channel: red, green and blue, row by row.
-///
-/// # Errors
-/// An error if a side is 0 or larger than a PNG allows.
-pub fn encode_png(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, EncodeError> {
-    write(width, height, pixels).map_err(|e| EncodeError::new(format!("the PNG can't be encoded: {e}")))
+/// The colour of text on [`NO_RETURN_COLOUR`].
+pub const TEXT_COLOUR: Rgb = [0xe0, 0xe0, 0xe6];
+
+/// The colour of lines on [`NO_RETURN_COLOUR`] that are less important than text.
+pub const LINE_COLOUR: Rgb = [0x70, 0x70, 0x7a];
+
+/// The height and the width of a character at size 1, in pixels.
+pub const CHARACTER: usize = 8;
+
+/// A picture with 8 bits for each colour channel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// The width in pixels.
+    pub width: usize,
+    /// The height in pixels.
+    pub height: usize,
+    /// The pixels as red, green and blue, row by row.
+    pub pixels: Vec<u8>,
+}
+
+impl Picture {
+    /// A picture of one colour.
+    pub fn new(width: usize, height: usize, colour: Rgb) -> Self {
+        Self { width, height, pixels: colour.repeat(width * height) }
+    }
+
+    /// Sets a pixel. A position outside of the picture is passed over.
+    pub fn set(&mut self, x: i64, y: i64, colour: Rgb) {
+        let side = |at: i64, size: usize| usize::try_from(at).ok().filter(|at| *at < size);
+        if let (Some(x), Some(y)) = (side(x, self.width), side(y, self.height)) {
+            let at = 3 * (y * self.width + x);
+            self.pixels[at..at + 3].copy_from_slice(&colour);
+        }
+    }
+
+    /// Fills a rectangle.
+    pub fn fill(&mut self, (x, y): (i64, i64), (width, height): (usize, usize), colour: Rgb) {
+        // Only what is inside takes time.
+        let inside = |from: i64, size: usize, all: usize| {
+            from.clamp(0, all as i64)..from.saturating_add_unsigned(size as u64).clamp(0, all as i64)
+        };
+        for y in inside(y, height, self.height) {
+            for x in inside(x, width, self.width) {
+                self.set(x, y, colour);
+            }
+        }
+    }
+
+    /// Draws a line, both ends included.
+    pub fn line(&mut self, (x0, y0): (i64, i64), (x1, y1): (i64, i64), colour: Rgb) {
+        let steps = (x1 - x0).abs().max((y1 - y0).abs()).max(1);
+        // A line that leads far out of the picture takes no more time than the picture is large.
+        if steps > 4 * (self.width + self.height) as i64 {
+            return;
+        }
+        for step in 0..=steps {
+            let at = |a: i64, b: i64| a + ((b - a) * step + (b - a).signum() * steps / 2) / steps;
+            self.set(at(x0, x1), at(y0, y1), colour);
+        }
+    }
+
+    /// Draws another picture with its upper left corner at a position.
+    pub fn paste(&mut self, (x, y): (usize, usize), other: &Self) {
+        let width = other.width.min(self.width.saturating_sub(x));
+        for row in 0..other.height.min(self.height.saturating_sub(y)) {
+            let (from, to) = (3 * row * other.width, 3 * ((y + row) * self.width + x));
+            self.pixels[to..to + 3 * width].copy_from_slice(&other.pixels[from..from + 3 * width]);
+        }
+    }
+
+    /// Writes text with its upper left corner at a position. `size` is the number of pixels each way for a pixel of the font.
+    pub fn text(&mut self, (x, y): (i64, i64), text: &str, size: usize, colour: Rgb) {
+        for (index, c) in text.chars().enumerate() {
+            let left = x + (index * CHARACTER * size) as i64;
+            for (row, bits) in glyph(c).into_iter().enumerate() {
+                for column in (0..CHARACTER).filter(|column| bits >> column & 1 == 1) {
+                    let at = (left + (column * size) as i64, y + (row * size) as i64);
+                    self.fill(at, (size, size), colour);
+                }
+            }
+        }
+    }
+}
+
+/// The width of a text in pixels.
+pub fn text_width(text: &str, size: usize) -> usize {
+    text.chars().count() * CHARACTER * size
+}
+
+/// The rows of a character; the lowest bit of a row is on the left. A character that the font lacks is a question mark.
+fn glyph(c: char) -> [u8; 8] {
+    let known = match c {
+        '−' | '–' => '-',
+        '“' | '”' => '"',
+        '’' => '\'',
+        c => c,
+    };
+    match u32::from(known) as usize {
+        code @ 0x20..0x7f => BASIC_LEGACY[code],
+        code @ 0xa0..=0xff => LATIN_LEGACY[code - 0xa0],
+        _ => BASIC_LEGACY['?' as usize],
+    }
+}
+
+impl Picture {
+    /// The picture as a PNG.
+    ///
+    /// # Errors
+    /// An error if a side is 0 or larger than a PNG allows.
+    pub fn to_png(&self) -> Result<Vec<u8>, EncodeError> {
+        let Self { width, height, pixels } = self;
+        let file = write(*width, *height, pixels);
+        file.map_err(|e| EncodeError::new(format!("the PNG can't be encoded: {e}")))
+    }
 }
 
 fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
@@ -26,4 +139,42 @@ fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::Enc
     writer.write_image_data(pixels)?;
     writer.finish()?;
     Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INK: Rgb = [255; 3];
+
+    fn lit(picture: &Picture) -> Vec<(usize, usize)> {
+        let all = (0..picture.width * picture.height).filter(|i| picture.pixels[3 * i] == 255);
+        all.map(|i| (i % picture.width, i / picture.width)).collect()
+    }
+
+    #[test]
+    fn what_is_drawn_outside_is_left_out() {
+        let mut picture = Picture::new(4, 3, [0; 3]);
+        picture.set(-1, 0, INK);
+        picture.set(0, 3, INK);
+        picture.fill((-5, 2), (6, usize::MAX / 2), INK);
+        picture.line((3, -2), (3, 0), INK);
+        picture.line((0, 0), (i64::MAX / 4, 0), INK);
+        picture.paste((3, 2), &Picture::new(9, 9, INK));
+        picture.text((-100, -100), "out", 3, INK);
+        assert_eq!(lit(&picture), [(3, 0), (0, 2), (3, 2)]);
+    }
+
+    #[test]
+    fn text_is_as_wide_as_it_says_and_has_the_signs_of_units() {
+        for text in ["0", "−12.5 °", "µs × ³ é"] {
+            let width = text_width(text, 2);
+            let mut picture = Picture::new(width, 16, [0; 3]);
+            picture.text((0, 0), text, 2, INK);
+            assert!(lit(&picture).iter().any(|(x, _)| *x >= width - 2 * CHARACTER), "{text}");
+        }
+        assert_eq!(glyph('−'), glyph('-'));
+        assert_eq!(glyph('漢'), glyph('?'));
+        assert_ne!(glyph('°'), glyph('?'));
+    }
 }

@@ -1,7 +1,7 @@
 //! Scatter plots of directions as the sensor sees them: azimuth grows to the left, elevation grows upward.
 
 use super::format::EncodeError;
-use super::picture::{NO_RETURN_COLOUR, encode_png};
+use super::picture::{NO_RETURN_COLOUR, Picture, Rgb};
 use crate::angle::Angle;
 
 /// A direction and its colour.
@@ -11,8 +11,8 @@ pub struct Dot {
     pub azimuth: Angle,
     /// The elevation, positive upward.
     pub elevation: Angle,
-    /// The colour as red, green and blue.
-    pub colour: [u8; 3],
+    /// The colour.
+    pub colour: Rgb,
 }
 
 /// The largest size of a plot in pixels, without its margins.
@@ -24,20 +24,20 @@ const MARGIN: (usize, usize) = (44, 24);
 /// Pixels to the right of the plot and above it.
 const EDGE: usize = 16;
 
-const INK: [u8; 3] = [0xb0, 0xb0, 0xb8];
-const GRID: [u8; 3] = [0x2c, 0x2c, 0x34];
+const INK: Rgb = [0xb0, 0xb0, 0xb8];
+const GRID: Rgb = [0x2c, 0x2c, 0x34];
 
 /// The colour of a fraction of a scale, 0 to 1, in the Turbo colour map from blue to red.
-pub fn colour_of(part: f64) -> [u8; 3] {
+pub fn colour_of(part: f64) -> Rgb {
     let colour = colorous::TURBO.eval_continuous(0.06 + 0.86 * part.clamp(0.0, 1.0));
     [colour.r, colour.g, colour.b]
 }
 
-/// A PNG of `dots` with degrees at its axes. A degree is as tall as it is wide. Later dots cover earlier ones.
+/// A picture of `dots` with degrees at its axes. A degree is as tall as it is wide. Later dots cover earlier ones.
 ///
 /// # Errors
 /// An error if there are no dots.
-pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
+pub fn scatter(dots: &[Dot]) -> Result<Picture, EncodeError> {
     let span = |of: &dyn Fn(&Dot) -> f64| {
         dots.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)))
     };
@@ -54,7 +54,7 @@ pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
     let y = |degrees: f64| ((elevation.1 - degrees) * scale).round() as usize;
     for tick in ticks(azimuth, scale) {
         canvas.vertical(x(tick));
-        canvas.label(&label(tick), MARGIN.0 + x(tick), canvas.height - MARGIN.1 + 8, Align::Middle);
+        canvas.label(&label(tick), MARGIN.0 + x(tick), canvas.picture.height - MARGIN.1 + 8, Align::Middle);
     }
     for tick in ticks(elevation, scale) {
         canvas.horizontal(y(tick));
@@ -65,7 +65,7 @@ pub fn scatter(dots: &[Dot]) -> Result<Vec<u8>, EncodeError> {
     for dot in dots {
         canvas.dot(x(dot.azimuth.degrees()), y(dot.elevation.degrees()), size, dot.colour);
     }
-    encode_png(canvas.width, canvas.height, &canvas.pixels)
+    Ok(canvas.picture)
 }
 
 /// Round numbers of degrees in a range, at least 40 pixels apart.
@@ -89,38 +89,33 @@ enum Align {
 }
 
 struct Canvas {
-    width: usize,
-    height: usize,
-    pixels: Vec<u8>,
+    picture: Picture,
 }
 
 impl Canvas {
     /// An empty canvas for a plot of `columns` by `rows` pixels and its margins.
     fn new(columns: usize, rows: usize) -> Self {
         let (width, height) = (columns + MARGIN.0 + EDGE, rows + MARGIN.1 + EDGE);
-        Self { width, height, pixels: NO_RETURN_COLOUR.repeat(width * height) }
+        Self { picture: Picture::new(width, height, NO_RETURN_COLOUR) }
     }
 
-    fn set(&mut self, x: usize, y: usize, colour: [u8; 3]) {
-        if x < self.width && y < self.height {
-            let at = 3 * (y * self.width + x);
-            self.pixels[at..at + 3].copy_from_slice(&colour);
-        }
+    fn set(&mut self, x: usize, y: usize, colour: Rgb) {
+        self.picture.set(x as i64, y as i64, colour);
     }
 
     /// Draws a dot of `size` by `size` pixels at a position of the plot.
-    fn dot(&mut self, x: usize, y: usize, size: usize, colour: [u8; 3]) {
+    fn dot(&mut self, x: usize, y: usize, size: usize, colour: Rgb) {
         for (dx, dy) in (0..size).flat_map(|dx| (0..size).map(move |dy| (dx, dy))) {
             self.set(MARGIN.0 + x + dx, EDGE + y + dy, colour);
         }
     }
 
     fn vertical(&mut self, x: usize) {
-        (EDGE..self.height - MARGIN.1).for_each(|y| self.set(MARGIN.0 + x, y, GRID));
+        (EDGE..self.picture.height - MARGIN.1).for_each(|y| self.set(MARGIN.0 + x, y, GRID));
     }
 
     fn horizontal(&mut self, y: usize) {
-        (MARGIN.0..self.width - EDGE).for_each(|x| self.set(x, EDGE + y, GRID));
+        (MARGIN.0..self.picture.width - EDGE).for_each(|x| self.set(x, EDGE + y, GRID));
     }
 
     /// Writes a number, with two pixels of the canvas for each pixel of the font. (x, y) is the top of the text, at its
@@ -173,11 +168,7 @@ mod tests {
             colour,
         };
         let dots = [dot(20.0, 5.0, [1, 0, 0]), dot(-20.0, -5.0, [2, 0, 0])];
-        let file = scatter(&dots).unwrap();
-        let mut reader = png::Decoder::new(std::io::Cursor::new(&file)).read_info().unwrap();
-        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-        let info = reader.next_frame(&mut pixels).unwrap();
-        let (width, height) = (info.width as usize, info.height as usize);
+        let Picture { width, height, pixels } = scatter(&dots).unwrap();
         // 40° take 1500 pixels, so 10° take 375.
         assert_eq!((width, height), (1501 + MARGIN.0 + EDGE, 376 + MARGIN.1 + EDGE));
         let at = |x: usize, y: usize| pixels[3 * (y * width + x)];

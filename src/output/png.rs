@@ -1,7 +1,8 @@
 //! Colour previews for people.
 
 use super::format::{EncodeError, FormatSpec, Kind};
-use super::picture::{NO_RETURN_COLOUR, TOO_NEAR_COLOUR, encode_png};
+use super::legend::{Entry, ticks, with_legend};
+use super::picture::{NO_RETURN_COLOUR, Picture, Rgb, TOO_NEAR_COLOUR};
 use super::plot::{Dot, scatter};
 use super::sensor_frame::SensorFrame;
 use crate::scan::Cause;
@@ -52,7 +53,33 @@ fn encode(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
             pixels.extend_from_within(start..end);
         }
     }
-    encode_png(frame.columns(), frame.rows() * stretch, &pixels)
+    let picture = Picture { width: frame.columns(), height: frame.rows() * stretch, pixels };
+    finished(preview, picture, &scale, NO_RETURN_COLOUR)
+}
+
+/// The file of a picture, with a legend if it is wanted.
+fn finished(
+    preview: &SensorFrame,
+    picture: Picture,
+    scale: &Scale,
+    no_return: Rgb,
+) -> Result<Vec<u8>, EncodeError> {
+    if !preview.legend {
+        return picture.to_png();
+    }
+    let colour = |part: f64| scale.colour(scale.near * libm::exp(scale.log_far_over_near * part));
+    let mut entries = vec![
+        Entry::Ramp {
+            name: "range, m".to_owned(),
+            ticks: ticks(scale.near, scale.near * libm::exp(scale.log_far_over_near), true, 8),
+            colour: &colour,
+        },
+        Entry::Swatch(no_return, "no return".to_owned()),
+    ];
+    if !preview.capture.sensor.pattern.is_image() {
+        entries.push(Entry::Note("azimuth (left is positive) and elevation in degrees".to_owned()));
+    }
+    with_legend(picture, preview.name, &entries).to_png()
 }
 
 /// The range of each pixel's first return, row by row.
@@ -76,7 +103,8 @@ fn scattered(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
         dots.push((range_m.unwrap_or(f64::INFINITY), Dot { azimuth, elevation, colour }));
     }
     dots.sort_by(|a, b| b.0.total_cmp(&a.0));
-    scatter(&dots.into_iter().map(|(_, dot)| dot).collect::<Vec<_>>())
+    let picture = scatter(&dots.into_iter().map(|(_, dot)| dot).collect::<Vec<_>>())?;
+    finished(preview, picture, &scale, MISS_COLOUR)
 }
 
 /// The colour of a pixel without a return, which is `usual` for most causes.
@@ -85,7 +113,7 @@ fn miss_colour(cause: Cause, usual: [u8; 3]) -> [u8; 3] {
 }
 
 /// The colour of a direction without a return, in a plot whose background is [`NO_RETURN_COLOUR`].
-const MISS_COLOUR: [u8; 3] = [0x3a, 0x3a, 0x42];
+const MISS_COLOUR: Rgb = [0x3a, 0x3a, 0x42];
 
 /// The number of times that each row is repeated. A LiDAR has far fewer beams than firings. With its rows repeated, a
 /// degree is about as tall as it is wide, so that a person recognises the scene.
@@ -128,7 +156,7 @@ impl Scale {
         Self { near, log_far_over_near: libm::log(far / near) }
     }
 
-    fn colour(&self, range: f64) -> [u8; 3] {
+    fn colour(&self, range: f64) -> Rgb {
         let t = match self.log_far_over_near {
             0.0 => 0.5,
             log => (libm::log(range / self.near) / log).clamp(0.0, 1.0),

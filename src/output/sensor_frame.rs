@@ -32,6 +32,8 @@ pub struct SensorFrame<'a> {
     pub cloud_frame: CloudFrame,
     /// The names behind the frame's ids.
     pub names: Names<'a>,
+    /// Whether previews have a legend.
+    pub legend: bool,
 }
 
 impl SensorFrame<'_> {

@@ -4,13 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::check::{
-    Baseline, Changes, MAX_PIXEL_BYTES, Outcome, SensorRecord, Settings, Snapshot, StoredPixels, judge,
+    Baseline, Changes, Failure, MAX_PIXEL_BYTES, Outcome, SensorOutcome, SensorRecord, Settings, Snapshot,
+    StoredPixels, judge,
 };
 use crate::config::Job;
 use crate::error::{Error, Problem};
 use crate::output::{CHANNEL_NAMES, Destination};
 use crate::scene::Scene;
-use crate::source::{Unreadable, read_file};
+use crate::source::{Place, Unreadable, read_file};
 
 /// The largest `baseline.json` that is read, and written: that of a street has some 10 kB, and one of a hundred thousand
 /// beams has 4 MB.
@@ -42,6 +43,12 @@ fn accept_command(job: &Job) -> String {
     format!("`beamcast check --accept {}` accepts the job as it is now", job.path.display())
 }
 
+/// The table of a sensor in the job.
+fn written_at(job: &Job, sensor: &str) -> Option<Place> {
+    let index = job.sensors.iter().position(|mounted| mounted.name == sensor)?;
+    job.places.tables.get(index).cloned()
+}
+
 /// Compares what was taken of a job's frames with the job's baseline, and adds the result to the outcome.
 pub fn compare(job: &Job, scene: &Scene, taken: &[Snapshot], outcome: &mut Outcome) {
     let folder = folder_of(&job.path);
@@ -54,7 +61,7 @@ pub fn compare(job: &Job, scene: &Scene, taken: &[Snapshot], outcome: &mut Outco
     };
     let baseline = match baseline {
         Ok(baseline) => baseline,
-        Err(problem) => return outcome.problems.push(format!("{problem}; {command}")),
+        Err(problem) => return outcome.problems.push(format!("{problem}; {command}").into()),
     };
     let records: Vec<SensorRecord> = taken.iter().map(|taken| taken.record.clone()).collect();
     let changes = Changes::between(&baseline, &Baseline::of(&job.resolved, scene, records));
@@ -64,7 +71,10 @@ pub fn compare(job: &Job, scene: &Scene, taken: &[Snapshot], outcome: &mut Outco
     for taken in taken {
         let name = &taken.record.name;
         let Some(accepted) = baseline.sensors.iter().find(|record| record.name == *name) else {
-            outcome.problems.push(format!("the baseline has no sensor {name}; {command}"));
+            outcome.problems.push(Failure {
+                sentence: format!("the baseline has no sensor {name}; {command}"),
+                place: written_at(job, name),
+            });
             continue;
         };
         let pixels = folder.join(Baseline::pixels_name(name));
@@ -75,14 +85,15 @@ pub fn compare(job: &Job, scene: &Scene, taken: &[Snapshot], outcome: &mut Outco
             let kept = is_known.then(|| StoredPixels::unpack(&read, accepted)).flatten();
             kept.ok_or_else(|| format!("{} is not what was accepted", pixels.display()).into())
         };
-        outcome.sensors.push(judge(taken, accepted, kept, settings, &changes, &command));
+        let judged = judge(taken, accepted, kept, settings, &changes, &command);
+        outcome.sensors.push(SensorOutcome { written_at: written_at(job, name), ..judged });
     }
     for accepted in &baseline.sensors {
         if !taken.iter().any(|taken| taken.record.name == accepted.name) {
             let name = &accepted.name;
             outcome
                 .problems
-                .push(format!("the job has no sensor {name} any more, the baseline does; {command}"));
+                .push(format!("the job has no sensor {name} any more, the baseline does; {command}").into());
         }
     }
 }

@@ -9,22 +9,22 @@ use super::memory::{self, Holding};
 use super::paths::configs_in;
 use super::plan::Plan;
 use super::session::Session;
-use crate::check::expect::{Expected, Ground, Seen, Zone};
-use crate::check::{Outcome, Picture, Snapshot, Verdict, coverage_map};
-use crate::config::{self, Config, Job};
+use crate::check::expect::{Expected, Seen, Zone};
+use crate::check::{ExpectationOutcome, Failure, GroundMap, Outcome, Snapshot, Vehicle, Verdict};
+use crate::config::{self, Config, Job, MountedSensor};
 use crate::error::Error;
 use crate::frame::UpAxis;
 use crate::output::SensorFrame;
 use crate::scan::Frame;
-use crate::source::Diagnostic;
-use crate::view::View;
+use crate::source::{Diagnostic, Place};
+use crate::view::{Mounted, Rig, Shown, View};
 
 /// A job on its way from its file to its outcome.
 pub struct Checked {
     /// The outcome so far.
     pub outcome: Outcome,
-    /// The views of the job's frames, for the HTML page. Empty if there is no page.
-    pub views: Vec<View>,
+    /// What the HTML page shows of the job. Empty if there is no page.
+    pub shown: Shown,
     /// How far the job has come.
     pub state: State,
 }
@@ -42,19 +42,27 @@ pub enum State {
 impl Checked {
     /// The outcome of a job that can't be run.
     pub fn broken(name: String, error: Error) -> Self {
+        let failure =
+            |problem: &Diagnostic| Failure { sentence: problem.sentence(), place: Some(problem.place()) };
         let problems = match &error {
-            Error::Config(problems) | Error::Inputs(problems) => {
-                problems.iter().map(ToString::to_string).collect()
-            }
-            other => vec![other.to_string()],
+            Error::Config(problems) | Error::Inputs(problems) => problems.iter().map(failure).collect(),
+            other => vec![other.to_string().into()],
         };
         let outcome = Outcome { job: name, verdict: Verdict::Broken, problems, ..Outcome::default() };
-        Self { outcome, views: Vec::new(), state: State::Broken(error) }
+        Self { outcome, shown: Shown::default(), state: State::Broken(error) }
     }
 
     /// Makes a job one that can't be run.
     pub fn fail(&mut self, error: Error) {
         *self = Self::broken(std::mem::take(&mut self.outcome.job), error);
+    }
+
+    /// Makes a job one that can't be run, because of what is written at a place in it.
+    pub fn fail_at(&mut self, place: Place, error: Error) {
+        self.fail(error);
+        self.outcome.problems.iter_mut().for_each(|problem| {
+            problem.place.get_or_insert_with(|| place.clone());
+        });
     }
 
     /// The plan of a job that can be run.
@@ -123,7 +131,7 @@ pub fn find(paths: &[PathBuf], overrides: &[String], accepts: bool, page: bool) 
             found.jobs.push(match plan {
                 Ok(plan) => {
                     let outcome = Outcome { job: name, ..Outcome::default() };
-                    Checked { outcome, views: Vec::new(), state: State::Ready(Box::new(job), plan) }
+                    Checked { outcome, shown: Shown::default(), state: State::Ready(Box::new(job), plan) }
                 }
                 Err(error) => Checked::broken(name, error),
             });
@@ -198,6 +206,8 @@ pub struct Run<'r> {
     plan: &'r Plan,
     frames: &'r [Frame],
     seen_by: Vec<SensorFrame<'r>>,
+    /// What the labels stand for, in words.
+    labels: BTreeMap<u32, String>,
     rays_per_s: f64,
 }
 
@@ -206,11 +216,17 @@ impl<'r> Run<'r> {
     pub fn new(session: &'r Session, plan: &'r Plan, frames: &'r [Frame], seconds: f64) -> Self {
         let rays: usize = frames.iter().map(Frame::pixels).sum();
         let seen_by = plan.items.iter().zip(frames).map(|(item, frame)| session.sensor_frame(item, frame));
-        Self { session, plan, frames, seen_by: seen_by.collect(), rays_per_s: rays as f64 / seconds }
+        let labels = session.label_names();
+        Self { session, plan, frames, seen_by: seen_by.collect(), labels, rays_per_s: rays as f64 / seconds }
     }
 
     fn seen(&self) -> Seen<'_> {
-        Seen { scene: self.session.scene(), frames: &self.seen_by, rays_per_s: Some(self.rays_per_s) }
+        Seen {
+            scene: self.session.scene(),
+            labels: &self.labels,
+            frames: &self.seen_by,
+            rays_per_s: Some(self.rays_per_s),
+        }
     }
 
     /// Holds the frames to the job's expectations and, if there is one or should be one, to the baseline.
@@ -240,7 +256,13 @@ impl<'r> Run<'r> {
     fn expect(&self, outcome: &mut Outcome) {
         let seen = self.seen();
         let expectations = &self.session.job.expectations;
-        outcome.expectations = expectations.iter().map(|expectation| expectation.examine(&seen)).collect();
+        let places = self.session.job.places.expectations.iter().map(|place| Some(place.clone()));
+        let places = places.chain(std::iter::repeat(None));
+        let examined = expectations
+            .iter()
+            .zip(places)
+            .map(|(expectation, written_at)| ExpectationOutcome { written_at, ..expectation.examine(&seen) });
+        outcome.expectations = examined.collect();
     }
 
     /// The names of the sensors whose frames have no return.
@@ -251,30 +273,53 @@ impl<'r> Run<'r> {
     }
 
     fn taken(&self) -> Vec<Snapshot> {
-        self.seen_by.iter().map(|frame| Snapshot::of(frame, self.session.scene())).collect()
+        self.seen_by.iter().map(|frame| Snapshot::of(frame, self.session.scene(), &self.labels)).collect()
     }
 
-    /// A map of the ground that the rig sees: in the zone of the job's own expectation of coverage, or 20 m each way.
-    pub fn coverage(&self) -> Picture {
-        let own = self.session.job.expectations.iter().find_map(|expectation| match &expectation.what {
+    /// The ground that the rig sees: in the zone of the job's own expectation of coverage, or 20 m each way.
+    pub fn ground(&self) -> GroundMap {
+        let expected = self.session.job.expectations.iter().map(|expectation| &expectation.what);
+        let own = expected.clone().find_map(|what| match what {
             Expected::Coverage { zone, .. } => Some(zone.clone()),
             _ => None,
         });
+        let ground = expected.clone().find_map(|what| match what {
+            Expected::BlindZone { ground, .. } => Some(ground.clone()),
+            _ => None,
+        });
         let zone = own.unwrap_or_else(|| Zone {
-            ground: Ground::default(),
+            ground: ground.unwrap_or_default(),
             x_m: [-20.0, 20.0],
             y_m: [-20.0, 20.0],
             cell_m: 0.1,
         });
-        coverage_map(&self.seen(), &zone)
+        GroundMap::of(&self.seen(), zone, vehicle(self.session).as_ref())
     }
 
-    /// The frames as the page shows them.
-    pub fn views(&self) -> Vec<View> {
-        let sensors = self.plan.items.iter().map(|item| self.session.sensor(item));
-        let view = |(mounted, frame): (&config::MountedSensor, &Frame)| {
-            View::of_frame(&mounted.name, &mounted.sensor, frame, self.session.scene())
+    /// What the page shows of the job.
+    pub fn shown(&self) -> Shown {
+        let mounted = self.plan.items.iter().map(|item| self.session.sensor(item));
+        let view = |(mounted, frame): (&MountedSensor, &Frame)| {
+            View::of_frame(&mounted.name, &mounted.sensor, frame, self.session.scene(), &self.labels)
         };
-        sensors.zip(self.frames).map(view).collect()
+        let views = mounted.zip(self.frames).map(view).collect();
+        let ground = Some(self.ground()).filter(|map| map.share() > 0.0);
+        Shown { views, rig: Rig { ground, ..rig(self.session) } }
     }
+}
+
+/// The rig of a session with its vehicle, without the ground.
+pub fn rig(session: &Session) -> Rig {
+    let sensors = session.job.sensors.iter();
+    let sensors = sensors.map(|s| Mounted::of(&s.name, &s.sensor, s.body_from_sensor)).collect();
+    Rig { sensors, vehicle: vehicle(session), ground: None }
+}
+
+/// The vehicle: what no beam should hit, if the job says so.
+fn vehicle(session: &Session) -> Option<Vehicle> {
+    let body = session.job.expectations.iter().find_map(|expectation| match &expectation.what {
+        Expected::Unobstructed { body, .. } => Some(body),
+        _ => None,
+    })?;
+    Vehicle::find(session.scene(), body, &session.job.trajectory.pose_at(0.0))
 }

@@ -61,6 +61,23 @@ pub fn seen_from(folder: &Path, file: &Path) -> String {
     if cfg!(windows) { text.replace('\\', "/") } else { text.into_owned() }
 }
 
+/// The name of a file in its repository, as git has it: from the nearest folder above it that has a `.git`, or else from
+/// `workspace`, with forward slashes. A file that is in neither keeps its name, without a leading `./`.
+pub fn in_repository(file: &Path, workspace: Option<&Path>) -> String {
+    let whole = fs::canonicalize(file).ok();
+    let in_root = || {
+        let whole = whole.as_deref()?;
+        // `.git` is a file in a worktree or a submodule.
+        let root =
+            whole.ancestors().skip(1).find(|folder| folder.join(".git").exists()).map(Path::to_path_buf);
+        let root = root.or_else(|| fs::canonicalize(workspace?).ok())?;
+        whole.strip_prefix(root).ok()
+    };
+    let named = in_root().unwrap_or(file);
+    let parts = named.components().filter(|part| *part != Component::CurDir);
+    parts.collect::<PathBuf>().to_string_lossy().replace(std::path::MAIN_SEPARATOR, "/")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,6 +93,27 @@ mod tests {
         for outside in [std::env::temp_dir().join("a"), Path::new("src/../../a").to_path_buf()] {
             assert_eq!(tidy(&outside), outside);
         }
+    }
+
+    #[test]
+    fn a_file_is_named_as_git_has_it() {
+        let tmp = tempfile::tempdir().unwrap();
+        let repository = tmp.path().join("repository");
+        let nested = repository.join("nested");
+        fs::create_dir_all(nested.join("jobs")).unwrap();
+        for file in [repository.join("rig.toml"), nested.join("jobs/rig.toml"), tmp.path().join("rig.toml")] {
+            fs::write(file, "").unwrap();
+        }
+        let name = |file: PathBuf, workspace: Option<&Path>| in_repository(&file, workspace);
+        // Without git, GitHub's workspace is what names are relative to.
+        assert_eq!(name(nested.join("jobs/rig.toml"), Some(&repository)), "nested/jobs/rig.toml");
+        fs::create_dir(repository.join(".git")).unwrap();
+        assert_eq!(name(repository.join("./rig.toml"), None), "rig.toml");
+        assert_eq!(name(nested.join("jobs/../jobs/rig.toml"), Some(tmp.path())), "nested/jobs/rig.toml");
+        // A worktree or a submodule has a file named .git, and is a repository of its own.
+        fs::write(nested.join(".git"), "gitdir: elsewhere").unwrap();
+        assert_eq!(name(nested.join("jobs/rig.toml"), Some(&repository)), "jobs/rig.toml");
+        assert_eq!(in_repository(Path::new("./no such/rig.toml"), None), "no such/rig.toml");
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! A job with its scene and its tracer, which casts the job's frames.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::extent::extent;
 use super::paths::tidy;
 use super::plan::{Item, Output};
-use crate::config::{Job, MountedSensor};
+use crate::config::{Job, MountedSensor, OutputSettings};
 use crate::error::{Error, SceneError};
 use crate::output::{Names, SensorFrame};
 use crate::plausibility;
@@ -78,6 +79,11 @@ impl Session {
         plausibility::of_job(&self.job, self.scene(), extent(self.scene()), &self.tracer)
     }
 
+    /// What the labels of the scene stand for, in words.
+    pub fn label_names(&self) -> BTreeMap<u32, String> {
+        self.scene().geometry.label_names(&self.job.labels)
+    }
+
     /// The sensor of an item of the job's plan.
     pub fn sensor(&self, item: &Item) -> &MountedSensor {
         &self.job.sensors[item.sensor]
@@ -108,8 +114,8 @@ impl Session {
     pub fn sensor_frame<'f>(&'f self, item: &Item, frame: &'f Frame) -> SensorFrame<'f> {
         let name = &self.sensor(item).name;
         let names = Names { objects: &self.scene().geometry.objects, labels: Some(&self.job.labels) };
-        let cloud_frame = self.job.output.cloud_frame;
-        SensorFrame { capture: self.capture(item), frame, name, cloud_frame, names }
+        let OutputSettings { cloud_frame, legend, .. } = self.job.output;
+        SensorFrame { capture: self.capture(item), frame, name, cloud_frame, names, legend }
     }
 
     /// The content of a frame's file.

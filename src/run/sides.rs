@@ -11,9 +11,14 @@ use crate::output::Image;
 use crate::output::recorded::{Cloud, Recorded};
 use crate::scan::Frame;
 
-/// The images and clouds of one side, by name. A single file has the empty name.
+/// The images and clouds of one side.
 #[derive(Default)]
-pub struct Side(BTreeMap<String, Content>);
+pub struct Side {
+    /// The images and clouds by name. A single file has the empty name.
+    contents: BTreeMap<String, Content>,
+    /// What labels stand for, in words, as far as the side tells.
+    pub labels: BTreeMap<u32, String>,
+}
 
 /// An image or a cloud.
 pub enum Content {
@@ -35,6 +40,7 @@ impl Side {
         let mut side = Self::default();
         match Recorded::open(path, memory)? {
             Recorded::Folder(folder) => {
+                side.labels = folder.manifest.label_names();
                 let is = |output: &str, extension: &str| {
                     Path::new(output).extension().is_some_and(|e| e == extension)
                 };
@@ -48,7 +54,7 @@ impl Side {
                     memory = memory.saturating_sub(recorded.memory());
                     side.add_recorded(frame, recorded);
                 }
-                if side.0.is_empty() {
+                if side.contents.is_empty() {
                     return Err(Error::input(path, "has neither EXR images nor PLY clouds"));
                 }
             }
@@ -66,21 +72,26 @@ impl Side {
                         0 => frame.to_owned(),
                         _ => format!("{frame}:{}", part.name),
                     };
-                    self.0.insert(name, Content::Image(part.image.without_repeats()));
+                    self.contents.insert(name, Content::Image(part.image.without_repeats()));
                 }
             }
             Recorded::Cloud(cloud) => {
-                self.0.insert(frame.to_owned(), Content::Cloud(cloud));
+                self.contents.insert(frame.to_owned(), Content::Cloud(cloud));
             }
             Recorded::Folder(_) => {}
         }
+    }
+
+    /// A side for the frames of a job.
+    pub fn of_session(session: &Session) -> Self {
+        Self { contents: BTreeMap::new(), labels: session.label_names() }
     }
 
     /// Adds a frame that was cast, by the name of the file that it would be written to.
     pub fn add_frame(&mut self, session: &Session, item: &Item, frame: &Frame) {
         let image = Image::of(&session.sensor_frame(item, frame));
         let name = format!("{}/{:06}", session.sensor(item).name, item.frame);
-        self.0.insert(name, Content::Image(image.without_repeats()));
+        self.contents.insert(name, Content::Image(image.without_repeats()));
     }
 
     /// Bytes of memory that the numbers take.
@@ -89,12 +100,12 @@ impl Side {
             Content::Image(image) => image.memory(),
             Content::Cloud(cloud) => cloud.memory(),
         };
-        self.0.values().map(of_content).sum()
+        self.contents.values().map(of_content).sum()
     }
 
     /// Whether an image has a channel of that name, or a cloud a field.
     pub fn has(&self, field: &str) -> bool {
-        self.0.values().any(|content| match content {
+        self.contents.values().any(|content| match content {
             Content::Image(image) => image.channel(field).is_some(),
             Content::Cloud(cloud) => cloud.field(field).is_some(),
         })
@@ -105,13 +116,14 @@ impl Side {
     /// # Errors
     /// [`Error::Input`] if a side lacks a name that the other has.
     pub fn pairs<'a>(&'a self, other: &'a Self, paths: [&Path; 2]) -> Result<Vec<Pair<'a>>, Error> {
-        let single = |side: &'a Self| if side.0.len() == 1 { side.0.first_key_value() } else { None };
+        let single =
+            |side: &'a Self| if side.contents.len() == 1 { side.contents.first_key_value() } else { None };
         if let (Some((name, content)), Some((other_name, other))) = (single(self), single(other)) {
             let name = if name.is_empty() { other_name } else { name };
             return Ok(vec![(name.clone(), content, other)]);
         }
         let only = |one: &Self, other: &Self| -> Vec<String> {
-            one.0.keys().filter(|name| !other.0.contains_key(*name)).cloned().collect()
+            one.contents.keys().filter(|name| !other.contents.contains_key(*name)).cloned().collect()
         };
         let [path, other_path] = paths;
         for (lacking, path, other_path) in
@@ -123,6 +135,10 @@ impl Side {
                 return Err(Error::input(path, problem));
             }
         }
-        Ok(self.0.iter().map(|(name, content)| (name.clone(), content, &other.0[name])).collect())
+        Ok(self
+            .contents
+            .iter()
+            .map(|(name, content)| (name.clone(), content, &other.contents[name]))
+            .collect())
     }
 }

@@ -1,5 +1,7 @@
 //! The half of a scene that no time changes: its meshes, its materials, and the names and labels of its objects.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use glam::DVec3;
 
 use super::material::Material;
@@ -88,8 +90,65 @@ impl Geometry {
         if self.origin_step_m > 0.0 { rounded_origin(origin, self.origin_step_m) } else { origin }
     }
 
+    /// What the labels stand for, in words: the names that `given`, the job's `[labels]`, has for a number, else the names of
+    /// the objects that the file gives that label.
+    pub fn label_names(&self, given: &BTreeMap<String, u32>) -> BTreeMap<u32, String> {
+        let of_file =
+            self.objects.iter().filter_map(|object| Some((object.name.as_str(), object.file_label?)));
+        label_names(given.iter().map(|(name, label)| (name.as_str(), *label)), of_file)
+    }
+
     /// The number of triangles in memory, each counted once.
     pub fn stored_triangle_count(&self) -> u64 {
         self.meshes.iter().map(|mesh| mesh.triangles.len() as u64).sum()
+    }
+}
+
+/// What labels stand for, in words, by their number. A label that a job gives has the job's names for it, and any other the
+/// names of the file's objects that have it. Objects that only a number at the end tells apart count as one.
+pub fn label_names<'a>(
+    of_job: impl Iterator<Item = (&'a str, u32)>,
+    of_file: impl Iterator<Item = (&'a str, u32)>,
+) -> BTreeMap<u32, String> {
+    let (of_job, of_file) = (names_by_label(of_job), names_by_label(of_file));
+    let mut all = of_file;
+    all.extend(of_job);
+    all.into_iter().map(|(label, names)| (label, short_list(&names))).collect()
+}
+
+/// Most names that are listed for a label.
+const MOST_NAMES: usize = 2;
+
+fn names_by_label<'a>(pairs: impl Iterator<Item = (&'a str, u32)>) -> BTreeMap<u32, BTreeSet<&'a str>> {
+    let mut found: BTreeMap<u32, BTreeSet<&str>> = BTreeMap::new();
+    for (name, label) in pairs {
+        let stem = name.trim_end_matches(|c: char| c.is_ascii_digit() || matches!(c, '.' | '_' | '-' | ' '));
+        let names = found.entry(label).or_default();
+        // One more than are listed tells that there are more.
+        if names.len() <= MOST_NAMES && !name.is_empty() {
+            names.insert(if stem.is_empty() { name } else { stem });
+        }
+    }
+    found.retain(|_, names| !names.is_empty());
+    found
+}
+
+fn short_list(names: &BTreeSet<&str>) -> String {
+    let listed: Vec<&str> = names.iter().take(MOST_NAMES).copied().collect();
+    let more = if names.len() > MOST_NAMES { ", …" } else { "" };
+    format!("{}{more}", listed.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_have_the_names_of_the_job_or_else_of_what_has_them() {
+        let of_file = [("car_1", 2), ("car.002", 2), ("van", 2), ("17", 5), ("", 6), ("wall", 3)];
+        let many = (0..9).map(|i| (["ash", "elm", "fir", "oak", "yew"][i % 5], 8));
+        let names = label_names([("fence", 3), ("hedge", 3)].into_iter(), of_file.into_iter().chain(many));
+        let expected = [(2, "car, van"), (3, "fence, hedge"), (5, "17"), (8, "ash, elm, …")];
+        assert_eq!(names, expected.map(|(label, name)| (label, name.to_owned())).into());
     }
 }

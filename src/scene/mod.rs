@@ -28,7 +28,7 @@ mod source;
 mod steps;
 
 pub use arrangement::{Arrangement, Placement, Scene, Surface};
-pub use geometry::{Geometry, Mesh, Object, Part, SourceFile};
+pub use geometry::{Geometry, Mesh, Object, Part, SourceFile, label_names};
 pub use material::Material;
 pub use notice::Notice;
 pub use rounding::Rounding;

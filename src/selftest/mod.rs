@@ -443,7 +443,7 @@ impl Sum {
 fn geometry(sensor: &Sensor, frame: &Frame) -> Vec<Check> {
     let capture = Capture::at_origin(sensor);
     let names = Names::default();
-    let seen = SensorFrame { capture, frame, name: "", cloud_frame: CloudFrame::Body, names };
+    let seen = SensorFrame { capture, frame, name: "", cloud_frame: CloudFrame::Body, names, legend: false };
     let mut checks = angles(&capture, frame, &|row, column, range| seen.point(row, column, range));
     let time = |row, column| capture.time_s(row, column);
     checks.extend(times((capture.rows(), capture.columns()), sensor.pattern.rate_hz(), &time));

@@ -95,6 +95,21 @@ pub enum Severity {
     Error,
 }
 
+impl Place {
+    /// The line and the column in characters, both from 1. `None` for the file as a whole.
+    pub fn line_column(&self) -> Option<(usize, usize)> {
+        (!self.source.is_empty()).then(|| line_column(&self.source, self.span.start))
+    }
+}
+
+/// The line and the column (in characters) of a byte of a text, both from 1.
+fn line_column(text: &str, byte: usize) -> (usize, usize) {
+    let before = &text[..text.floor_char_boundary(byte)];
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
+    (line, column)
+}
+
 impl Diagnostic {
     /// An error about a file as a whole, whose text is not shown.
     pub(crate) fn about_file(path: &Path, message: String, help: Option<String>) -> Self {
@@ -113,10 +128,20 @@ impl Diagnostic {
 
     /// Line and column (in characters) of the span's start, both from 1.
     pub fn line_column(&self) -> (usize, usize) {
-        let before = &self.source[..self.source.floor_char_boundary(self.span.start)];
-        let line = before.matches('\n').count() + 1;
-        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
-        (line, column)
+        line_column(&self.source, self.span.start)
+    }
+
+    /// The place that is meant.
+    pub fn place(&self) -> Place {
+        Place { path: self.path.clone(), source: Arc::clone(&self.source), span: self.span.clone() }
+    }
+
+    /// The fault and what would be right, without the place.
+    pub fn sentence(&self) -> String {
+        match &self.help {
+            Some(help) => format!("{} ({help})", self.message),
+            None => self.message.clone(),
+        }
     }
 }
 
@@ -146,10 +171,6 @@ impl fmt::Display for Diagnostic {
             let (line, column) = self.line_column();
             write!(f, "{line}:{column}:")?;
         }
-        write!(f, " {}", self.message)?;
-        if let Some(help) = &self.help {
-            write!(f, " ({help})")?;
-        }
-        Ok(())
+        write!(f, " {}", self.sentence())
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::rig::Rig;
 use crate::output::{CloudFrame, Image, Names, SensorFrame, id_of};
 use crate::scan::{Frame, Return};
 use crate::scene::Scene;
@@ -19,14 +20,31 @@ pub struct View {
     pub points: Result<Vec<[f32; 3]>, String>,
     /// The names of the instances, by id.
     pub instances: BTreeMap<u32, String>,
+    /// What labels stand for, in words.
+    pub labels: BTreeMap<u32, String>,
+}
+
+/// What a page shows of a job.
+#[derive(Clone, Debug, Default)]
+pub struct Shown {
+    /// The frames.
+    pub views: Vec<View>,
+    /// The rig that they are of. It has no sensors if nothing is known of it.
+    pub rig: Rig,
 }
 
 impl View {
     /// Shows a frame that was cast. Its points are in the sensor's body frame.
-    pub fn of_frame(name: &str, sensor: &Sensor, frame: &Frame, scene: &Scene) -> Self {
+    pub fn of_frame(
+        name: &str,
+        sensor: &Sensor,
+        frame: &Frame,
+        scene: &Scene,
+        labels: &BTreeMap<u32, String>,
+    ) -> Self {
         let capture = Capture::at_origin(sensor);
         let names = Names::default();
-        let seen = SensorFrame { capture, frame, name, cloud_frame: CloudFrame::Body, names };
+        let seen = SensorFrame { capture, frame, name, cloud_frame: CloudFrame::Body, names, legend: false };
         let point = |(i, hit): (usize, Return)| {
             seen.point(i / frame.columns(), i % frame.columns(), hit.range_m).map(|p| p.as_vec3().to_array())
         };
@@ -38,6 +56,7 @@ impl View {
                 .map(id_of)
                 .zip(scene.geometry.objects.iter().map(|instance| instance.name.clone()))
                 .collect(),
+            labels: labels.clone(),
         }
     }
 }

@@ -1,366 +1,60 @@
-// Pictures and clouds of the page's frames. Nothing is fetched: each section holds its data, deflated, and is unpacked when it
-// comes near the window.
-"use strict";
-(() => {
-    const NOTHING = [0x10, 0x10, 0x14]; // the colour of no return
-    const SAME = [0x4a, 0x4a, 0x52], LESS = [0x4c, 0x9b, 0xff], MORE = [0xff, 0x8c, 0x2e];
-    const GONE = [0x2f, 0xe0, 0xd8], NEW = [0xff, 0x4f, 0xd0];
-
-    const bytesOf = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-    const turbo = bytesOf(document.body.dataset.turbo);
-
-    function element(name, text, attributes = {}) {
-        const made = document.createElement(name);
-        made.textContent = text;
-        for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-        return made;
-    }
-
-    // ---- Unpacking ----
-
-    async function unpack({ kind, count, neighbour, data }) {
-        const stream = new Blob([bytesOf(data)]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
-        const planes = new Uint8Array(await new Response(stream).arrayBuffer());
-        const bits = { f32: new Uint32Array(count), u32: new Uint32Array(count), u16: new Uint16Array(count), i8: new Uint8Array(count) }[kind];
-        for (let byte = 0; byte < bits.BYTES_PER_ELEMENT; byte++) {
-            for (let i = 0, from = byte * count; i < count; i++) bits[i] |= planes[from + i] << (8 * byte);
-        }
-        for (let i = neighbour; i < count; i++) bits[i] += bits[i - neighbour];
-        return kind === "f32" ? new Float32Array(bits.buffer) : kind === "i8" ? new Int8Array(bits.buffer) : bits;
-    }
-
-    async function unpackChannels(channels) {
-        for (const channel of channels ?? []) channel.values = await Promise.all(channel.packed.map(unpack));
-        return channels;
-    }
-
-    // ---- Values and colours ----
-
-    const depthOf = (channels) => channels.find((c) => c.is_depth)?.values[0];
-    const isSeen = (depth, i) => depth === undefined || Number.isFinite(depth[i]);
-    // Numbers that stand for words are known of every pixel, also of one without a return.
-    const isKnown = (channel, depth, i) => channel.words || isSeen(depth, i);
-    const wordOf = (channel, value) => channel.words[value].replaceAll("_", " ");
-
-    function quantile(values, seen, part) {
-        const step = Math.max(1, Math.floor(values.length / 50000));
-        const sample = [];
-        for (let i = 0; i < values.length; i += step) if (seen(i) && Number.isFinite(values[i])) sample.push(values[i]);
-        sample.sort((a, b) => a - b);
-        return sample.length ? sample[Math.floor((sample.length - 1) * part)] : 0;
-    }
-
-    // The part of a range's colours that is left out at either end, so that an outlier does not flatten the rest.
-    function scaleOf(channel, depth) {
-        const values = channel.values[0], seen = (i) => isSeen(depth, i);
-        const positive = channel.scale === "log";
-        let low = quantile(values, seen, positive ? 0.01 : 0), high = quantile(values, seen, positive ? 0.99 : 1);
-        if (channel.key === "intensity") [low, high] = [0, high / (values instanceof Uint16Array ? 65535 : 1)];
-        if (positive) low = Math.max(low, 1e-3);
-        return { low, high: Math.max(high, low) };
-    }
-
-    function idColour(id) {
-        // Steps of the golden angle keep neighbouring ids apart; lightness tells ids of alike hue apart.
-        const hue = (id * 137.508) % 360, light = 0.45 + 0.1 * ((id * 7) % 4);
-        const part = (n) => {
-            const k = (n + hue / 30) % 12;
-            return Math.round(255 * (light - 0.75 * Math.min(light, 1 - light) * Math.max(-1, Math.min(k - 3, 9 - k, 1))));
-        };
-        return [part(0), part(8), part(4)];
-    }
-
-    const valueOf = (channel, i) => channel.key === "intensity" && channel.values[0] instanceof Uint16Array ? channel.values[0][i] / 65535 : channel.values[0][i];
-
-    function colourer(channel, scale) {
-        if (channel.scale === "id") {
-            const known = new Map();
-            return (i) => {
-                const id = channel.values[0][i];
-                if (!known.has(id)) known.set(id, idColour(id));
-                return known.get(id);
-            };
-        }
-        if (channel.scale === "normal") return (i) => channel.values.map((axis) => 128 + axis[i]);
-        const { low, high } = scale;
-        const at = channel.scale === "log" ? (v) => Math.log(v / low) / Math.log(high / low) : (v) => (v - low) / (high - low);
-        return (i) => {
-            const t = high > low ? at(valueOf(channel, i)) : 0.5;
-            const index = 3 * Math.round(255 * Math.min(1, Math.max(0, Number.isNaN(t) ? 0 : t)));
-            return [turbo[index], turbo[index + 1], turbo[index + 2]];
-        };
-    }
-
-    function decimals(unit) { return unit === "m" ? 4 : 6; }
-
-    function shown(channel, i, view) {
-        if (channel.scale === "normal") return "(" + channel.values.map((axis) => (axis[i] / 127).toFixed(2)).join(", ") + ")";
-        const value = valueOf(channel, i);
-        if (channel.scale === "id") {
-            if (channel.words?.[value]) return wordOf(channel, value);
-            const name = channel.key === "id.instance" ? view.instances[value] : undefined;
-            return name === undefined ? String(value) : value + " “\u2068" + name + "\u2069”";
-        }
-        return Number(value).toFixed(decimals(channel.unit)) + (channel.unit ? " " + channel.unit : "");
-    }
-
-    // How a pixel of the run differs from the baseline's: [colour, words].
-    function differ(view, key) {
-        view.differences ??= new Map();
-        if (!view.differences.has(key)) view.differences.set(key, findDifference(view, key));
-        return view.differences.get(key);
-    }
-
-    function findDifference(view, key) {
-        const run = view.channels.find((c) => c.key === key), before = view.baseline.find((c) => c.key === key);
-        if (!run || !before) return undefined;
-        const [was, is] = [depthOf(view.baseline), depthOf(view.channels)];
-        const exact = run.scale === "id", normal = run.scale === "normal";
-        const tolerance = before.resolution / 2;
-        const delta = (i) => normal
-            ? Math.hypot(...run.values.map((axis, k) => (axis[i] - before.values[k][i]) / 127))
-            : valueOf(run, i) - valueOf(before, i);
-        const count = run.values[0].length;
-        let largest = 0;
-        for (let i = 0; i < count; i++) {
-            if (isSeen(was, i) && isSeen(is, i)) {
-                const d = Math.abs(delta(i));
-                if (d > tolerance && d < Infinity) largest = Math.max(largest, d);
-            }
-        }
-        const mix = (to, t) => SAME.map((c, k) => Math.round(c + (to[k] - c) * t));
-        const of = (i) => {
-            const [a, b] = [isKnown(before, was, i), isKnown(run, is, i)];
-            if (!a && !b) return [NOTHING, "no return in either"];
-            if (!a) return [NEW, "appeared"];
-            if (!b) return [GONE, "vanished"];
-            const d = delta(i);
-            if (exact) return d === 0 ? [SAME, "the same"] : [MORE, "another"];
-            if (Math.abs(d) <= tolerance) return [SAME, "the same"];
-            // The square root lets small differences be seen beside large ones.
-            const t = 0.25 + 0.75 * Math.sqrt(Math.min(1, Math.abs(d) / largest));
-            return [mix(d < 0 ? LESS : MORE, t), (d > 0 ? "+" : "") + d.toFixed(decimals(run.unit)) + (run.unit ? " " + run.unit : "")];
-        };
-        return { of, largest, exact, normal, unit: run.unit };
-    }
-
-    // ---- WebGL: one context for all clouds, whose picture each cloud copies ----
-
-    const VERTEX = `#version 300 es
-        uniform mat4 view; uniform vec3 low, size; uniform float point;
-        in vec3 grid; in vec4 colour; out vec4 shade;
-        void main() {
-            gl_Position = view * vec4(low + size * grid, 1.0);
-            gl_PointSize = clamp(point / gl_Position.w, 1.0, 6.0) * 1.5;
-            shade = colour;
-        }`;
-    const FRAGMENT = `#version 300 es
-        precision mediump float;
-        in vec4 shade; out vec4 pixel;
-        void main() { pixel = shade; }`;
-
-    const painter = (() => {
-        let shared;
-        const make = () => {
-            const canvas = document.createElement("canvas");
-            const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
-            if (!gl) return null;
-            let program;
-            const start = () => {
-                program = gl.createProgram();
-                for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
-                    const shader = gl.createShader(kind);
-                    gl.shaderSource(shader, source);
-                    gl.compileShader(shader);
-                    gl.attachShader(program, shader);
-                }
-                gl.bindAttribLocation(program, 0, "grid");
-                gl.bindAttribLocation(program, 1, "colour");
-                gl.linkProgram(program);
-            };
-            start();
-            const clouds = [];
-            canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
-            canvas.addEventListener("webglcontextrestored", () => {
-                start();
-                for (const cloud of clouds) cloud.restored();
-            });
-            const attribute = (index, buffer, size, kind) => {
-                gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-                gl.enableVertexAttribArray(index);
-                gl.vertexAttribPointer(index, size, kind, true, 0, 0);
-            };
-            const buffer = (data) => {
-                const made = gl.createBuffer();
-                gl.bindBuffer(gl.ARRAY_BUFFER, made);
-                gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
-                return made;
-            };
-            const paint = (width, height, view, point, batches) => {
-                if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-                gl.viewport(0, 0, width, height);
-                gl.clearColor(NOTHING[0] / 255, NOTHING[1] / 255, NOTHING[2] / 255, 1);
-                gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-                gl.enable(gl.DEPTH_TEST);
-                gl.useProgram(program);
-                const uniform = (name) => gl.getUniformLocation(program, name);
-                gl.uniformMatrix4fv(uniform("view"), false, view);
-                gl.uniform1f(uniform("point"), point);
-                for (const { low, size, grid, kind, colour, count, lines } of batches) {
-                    gl.uniform3fv(uniform("low"), low);
-                    gl.uniform3fv(uniform("size"), size);
-                    attribute(0, grid, 3, kind);
-                    attribute(1, colour, 4, gl.UNSIGNED_BYTE);
-                    gl.drawArrays(lines ? gl.LINES : gl.POINTS, 0, count);
-                }
-            };
-            return { gl, canvas, buffer, paint, clouds };
-        };
-        return () => (shared === undefined ? (shared = make()) : shared);
-    })();
-
-    // Column by column, as WebGL has them.
-    function times(a, b) {
-        const product = new Float32Array(16);
-        for (let column = 0; column < 4; column++) {
-            for (let row = 0; row < 4; row++) {
-                for (let k = 0; k < 4; k++) product[4 * column + row] += a[4 * k + row] * b[4 * column + k];
-            }
-        }
-        return product;
-    }
-
-    // A cloud on its canvas: an eye that goes around a target, z up.
-    function cloudOf(canvas, view, axes) {
-        const tool = painter();
-        if (!tool) return null;
-        const { gl } = tool;
-        const context = canvas.getContext("2d");
-        const count = axes[0].values.length;
-        const low = axes.map((axis) => axis.low), size = axes.map((axis) => axis.step * 65535);
-        const grid = new Uint16Array(3 * count);
-        for (let i = 0; i < count; i++) for (let k = 0; k < 3; k++) grid[3 * i + k] = axes[k].values[i];
-        const at = (i, k) => low[k] + axes[k].step * axes[k].values[i];
-        // The eye starts behind and a little to the left, twice as far away as three quarters of the points.
-        const middle = [0, 1, 2].map((k) => quantile(axes[k].values, () => true, 0.5) * axes[k].step + low[k]);
-        const distances = [];
-        for (let i = 0; i < count; i += Math.max(1, Math.floor(count / 20000))) {
-            distances.push(Math.hypot(at(i, 0) - middle[0], at(i, 1) - middle[1], at(i, 2) - middle[2]));
-        }
-        distances.sort((a, b) => a - b);
-        const radius = Math.max(distances[Math.floor(0.75 * distances.length)] ?? 1, 0.1);
-        const start = () => ({ yaw: 0.92 * Math.PI, pitch: 0.5, distance: 2 * radius, target: [...middle] });
-        let eye = start(), waiting = false, colours = new Uint8Array(4 * count), buffers;
-
-        const upload = () => {
-            const cross = new Float32Array([0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1]);
-            const paints = [[255, 80, 80, 255], [90, 230, 110, 255], [110, 160, 255, 255]].flatMap((c) => [...c, ...c]);
-            buffers = {
-                grid: tool.buffer(grid), colour: tool.buffer(colours),
-                cross: tool.buffer(cross), paints: tool.buffer(new Uint8Array(paints)),
-            };
-        };
-        upload();
-
-        const draw = () => {
-            waiting = false;
-            const scale = window.devicePixelRatio || 1;
-            const width = Math.max(1, Math.round(canvas.clientWidth * scale)), height = Math.max(1, Math.round(canvas.clientHeight * scale));
-            if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
-            const { yaw, pitch, distance, target } = eye;
-            const [sy, cy, sp, cp] = [Math.sin(yaw), Math.cos(yaw), Math.sin(pitch), Math.cos(pitch)];
-            const back = [cp * cy, cp * sy, sp], right = [-sy, cy, 0], up = [-sp * cy, -sp * sy, cp];
-            const from = target.map((t, k) => t + distance * back[k]);
-            const dot = (a) => -(a[0] * from[0] + a[1] * from[1] + a[2] * from[2]);
-            const look = [
-                right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0, dot(right), dot(up), dot(back), 1,
-            ];
-            const near = distance / 200, far = distance * 200, f = 1.6;
-            const lens = [f * Math.min(1, height / width), 0, 0, 0, 0, f * Math.min(1, width / height), 0, 0, 0, 0, -(far + near) / (far - near), -1, 0, 0, -2 * far * near / (far - near), 0];
-            tool.paint(width, height, times(lens, look), 2 * scale * radius * Math.min(2.5, Math.max(0.6, Math.sqrt(60000 / count))), [
-                { low, size, grid: buffers.grid, kind: gl.UNSIGNED_SHORT, colour: buffers.colour, count },
-                { low: [0, 0, 0], size: [1, 1, 1], grid: buffers.cross, kind: gl.FLOAT, colour: buffers.paints, count: 6, lines: true },
-            ]);
-            context.drawImage(tool.canvas, 0, 0);
-        };
-        const redraw = () => {
-            if (!waiting) requestAnimationFrame(draw);
-            waiting = true;
-        };
-        const turn = (dx, dy) => {
-            eye.yaw -= dx * 0.008;
-            eye.pitch = Math.min(1.57, Math.max(-1.57, eye.pitch + dy * 0.008));
-            redraw();
-        };
-        const zoom = (factor) => {
-            eye.distance = Math.min(1e3 * radius, Math.max(1e-3 * radius, eye.distance * factor));
-            redraw();
-        };
-        const move = (dx, dy) => {
-            const step = 1.3 * eye.distance / Math.max(1, Math.max(canvas.clientHeight, canvas.clientWidth));
-            const [sy, cy, sp, cp] = [Math.sin(eye.yaw), Math.cos(eye.yaw), Math.sin(eye.pitch), Math.cos(eye.pitch)];
-            const right = [-sy, cy, 0], up = [-sp * cy, -sp * sy, cp];
-            eye.target = eye.target.map((t, k) => t - step * dx * right[k] + step * dy * up[k]);
-            redraw();
-        };
-
-        const fingers = new Map();
-        canvas.addEventListener("pointerdown", (event) => {
-            canvas.setPointerCapture(event.pointerId);
-            fingers.set(event.pointerId, [event.clientX, event.clientY]);
-        });
-        canvas.addEventListener("pointermove", (event) => {
-            const before = fingers.get(event.pointerId);
-            if (!before) return;
-            const now = [event.clientX, event.clientY];
-            const [dx, dy] = [now[0] - before[0], now[1] - before[1]];
-            const other = [...fingers].find(([id]) => id !== event.pointerId)?.[1];
-            if (other) {
-                const apart = (p) => Math.max(1, Math.hypot(p[0] - other[0], p[1] - other[1]));
-                zoom(apart(before) / apart(now));
-                move(dx / 2, dy / 2);
-            } else if (event.shiftKey || event.buttons & 2) {
-                move(dx, dy);
-            } else {
-                turn(dx, dy);
-            }
-            fingers.set(event.pointerId, now);
-        });
-        for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => fingers.delete(event.pointerId));
-        canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-        canvas.addEventListener("wheel", (event) => {
-            event.preventDefault();
-            zoom(Math.exp(Math.sign(event.deltaY) * Math.min(0.2, Math.abs(event.deltaY) * 0.002)));
-        }, { passive: false });
-        canvas.addEventListener("keydown", (event) => {
-            const arrows = { ArrowLeft: [-20, 0], ArrowRight: [20, 0], ArrowUp: [0, -20], ArrowDown: [0, 20] };
-            if (event.ctrlKey || event.altKey || event.metaKey) return;
-            if (event.key in arrows) (event.shiftKey ? move : turn)(...arrows[event.key]);
-            else if (event.key === "+" || event.key === "=") zoom(0.8);
-            else if (event.key === "-") zoom(1.25);
-            else if (event.key === "0" || event.key === "Home") { eye = start(); redraw(); }
-            else return;
-            event.preventDefault();
-        });
-        new ResizeObserver(redraw).observe(canvas);
-        tool.clouds.push({ restored: () => { upload(); redraw(); } });
-
-        // `pixels` are the pixels with a return, in order: the points.
-        return (colour, pixels) => {
-            for (let i = 0; i < count; i++) {
-                const [r, g, b] = colour(pixels[i] ?? 0);
-                colours.set([r, g, b, 255], 4 * i);
-            }
-            gl.deleteBuffer(buffers.colour);
-            buffers.colour = tool.buffer(colours);
-            redraw();
-        };
-    }
-
+// Sections of the page: frames, rigs and maps of the ground. Nothing is fetched: each section holds its data, deflated, and is
+// unpacked when it comes near the window.
     // ---- A frame's section ----
 
+    // What a section holds, read once. The points of its cloud are unpacked when they are asked for.
+    const held = new WeakMap();
+    function dataOf(section) {
+        if (!held.has(section)) held.set(section, JSON.parse(section.querySelector("script").textContent));
+        return held.get(section);
+    }
+
+    function pointsOf(section) {
+        const data = dataOf(section);
+        data.unpacked ??= (async () => {
+            for (const axis of data.points) axis.values = await unpack(axis.packed);
+            return data.points;
+        })();
+        return data.unpacked;
+    }
+
+    function withoutWebGl(section) {
+        section.querySelector("canvas.cloud").hidden = true;
+        section.querySelector(".cloud-hint").hidden = true;
+        section.querySelector(".no-webgl").hidden = false;
+    }
+
+    const swatch = (colour, text) => {
+        const span = element("span", "");
+        const box = element("i", "", { class: "swatch" });
+        box.style.background = "rgb(" + colour.join(",") + ")";
+        span.append(box, element("bdi", text));
+        return span;
+    };
+
+    // A bar of colours with numbers below it.
+    function ramp(name, numbers, colour) {
+        const whole = element("span", "", { class: "ramp", role: "img", "aria-label": name + ": colours from " + numbers[0] + " to " + numbers.at(-1) });
+        const scale = element("span", name, { class: "scale" });
+        const bar = element("canvas", "", { width: 256, height: 1 });
+        const context = bar.getContext("2d"), image = context.createImageData(256, 1);
+        for (let i = 0; i < 256; i++) image.data.set([...colour(i / 255), 255], 4 * i);
+        context.putImageData(image, 0, 0);
+        const below = element("span", "", { class: "numbers" });
+        numbers.forEach((number, n) => {
+            const place = element("span", number);
+            place.style.left = 100 * (numbers.length > 1 ? n / (numbers.length - 1) : 0.5) + "%";
+            below.append(place);
+        });
+        whole.append(bar, below);
+        scale.append(whole);
+        return scale;
+    }
+    const tableColour = (table) => (t) => table.slice(3 * Math.round(255 * t), 3 * Math.round(255 * t) + 3);
+    const short = (v) => String(Number(v.toPrecision(3))).replace("-", "\u2212");
+
     async function show(section) {
-        const view = JSON.parse(section.querySelector("script").textContent);
+        const view = dataOf(section);
         await unpackChannels(view.channels);
         await unpackChannels(view.baseline);
         const { rows, columns } = view;
@@ -397,27 +91,14 @@
             context.putImageData(image, 0, 0);
         };
 
-        let paintCloud = null, pixels = [];
-        const cloud = section.querySelector("canvas.cloud");
-        if (cloud) {
-            for (const axis of view.points) axis.values = await unpack(axis.packed);
-            paintCloud = cloudOf(cloud, view, view.points);
-            if (paintCloud) {
-                for (let i = 0; i < rows * columns; i++) if (isSeen(depth, i)) pixels.push(i);
-            } else {
-                cloud.hidden = true;
-                section.querySelector(".cloud-hint").hidden = true;
-                section.querySelector(".no-webgl").hidden = false;
-            }
+        let cloud = null, pixels = [];
+        const canvas = section.querySelector("canvas.cloud");
+        if (canvas) {
+            cloud = cloudOf(canvas, [{ axes: await pointsOf(section) }]);
+            // The pixels with a return, in order, are the points.
+            if (!cloud) withoutWebGl(section);
+            for (let i = 0; cloud && i < rows * columns; i++) if (isSeen(depth, i)) pixels.push(i);
         }
-
-        const swatch = (colour, text) => {
-            const span = element("span", "");
-            const box = element("i", "", { class: "swatch" });
-            box.style.background = "rgb(" + colour.join(",") + ")";
-            span.append(box, element("bdi", text));
-            return span;
-        };
 
         const tell = (channel, scale) => {
             legend.replaceChildren();
@@ -428,27 +109,31 @@
                 for (let i = 0; i < rows * columns; i++) if (isKnown(channel, depth, i)) counts.set(channel.values[0][i], (counts.get(channel.values[0][i]) ?? 0) + 1);
                 const most = [...counts].sort((a, b) => b[1] - a[1] || a[0] - b[0]);
                 for (const [id, count] of most.slice(0, 12)) {
-                    const name = channel.key === "id.instance" ? view.instances[id] : undefined;
-                    if (channel.words?.[id]) legend.append(swatch(idColour(id), wordOf(channel, id) + ": " + count));
-                    else legend.append(swatch(idColour(id), id + (name === undefined ? "" : " “\u2068" + name + "\u2069”") + ": " + count));
+                    legend.append(swatch(idColour(id), named(channel, id, view) + ": " + count + (channel.words ? " pixel" : " point") + (count === 1 ? "" : "s")));
                 }
                 if (most.length > 12) legend.append(most.length - 12 + " more");
             } else {
-                const bar = element("canvas", "", { width: 256, height: 1, role: "img", "aria-label": "colour scale" });
-                const image = bar.getContext("2d").createImageData(256, 1);
-                for (let i = 0; i < 256; i++) image.data.set([turbo[3 * i], turbo[3 * i + 1], turbo[3 * i + 2], 255], 4 * i);
-                bar.getContext("2d").putImageData(image, 0, 0);
-                const number = (v) => Number(v.toPrecision(4)) + (channel.unit ? " " + channel.unit : "");
-                legend.append(number(scale.low), bar, number(scale.high) + (channel.scale === "log" ? " (logarithmic)" : ""));
+                const log = channel.scale === "log";
+                const at = (t) => (log ? scale.low * (scale.high / scale.low) ** t : scale.low + (scale.high - scale.low) * t);
+                const name = channel.label + (channel.unit ? ", " + channel.unit : "");
+                const numbers = scale.high > scale.low ? [0, 1 / 3, 2 / 3, 1].map((t) => short(at(t))) : [short(scale.low)];
+                legend.append(ramp(name + (log ? " (logarithmic)" : ""), numbers, tableColour(turbo)));
             }
             if (depth && pictures.length && !channel.words) legend.append(swatch(NOTHING, "no return"));
             const difference = view.baseline && differ(view, channel.key);
             if (difference) {
-                legend.append("Difference:", swatch(SAME, "the same"));
-                const to = difference.largest ? " (up to " + Number(difference.largest.toPrecision(3)) + (difference.unit ? " " + difference.unit : "") + ")" : "";
-                if (difference.exact) legend.append(swatch(MORE, "another"));
-                else if (difference.normal) legend.append(swatch(MORE, "turned"));
-                else legend.append(swatch(LESS, "less" + to), swatch(MORE, "more" + to));
+                const { scale, largest, unit } = difference;
+                if (difference.exact) legend.append("difference:", swatch(MORE, "another"));
+                else if (scale > 0) {
+                    const more = largest > scale ? "\u2265\u2009" : "", less = largest > scale ? "\u2264\u2009" : "";
+                    const name = (difference.normal ? "difference, turned by" : "difference") + (unit ? ", " + unit : "");
+                    legend.append(difference.normal
+                        ? ramp(name, ["0", short(scale / 2), more + short(scale)], (t) => (t ? difference.colour(t * scale) : SAME))
+                        : ramp(name, [less + short(-scale), "0", more + short(scale)],
+                            (t) => (Math.abs(t - 0.5) < 0.002 ? SAME : difference.colour((2 * t - 1) * scale))));
+                    if (largest > scale) legend.append("up to " + short(largest) + (unit ? " " + unit : ""));
+                }
+                legend.append(swatch(SAME, "the same"));
                 legend.append(swatch(NEW, "appeared"), swatch(GONE, "vanished"));
             }
         };
@@ -469,9 +154,10 @@
                     else fill(canvas, () => false);
                 }
             }
-            if (paintCloud) {
+            if (cloud) {
                 const byDifference = differences?.checked && difference;
-                paintCloud(byDifference ? (i) => difference.of(i)[0] : colourer(channel, scale), pixels);
+                const colour = byDifference ? (i) => difference.of(i)[0] : colourer(channel, scale);
+                cloud.paint(0, (point) => colour(pixels[point] ?? 0));
             }
             tell(channel, scale);
         };
@@ -526,6 +212,118 @@
         differences?.addEventListener("change", paint);
         paint();
         section.setAttribute("aria-busy", "false");
+        // Shows a channel and a pixel, as a link asks for.
+        return (key, pixel) => {
+            if (view.channels.some((c) => c.key === key) && choice.value !== key) {
+                choice.value = key;
+                paint();
+            }
+            if (pixel && pictures.length) inspect(...pixel);
+        };
+    }
+
+    // ---- A rig's section: all clouds in the vehicle's frame ----
+
+    const SENSORS = [[0x4c, 0x9b, 0xff], [0xff, 0x8c, 0x2e], [0x2f, 0xe0, 0xd8], [0xff, 0x4f, 0xd0], [0xb5, 0xe8, 0x53], [0xff, 0xd7, 0x4a], [0xb4, 0x94, 0xff], [0xff, 0x7a, 0x7a]];
+    const sensorColour = (n) => SENSORS[n] ?? idColour(n);
+
+    async function showRig(section) {
+        const rig = dataOf(section);
+        const parts = [], shapes = [];
+        for (const { section: id, mount } of rig.sensors) {
+            const own = document.getElementById(id);
+            if (own && dataOf(own).points) parts.push({ axes: await pointsOf(own), mount: new Float32Array(mount) });
+            else parts.push({ axes: [0, 1, 2].map(() => ({ low: 0, step: 1, values: [] })) });
+        }
+        const filled = (points, colour) => {
+            const colours = new Uint8Array(points.length / 3 * 4);
+            for (let i = 0; i < points.length / 3; i++) colours.set([...colour(i), 255], 4 * i);
+            return colours;
+        };
+        rig.sensors.forEach(({ mount, edges }, n) => {
+            const points = floatsOf(edges);
+            shapes.push({ points, colours: filled(points, () => sensorColour(n)), lines: true, mount: new Float32Array(mount) });
+        });
+        if (rig.vehicle) {
+            const points = floatsOf(rig.vehicle);
+            // Light from above and the left; either side of a triangle is bright.
+            const shade = (i) => {
+                const at = 9 * Math.floor(i / 3), p = (k) => [0, 1, 2].map((axis) => points[at + 3 * k + axis] - points[at + axis]);
+                const [a, b] = [p(1), p(2)];
+                const n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+                const light = Math.abs(0.3 * n[0] + 0.5 * n[1] + 0.8 * n[2]) / (Math.hypot(...n) || 1);
+                return [0, 0, 0].map(() => 70 + 140 * Math.min(1, light));
+            };
+            shapes.push({ points, colours: filled(points, shade) });
+        }
+        const cloud = cloudOf(section.querySelector("canvas.cloud"), parts, shapes);
+        const controls = section.querySelector(".controls"), legend = section.querySelector(".legend");
+        if (cloud) {
+            const [low, high] = [cloud.height(0.01), cloud.height(0.99)];
+            const choice = element("select", "");
+            choice.append(element("option", "sensor", { value: "sensor" }), element("option", "height", { value: "height" }));
+            const label = element("label", "Colour by ");
+            label.append(choice);
+            controls.append(label);
+            const paint = () => {
+                legend.replaceChildren();
+                const byHeight = choice.value === "height";
+                const colour = tableColour(turbo);
+                const part = (z) => Math.min(1, Math.max(0, high > low ? (z - low) / (high - low) : 0.5));
+                rig.sensors.forEach((_, n) => cloud.paint(n, (i, at) => (byHeight ? colour(1 - part(at(i, 2))) : sensorColour(n))));
+                if (byHeight) legend.append(ramp("height, m", [low, (low + high) / 2, high].map(short), (t) => colour(1 - t)));
+                rig.sensors.forEach(({ name }, n) => legend.append(swatch(sensorColour(n), name)));
+                if (rig.vehicle) legend.append(swatch([0xb0, 0xb0, 0xb0], "vehicle"));
+            };
+            const toggle = (text, change) => {
+                const box = element("input", "", { type: "checkbox" }), label = element("label", "");
+                box.checked = true;
+                label.append(box, element("bdi", " " + text));
+                controls.append(label);
+                box.addEventListener("change", () => change(!box.checked));
+            };
+            rig.sensors.forEach(({ name }, n) => toggle(name, (hidden) => {
+                shapes[n].away = hidden;
+                shapes[n].hidden = hidden || shapes[n].edgeless;
+                cloud.hide(n, hidden);
+            }));
+            toggle("fields of view", (hidden) => {
+                for (const shape of shapes.slice(0, rig.sensors.length)) {
+                    shape.edgeless = hidden;
+                    shape.hidden = hidden || shape.away;
+                }
+                cloud.redraw();
+            });
+            choice.addEventListener("change", paint);
+            paint();
+        } else withoutWebGl(section);
+        section.setAttribute("aria-busy", "false");
+        return () => {};
+    }
+
+    // ---- A map of the ground ----
+
+    async function showGround(section) {
+        const { rows, columns, most, place, counts } = dataOf(section);
+        const values = await unpack(counts);
+        const canvas = section.querySelector("canvas");
+        [canvas.width, canvas.height] = [columns, rows];
+        ["left", "top", "width", "height"].forEach((side, k) => { canvas.style[side] = place[k] + "%"; });
+        const colour = tableColour(viridis), context = canvas.getContext("2d"), image = context.createImageData(columns, rows);
+        // +x is up and +y is left; x varies fastest.
+        for (let down = 0; down < rows; down++) {
+            for (let across = 0; across < columns; across++) {
+                const count = values[(columns - 1 - across) * rows + rows - 1 - down];
+                const shade = count === 0 ? UNSEEN : colour(most > 1 ? Math.log(count) / Math.log(most) : 1);
+                image.data.set([...shade, 255], 4 * (down * columns + across));
+            }
+        }
+        context.putImageData(image, 0, 0);
+        const middle = Math.round(Math.sqrt(most));
+        const numbers = [...new Set([1, middle, most])].map(String);
+        section.querySelector(".legend").prepend(ramp("returns a cell (logarithmic)", numbers, colour), swatch(UNSEEN, "ground not seen"));
+        section.setAttribute("aria-busy", "false");
+        return () => {};
     }
 
     // ---- The page ----
@@ -535,15 +333,35 @@
     });
     const fail = (section, why) => {
         section.setAttribute("aria-busy", "false");
-        section.append(element("p", "This frame can't be shown: " + why, { role: "alert" }));
+        section.append(element("p", "This can't be shown: " + why, { role: "alert" }));
+        return () => {};
+    };
+    const shows = { view: show, rig: showRig, ground: showGround };
+    const showing = new Map();
+    // Shows a section, once. The promise gives what looks at one of its channels and pixels.
+    const appear = (section) => {
+        if (!showing.has(section)) {
+            const [kind] = Object.keys(shows).filter((kind) => section.classList.contains(kind));
+            showing.set(section, typeof DecompressionStream === "undefined"
+                ? Promise.resolve(fail(section, "this browser can't unpack its data; those of 2023 and later can."))
+                : shows[kind](section).catch((error) => fail(section, error.message)));
+        }
+        return showing.get(section);
     };
     const sight = new IntersectionObserver((entries) => {
         for (const { isIntersecting, target } of entries) {
             if (!isIntersecting) continue;
             sight.unobserve(target);
-            if (typeof DecompressionStream === "undefined") fail(target, "this browser can't unpack its data; those of 2023 and later can.");
-            else show(target).catch((error) => fail(target, error.message));
+            appear(target);
         }
     }, { rootMargin: "300px" });
-    for (const section of document.querySelectorAll("section.view")) sight.observe(section);
+    document.documentElement.classList.add("scripted");
+    for (const section of document.querySelectorAll("section[aria-busy]")) sight.observe(section);
+    for (const link of document.querySelectorAll("a[data-channel]")) {
+        link.addEventListener("click", async () => {
+            const section = document.getElementById(link.hash.slice(1));
+            const { channel, pixel } = link.dataset;
+            (await appear(section))(channel, pixel && pixel.split(",").map(Number));
+        });
+    }
 })();

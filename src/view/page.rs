@@ -12,189 +12,98 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
-use super::frames::View;
-use super::pack;
-use crate::check::phrasing::digits;
-use crate::check::{Change, ExpectationOutcome, Outcome, SensorOutcome, Verdict};
-use crate::output::{self, Channel, DEPTH_FOR_OPENCV, Image, NO_RETURN_M, Samples, Scale, Values};
+use super::frames::{Shown, View};
+use super::html::{escape, script};
+use super::rig::Rig;
+use super::{ground, pack};
+use crate::check::phrasing::counted;
+use crate::check::{GroundMap, SensorOutcome, colours, difference_scale};
+use crate::output::{
+    self, Channel, DEPTH_FOR_OPENCV, Image, NO_RETURN_COLOUR, NO_RETURN_M, Samples, Scale, Values,
+};
 use crate::source::suggest::escaped;
 
-const SCRIPT: &str = include_str!("page.js");
+const SCRIPT: &str = concat!(include_str!("values.js"), include_str!("cloud.js"), include_str!("page.js"));
 const STYLE: &str = include_str!("page.css");
 
 /// The largest picture that every browser draws, in pixels each way.
 const MAX_PICTURE: usize = 16_384;
 
 /// The page that shows frames, with a note above them, which may be empty.
-pub fn of_views(title: &str, note: &str, views: &[View]) -> String {
+pub fn of_views(title: &str, note: &str, shown: &Shown) -> String {
     let mut body = String::new();
     if !note.is_empty() {
         let _ = write!(body, "<p>{}</p>", escape(note));
     }
-    for view in views {
-        body += &section(view, None);
+    let names = shown.views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>();
+    body += &rig("job0", &shown.rig, &names);
+    for (index, view) in shown.views.iter().enumerate() {
+        body += &section(&format!("job0-frame{index}"), view, None);
     }
     document(title, &body)
 }
 
-/// The page of a check. `views` has the frames of each outcome's sensors, and none for a job that could not be run.
-pub fn of_outcomes(outcomes: &[Outcome], views: &[Vec<View>]) -> String {
-    let failed = outcomes.iter().filter(|o| !o.verdict.is_fine()).count();
-    let mut body = String::new();
-    let said = match (outcomes.len(), failed) {
-        (1, 0) => "The job passed.".to_owned(),
-        (1, _) => "The job failed.".to_owned(),
-        (jobs, 0) => format!("All {jobs} jobs passed."),
-        (jobs, failed) => format!("{failed} of {jobs} jobs failed."),
+/// The sections of a rig: all clouds in the vehicle's frame, and the ground that it sees. Nothing for a lone sensor without a
+/// vehicle. `names` are those of the frames on the page.
+pub(super) fn rig(id: &str, rig: &Rig, names: &[&str]) -> String {
+    let mut html = String::new();
+    if rig.sensors.len() > 1 || rig.vehicle.is_some() {
+        html += &rig_section(id, rig, names);
+    }
+    html + &rig.ground.as_ref().map_or(String::new(), |map| ground::section(&format!("{id}-ground"), map))
+}
+
+fn rig_section(id: &str, rig: &Rig, names: &[&str]) -> String {
+    let floats = |all: &mut dyn Iterator<Item = f32>| {
+        pack::base64(&all.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())
     };
-    let _ = write!(body, "<p class=\"lead\">{said}</p>");
-    if outcomes.len() > 1 {
-        let rows = outcomes.iter().enumerate().map(|(i, o)| {
-            vec![
-                Cell::Link(format!("#job{i}"), o.job.clone()),
-                Cell::Verdict(o.verdict.is_fine(), verdict(o.verdict)),
-                Cell::Text(met(&o.expectations)),
-            ]
-        });
-        body += &table("Jobs", &["job", "verdict", "expectations met"], rows);
-    }
-    for (index, outcome) in outcomes.iter().enumerate() {
-        let _ = write!(
-            body,
-            "<section id=\"job{index}\" class=\"job\"><h2><bdi>{}</bdi> <span class=\"verdict {}\">{}</span></h2>",
-            escape(&outcome.job),
-            if outcome.verdict.is_fine() { "good" } else { "bad" },
-            verdict(outcome.verdict)
-        );
-        body += &sentences(&outcome.problems);
-        let differences = outcome.sensors.iter().flat_map(|s| s.differences.iter().cloned());
-        body += &sentences(&differences.collect::<Vec<_>>());
-        body += &expectations(&outcome.expectations);
-        body += &changes(&outcome.changes);
-        body += &statistics(&outcome.sensors);
-        for view in views.get(index).into_iter().flatten() {
-            body += &section(view, outcome.sensors.iter().find(|sensor| sensor.name == view.name));
-        }
-        body += "</section>";
-    }
-    document("beamcast check", &body)
-}
-
-fn verdict(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Passed => "passed",
-        Verdict::Accepted => "accepted",
-        Verdict::Failed => "failed",
-        Verdict::Broken => "could not be run",
-    }
-}
-
-fn met(expectations: &[ExpectationOutcome]) -> String {
-    match expectations.len() {
-        0 => "none made".to_owned(),
-        all => format!("{} of {all}", expectations.iter().filter(|e| e.met).count()),
-    }
-}
-
-fn sentences(all: &[String]) -> String {
-    if all.is_empty() {
-        return String::new();
-    }
-    let items = all.iter().map(|s| format!("<li><bdi>{}</bdi></li>", escape(s)));
-    format!("<ul class=\"sentences\">{}</ul>", items.collect::<String>())
-}
-
-fn expectations(all: &[ExpectationOutcome]) -> String {
-    if all.is_empty() {
-        return String::new();
-    }
-    let rows = all.iter().map(|e| {
-        let text = |text: &str| Cell::Text(text.to_owned());
-        let verdict = Cell::Verdict(e.met, if e.met { "met" } else { "not met" });
-        vec![text(&e.name), verdict, text(&e.expected), text(&e.found), text(&e.place)]
+    let sensor = |mounted: &super::rig::Mounted| {
+        let index = names.iter().position(|name| *name == mounted.name)?;
+        let pose = mounted.body_from_sensor;
+        let columns = [0, 1, 2].map(|axis| pose.rotation.col(axis).extend(0.0).to_array());
+        let mount: Vec<f64> =
+            columns.iter().flatten().copied().chain(pose.translation.extend(1.0).to_array()).collect();
+        Some(json!({
+            "section": format!("{id}-frame{index}"),
+            "name": escaped(&mounted.name),
+            "mount": mount,
+            "edges": floats(&mut mounted.edges.iter().flatten().flatten().copied()),
+        }))
+    };
+    let sensors: Vec<Value> = rig.sensors.iter().filter_map(sensor).collect();
+    let vehicle = rig.vehicle.as_ref();
+    let data = json!({
+        "sensors": sensors,
+        "vehicle": vehicle.map(|v| floats(&mut v.triangles.iter().flatten().flatten().copied())),
     });
-    table("Expectations", &["name", "", "expected", "found", "where"], rows)
+    let who = if vehicle.is_some() { "The rig on its vehicle" } else { "The rig" };
+    let label = format!(
+        "{who}: the clouds of {} in the vehicle's frame, with their fields of view. Arrow keys turn it, plus and minus zoom, \
+         Shift with arrow keys moves it, 0 shows all again.",
+        counted(sensors.len(), "sensor")
+    );
+    format!(
+        "<section id=\"{id}-rig\" class=\"rig\" aria-label=\"{who}\" aria-busy=\"true\"><h3>{who}</h3>\
+         <div class=\"controls\"></div>{}<div class=\"legend\"></div>{}</section>",
+        cloud(&label),
+        script(&data)
+    )
 }
 
-fn changes(all: &[Change]) -> String {
-    if all.is_empty() {
-        return String::new();
-    }
-    let value = |value: &Option<String>| match value {
-        Some(value) => Cell::Code(value.clone()),
-        None => Cell::Text("not there".to_owned()),
-    };
-    let rows = all.iter().map(|c| vec![Cell::Code(c.subject()), value(&c.old), value(&c.new)]);
-    table("Changed since the baseline was accepted", &["what", "was", "is"], rows)
-}
-
-fn statistics(sensors: &[SensorOutcome]) -> String {
-    let number = |x: f64| Cell::Number(digits(x));
-    let rows: Vec<Vec<Cell>> = sensors
-        .iter()
-        .flat_map(|sensor| sensor.channels.iter().map(move |channel| (sensor, channel)))
-        .map(|(sensor, c)| {
-            let least = if c.differing.exact { "" } else { "at least " };
-            let mut row = vec![
-                Cell::Text(sensor.name.clone()),
-                Cell::Code(c.channel.clone()),
-                Cell::Number(format!("{least}{}", c.differing.count)),
-            ];
-            row.extend(match c.statistics {
-                Some(s) => [s.max, s.mean, s.rms, s.p99].map(number),
-                None => [(); 4].map(|()| Cell::Number("–".to_owned())),
-            });
-            row.push(Cell::Verdict(c.within_tolerance, if c.within_tolerance { "yes" } else { "no" }));
-            row
-        })
-        .collect();
-    if rows.is_empty() {
-        return String::new();
-    }
-    let head = ["sensor", "channel", "pixels that differ", "max", "mean", "RMS", "99 %", "within tolerance"];
-    table("Differences from the baseline", &head, rows)
-}
-
-enum Cell {
-    Text(String),
-    Code(String),
-    Number(String),
-    Link(String, String),
-    Verdict(bool, &'static str),
-}
-
-fn table(caption: &str, head: &[&str], rows: impl IntoIterator<Item = Vec<Cell>>) -> String {
-    let mut html =
-        format!("<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{caption}\"><table>");
-    let _ = write!(html, "<caption>{caption}</caption><thead><tr>");
-    for name in head {
-        let _ = write!(html, "<th scope=\"col\">{name}</th>");
-    }
-    html += "</tr></thead><tbody>";
-    for row in rows {
-        html += "<tr>";
-        for cell in row {
-            let _ = match cell {
-                Cell::Text(text) => write!(html, "<td><bdi>{}</bdi></td>", escape(&text)),
-                Cell::Code(text) => write!(html, "<td><code><bdi>{}</bdi></code></td>", escape(&text)),
-                Cell::Number(text) => write!(html, "<td class=\"number\">{}</td>", escape(&text)),
-                Cell::Link(to, text) => {
-                    write!(html, "<td><a href=\"{to}\"><bdi>{}</bdi></a></td>", escape(&text))
-                }
-                Cell::Verdict(good, text) => {
-                    let class = if good { "good" } else { "bad" };
-                    write!(html, "<td><span class=\"verdict {class}\">{text}</span></td>")
-                }
-            };
-        }
-        html += "</tr>";
-    }
-    html + "</tbody></table></div>"
+/// The canvas of a cloud, which `label` describes, and how to turn it.
+fn cloud(label: &str) -> String {
+    format!(
+        "<div class=\"waiting\"><canvas class=\"cloud\" tabindex=\"0\" role=\"application\" aria-label=\"{label}\"></canvas></div>\
+         <p class=\"hint cloud-hint\">Drag to turn, wheel or two fingers to zoom, Shift-drag or right button to move; arrow keys, \
+         + and −, 0 for the whole. Axes: x forward red, y left green, z up blue, one metre each.</p>\
+         <p class=\"hint no-webgl\" hidden>This browser shows no WebGL2, so there is no cloud to turn here. \
+         The pictures do not need it.</p>"
+    )
 }
 
 /// The section of a frame: controls, pictures, cloud, and the numbers behind them. The script fills it when it comes into
 /// sight. `compared` is the outcome of comparing the frame with its baseline.
-fn section(view: &View, compared: Option<&SensorOutcome>) -> String {
+pub(super) fn section(id: &str, view: &View, compared: Option<&SensorOutcome>) -> String {
     let name = escape(&view.name);
     let image = &view.image;
     let baseline = compared.and_then(|sensor| sensor.baseline.as_ref());
@@ -221,11 +130,13 @@ fn section(view: &View, compared: Option<&SensorOutcome>) -> String {
             } else {
                 format!("<figcaption>{caption}</figcaption>")
             };
+            // Until the script draws the picture, these sides give it its shape.
+            let height = (1000 * rows * stretch).div_ceil(columns);
             let _ = write!(
                 pictures,
-                "<figure>{shown}<div class=\"picture\"><canvas data-picture=\"{caption}\" tabindex=\"0\" role=\"img\" \
-                 aria-label=\"{name}, {caption}: range image of {size} pixels. Arrow keys move from pixel to pixel.\">\
-                 </canvas><div class=\"marker\" hidden></div></div></figure>"
+                "<figure>{shown}<div class=\"picture waiting\"><canvas data-picture=\"{caption}\" width=\"1000\" \
+                 height=\"{height}\" tabindex=\"0\" role=\"img\" aria-label=\"{name}, {caption}: range image of {size} \
+                 pixels. Arrow keys move from pixel to pixel.\"></canvas><div class=\"marker\" hidden></div></div></figure>"
             );
         }
         pictures += "</div><p class=\"hint\">Point at a pixel, or move with the arrow keys (Shift: by ten).</p>\
@@ -235,34 +146,54 @@ fn section(view: &View, compared: Option<&SensorOutcome>) -> String {
             write!(pictures, "<p class=\"hint\">An image of {size} pixels is too large for a picture.</p>");
     }
     let cloud = match &view.points {
-        Ok(points) => format!(
-            "<canvas class=\"cloud\" tabindex=\"0\" role=\"application\" aria-label=\"{name}: cloud of {} points. Arrow keys \
-             turn it, plus and minus zoom, Shift with arrow keys moves it, 0 shows all again.\"></canvas>\
-             <p class=\"hint cloud-hint\">Drag to turn, wheel or two fingers to zoom, Shift-drag or right button to move; arrow keys, \
-             + and −, 0 for the whole. Axes: x forward red, y left green, z up blue, one metre each.</p>\
-             <p class=\"hint no-webgl\" hidden>This browser shows no WebGL2, so there is no cloud to turn here. \
-             The pictures do not need it.</p>",
-            points.len()
-        ),
+        Ok(points) => cloud(&format!(
+            "{name}: cloud of {}. Arrow keys turn it, plus and minus zoom, Shift with arrow keys moves it, 0 shows all again.",
+            counted(points.len(), "point")
+        )),
         Err(why) => format!("<p class=\"hint\">{}</p>", escape(why)),
     };
     let data = json!({
         "rows": rows,
         "columns": columns,
         "stretch": stretch,
-        "channels": channels(image, &|_| 0.0),
-        "baseline": baseline.map(|image| channels(image, &resolution)),
+        "channels": channels(image, &|_| json!({})),
+        "baseline": baseline.map(|before| {
+            channels(before, &|name| {
+                let resolution = resolution(name);
+                json!({ "resolution": resolution, "difference_scale": scale_of_difference(name, [before, image], resolution) })
+            })
+        }),
         "points": view.points.as_ref().ok().map(|points| pack::points(points)),
-        "instances": names_of_seen(view, baseline),
+        "instances": names_of_seen("id.instance", &view.instances, [Some(image), baseline]),
+        "labels": names_of_seen("id.semantic", &view.labels, [Some(image), baseline]),
     });
     format!(
-        "<section class=\"view\" aria-label=\"{name}\" aria-busy=\"true\"><h3><bdi>{name}</bdi> <small>{}</small></h3>\
-         <div class=\"controls\"></div>{pictures}<div class=\"legend\"></div>{cloud}\
-         <script type=\"application/json\">{}</script></section>",
-        if rows > 1 { format!("{size} pixels") } else { format!("{columns} points") },
-        // Inside a script element, only `<` can end the element or begin a comment.
-        data.to_string().replace('<', "\\u003c")
+        "<section id=\"{id}\" class=\"view\" aria-label=\"{name}\" aria-busy=\"true\"><h3><bdi>{name}</bdi> <small>{}</small></h3>\
+         <div class=\"controls\"></div>{pictures}<div class=\"legend\"></div>{cloud}{}</section>",
+        if rows > 1 { format!("{size} pixels") } else { counted(columns, "point") },
+        script(&data)
     )
+}
+
+/// The end of the scale that shows how a channel differs between a first and a second image. 0 if it does not, or if the
+/// differences have no size.
+fn scale_of_difference(name: &str, images: [&Image; 2], resolution: f64) -> f64 {
+    let [before, now] = images;
+    let axes: Vec<String> = match output::channel(name).and_then(|spec| spec.shown).map(|shown| shown.scale) {
+        Some(Scale::Direction) => {
+            ["X", "Y", "Z"].map(|axis| format!("{}{axis}", name.trim_end_matches('X'))).to_vec()
+        }
+        _ => vec![name.to_owned()],
+    };
+    let pairs = axes.iter().map(|axis| Some((before.f32(axis)?, now.f32(axis)?)));
+    let Some(pairs) = pairs.collect::<Option<Vec<_>>>() else { return 0.0 };
+    let (was, is) = (before.mask(), now.mask());
+    let difference = |i: usize| {
+        let squares = pairs.iter().map(|(a, b)| f64::from(b[i] - a[i])).map(|d| d * d);
+        squares.sum::<f64>().sqrt()
+    };
+    let both = (0..now.pixels()).filter(|&i| was[i] && is[i]).map(difference);
+    difference_scale(both.filter(|d| *d > resolution / 2.0).collect())
 }
 
 /// The ratio of height to width of a pixel as it is shown. A LiDAR has far fewer beams than firings, so its image is made a tenth
@@ -276,16 +207,20 @@ fn stretch(image: &Image) -> usize {
     }
 }
 
-fn names_of_seen(view: &View, baseline: Option<&Image>) -> BTreeMap<u32, String> {
-    let images = [Some(&view.image), baseline];
-    let ids = images.into_iter().flatten().filter_map(|image| image.u32("id.instance")).flatten();
+/// The names of the ids that a channel of some image has.
+fn names_of_seen(
+    channel: &str,
+    names: &BTreeMap<u32, String>,
+    images: [Option<&Image>; 2],
+) -> BTreeMap<u32, String> {
+    let ids = images.into_iter().flatten().filter_map(|image| image.u32(channel)).flatten();
     let seen: BTreeSet<u32> = ids.copied().collect();
-    let name = |id| view.instances.get(&id).filter(|name| !name.is_empty()).map(|name| (id, escaped(name)));
+    let name = |id| names.get(&id).filter(|name| !name.is_empty()).map(|name| (id, escaped(name)));
     seen.into_iter().filter_map(name).collect()
 }
 
 /// The channels in the order in which people ask for them, each with the settings by which the script shows it.
-fn channels(image: &Image, resolution: &dyn Fn(&str) -> f64) -> Value {
+fn channels(image: &Image, more: &dyn Fn(&str) -> Value) -> Value {
     // A channel that has no declaration is from a file of someone else's, and comes last.
     const LAST: u8 = u8::MAX;
     let (main, depth) = image.main_depth().unzip();
@@ -300,7 +235,7 @@ fn channels(image: &Image, resolution: &dyn Fn(&str) -> f64) -> Value {
     shown.sort_by_key(|(rank, _)| *rank);
     let all = shown
         .into_iter()
-        .filter_map(|(_, Channel { name, samples })| channel(image, name, samples, depth, resolution));
+        .filter_map(|(_, Channel { name, samples })| channel(image, name, samples, depth, more(name)));
     Value::Array(all.collect())
 }
 
@@ -309,7 +244,7 @@ fn channel(
     name: &str,
     samples: &Samples,
     depth: Option<&[f32]>,
-    resolution: &dyn Fn(&str) -> f64,
+    more: Value,
 ) -> Option<Value> {
     let columns = image.columns;
     let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
@@ -350,16 +285,19 @@ fn channel(
         (_, Samples::F32(values)) => json!([pack::numbers("f32", &bits(values), 4, columns)]),
         (_, Samples::U32(values)) => json!([pack::numbers("u32", values, 4, columns)]),
     };
-    Some(json!({
+    let mut channel = json!({
         "key": name,
         "label": label,
         "unit": unit,
         "scale": scale_name,
         "is_depth": depth.is_some_and(|depth| matches!(samples, Samples::F32(v) if std::ptr::eq(v.as_slice(), depth))),
-        "resolution": resolution(name),
         "words": words(name, samples),
         "packed": packed,
-    }))
+    });
+    if let (Some(channel), Value::Object(more)) = (channel.as_object_mut(), more) {
+        channel.extend(more);
+    }
+    Some(channel)
 }
 
 /// The words that the numbers of a channel stand for, by number, if they stand for words.
@@ -372,60 +310,53 @@ fn words(name: &str, samples: &Samples) -> Option<BTreeMap<u32, &'static str>> {
     Some(seen.into_iter().filter_map(|number| Some((number, word(number)?))).collect())
 }
 
-fn document(title: &str, body: &str) -> String {
+pub(super) fn document(title: &str, body: &str) -> String {
     let hash = |text: &str| pack::base64(&hmac_sha256::Hash::hash(text.as_bytes()));
-    let turbo: Vec<u8> = (0..256)
-        .flat_map(|i| {
-            // The very ends of Turbo are nearly black, and would look like a miss.
-            let colour = colorous::TURBO.eval_continuous(0.95 - 0.87 * f64::from(i) / 255.0);
-            [colour.r, colour.g, colour.b]
-        })
-        .collect();
+    let table = |colour: &dyn Fn(f64) -> [u8; 3]| -> String {
+        pack::base64(&(0..256).flat_map(|i| colour(f64::from(i) / 255.0)).collect::<Vec<u8>>())
+    };
+    let turbo = table(&|part| {
+        // The very ends of Turbo are nearly black, and would look like a miss.
+        let colour = colorous::TURBO.eval_continuous(0.95 - 0.87 * part);
+        [colour.r, colour.g, colour.b]
+    });
+    let viridis = table(&GroundMap::colour);
+    let named = json!({
+        "nothing": NO_RETURN_COLOUR,
+        "same": colours::SAME,
+        "less": colours::LESS,
+        "more": colours::MORE,
+        "vanished": colours::VANISHED,
+        "appeared": colours::APPEARED,
+        "unseen": GroundMap::UNSEEN,
+    });
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'sha256-{}'; \
          style-src 'sha256-{}'; base-uri 'none'; form-action 'none'\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n\
-         <body data-turbo=\"{}\">\n<header><h1><bdi>{title}</bdi></h1>\
+         <body data-turbo=\"{turbo}\" data-viridis=\"{viridis}\" data-colours=\"{}\">\n<header><h1><bdi>{title}</bdi></h1>\
          <label>Theme <select id=\"theme\"><option value=\"\">as the system</option><option value=\"light\">light</option>\
          <option value=\"dark\">dark</option></select></label></header>\n\
          <noscript><p>The pictures and clouds of this page are drawn by a script, and scripts are turned off.</p></noscript>\n\
          <main>{body}</main>\n<script>{SCRIPT}</script>\n</body>\n</html>\n",
         hash(SCRIPT),
         hash(STYLE),
-        pack::base64(&turbo),
+        escape(&named.to_string()),
         title = escape(title),
     )
 }
 
-/// Writes text for HTML, in content and in attributes. Characters that control, which HTML can't have or which turn the text
-/// after them around, are shown by their codes, as in messages. Scripts that are written from the right need none of them:
-/// `<bdi>` keeps their names apart.
-fn escape(text: &str) -> String {
-    let mut html = String::with_capacity(text.len());
-    for c in escaped(text).chars() {
-        match c {
-            '&' => html += "&amp;",
-            '<' => html += "&lt;",
-            '>' => html += "&gt;",
-            '"' => html += "&quot;",
-            '\'' => html += "&#39;",
-            c => html.push(c),
-        }
-    }
-    html
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::output::Channel;
 
     const HOSTILE: &str = "</script><img src=x onerror=alert(1)> \u{202e}\u{7}\"'&";
 
     /// An image of 2 × 3 pixels, one of which has no return.
-    fn view() -> View {
+    pub fn view() -> View {
         let channel = |name: &str, samples| Channel { name: name.to_owned(), samples };
         let image = Image {
             rows: 2,
@@ -438,18 +369,22 @@ mod tests {
         };
         let points = (0..5).map(|i| [i as f32, 0.0, 1.0]).collect();
         let instances = BTreeMap::from([(1, HOSTILE.to_owned()), (2, "not seen".to_owned())]);
-        View { name: HOSTILE.to_owned(), image, points: Ok(points), instances }
+        View { name: HOSTILE.to_owned(), image, points: Ok(points), instances, labels: BTreeMap::new() }
+    }
+
+    fn shown(view: View) -> Shown {
+        Shown { views: vec![view], rig: Rig::default() }
     }
 
     /// The data of a page's section.
-    fn data(page: &str) -> Value {
+    pub fn data(page: &str) -> Value {
         let (_, rest) = page.split_once("<script type=\"application/json\">").unwrap();
         serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
     }
 
     #[test]
     fn names_stay_text() {
-        let page = of_views(HOSTILE, HOSTILE, &[view()]);
+        let page = of_views(HOSTILE, HOSTILE, &shown(view()));
         assert!(!page.contains("<img") && !page.contains('\u{202e}') && !page.contains('\u{7}'));
         // One script of data, and the page's own.
         assert_eq!((page.matches("<script").count(), page.matches("</script>").count()), (2, 2));
@@ -462,7 +397,7 @@ mod tests {
     #[test]
     fn the_policy_allows_the_page_itself_and_nothing_else() {
         let page =
-            of_views("a", "", &[View { name: "top".to_owned(), instances: BTreeMap::new(), ..view() }]);
+            of_views("a", "", &shown(View { name: "top".to_owned(), instances: BTreeMap::new(), ..view() }));
         let (_, policy) = page.split_once("Content-Security-Policy\" content=\"").unwrap();
         let policy = policy.split_once('"').unwrap().0;
         let parts: Vec<&str> = policy.split("; ").collect();
@@ -478,72 +413,13 @@ mod tests {
     }
 
     #[test]
-    fn a_check_tells_verdict_changes_expectations_and_differences() {
-        let mut run = view();
-        run.name = "top".to_owned();
-        let sensor = SensorOutcome {
-            name: "top".to_owned(),
-            differences: vec!["sensor top: 1 of 6 ranges differs".to_owned()],
-            channels: vec![crate::check::compare::ChannelDifference {
-                channel: "range".to_owned(),
-                resolution: 0.25,
-                ..Default::default()
-            }],
-            baseline: Some(run.image.clone()),
-            ..SensorOutcome::default()
-        };
-        let change =
-            Change { sensor: None, what: "seed <i>".to_owned(), old: Some("1".to_owned()), new: None };
-        let expectation = ExpectationOutcome {
-            name: "enough".to_owned(),
-            met: false,
-            expected: "at least 7 points".to_owned(),
-            found: "5 points".to_owned(),
-            place: "sensor top".to_owned(),
-        };
-        let outcome = Outcome {
-            job: "a.toml".to_owned(),
-            verdict: Verdict::Failed,
-            changes: vec![change],
-            sensors: vec![sensor],
-            expectations: vec![expectation],
-            ..Outcome::default()
-        };
-        let broken = Outcome {
-            job: "b.toml".to_owned(),
-            verdict: Verdict::Broken,
-            problems: vec!["there is no scene".to_owned()],
-            ..Outcome::default()
-        };
-        let page = of_outcomes(&[outcome, broken], &[vec![run], vec![]]);
-        for part in [
-            "2 of 2 jobs failed.",
-            "a.toml</bdi> <span class=\"verdict bad\">failed",
-            "could not be run",
-            "there is no scene",
-            "1 of 6 ranges differs",
-            "seed &lt;i&gt;",
-            "not there",
-            "at least 7 points",
-            "not met",
-            "data-picture=\"baseline\"",
-            "data-picture=\"difference\"",
-        ] {
-            assert!(page.contains(part), "{part}");
-        }
-        let data = data(&page);
-        let range = data["baseline"].as_array().unwrap().iter().find(|c| c["key"] == "range").unwrap();
-        assert_eq!((&range["resolution"], &range["is_depth"]), (&json!(0.25), &json!(true)));
-    }
-
-    #[test]
     fn what_is_no_picture_is_no_picture() {
         let mut lone = view();
         (lone.image.rows, lone.image.columns) = (1, 6);
-        assert!(!of_views("a", "", &[lone]).contains("canvas data-picture"));
+        assert!(!of_views("a", "", &shown(lone)).contains("canvas data-picture"));
         let mut dark = view();
         dark.points = Err("no beams".to_owned());
-        let page = of_views("a", "", &[dark]);
+        let page = of_views("a", "", &shown(dark));
         assert!(
             page.contains("no beams")
                 && !page.contains("class=\"cloud\"")
@@ -554,6 +430,6 @@ mod tests {
 
     #[test]
     fn the_same_frames_give_the_same_page() {
-        assert_eq!(of_views("a", "", &[view()]), of_views("a", "", &[view()]));
+        assert_eq!(of_views("a", "", &shown(view())), of_views("a", "", &shown(view())));
     }
 }

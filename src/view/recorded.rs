@@ -13,6 +13,13 @@ use crate::sensor::Camera;
 /// The largest number of a folder's frames that one page shows. Browsers become slow with more.
 const MAX_FRAMES: usize = 16;
 
+/// What a manifest says that ids stand for. A lone file has its own header.
+#[derive(Default)]
+struct Listed {
+    instances: Option<InstanceNames>,
+    labels: BTreeMap<u32, String>,
+}
+
 /// Reads the views of an EXR, a PLY or a folder that a scan wrote, with a note about what is left out, which may be empty. The
 /// numbers of all files may take `memory` bytes.
 ///
@@ -27,11 +34,11 @@ pub fn of_recording(path: &Path, memory: u64) -> Result<(Vec<View>, String), Err
                 _ => None,
             };
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            Ok((of_exr(&name, parts, cloud.as_ref(), None), String::new()))
+            Ok((of_exr(&name, parts, cloud.as_ref(), &Listed::default()), String::new()))
         }
         Recorded::Cloud(cloud) => {
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            Ok((vec![of_cloud(&name, &cloud, None)], String::new()))
+            Ok((vec![of_cloud(&name, &cloud, &Listed::default())], String::new()))
         }
         Recorded::Folder(folder) => of_folder(&folder, memory),
     }
@@ -53,8 +60,8 @@ fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Er
             "has neither EXR nor PLY files to show: `formats` in the job's [output] says what is written";
         return Err(Error::input(folder.path(), problem));
     }
-    let listed = folder.manifest.scene.instances();
-    let instances = Some(&listed);
+    let manifest = &folder.manifest;
+    let listed = Listed { instances: Some(manifest.scene.instances()), labels: manifest.label_names() };
     let mut seen = Vec::new();
     for (&stem, &[has_exr, has_ply]) in frames.iter().take(MAX_FRAMES) {
         let mut read = |extension: &str| -> Result<Recorded, Error> {
@@ -72,8 +79,8 @@ fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Er
             _ => stem,
         };
         match has_exr.then(|| read("exr")).transpose()? {
-            Some(Recorded::Exr(parts)) => seen.extend(of_exr(name, parts, cloud.as_ref(), instances)),
-            _ => seen.extend(cloud.map(|cloud| of_cloud(name, &cloud, instances))),
+            Some(Recorded::Exr(parts)) => seen.extend(of_exr(name, parts, cloud.as_ref(), &listed)),
+            _ => seen.extend(cloud.map(|cloud| of_cloud(name, &cloud, &listed))),
         }
     }
     let note = match frames.len() {
@@ -86,12 +93,7 @@ fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Er
 }
 
 /// The parts of an EXR. The cloud belongs to the first part, if it has as many points as the part has returns.
-fn of_exr(
-    name: &str,
-    parts: Vec<Part>,
-    cloud: Option<&Cloud>,
-    instances: Option<&InstanceNames>,
-) -> Vec<View> {
+fn of_exr(name: &str, parts: Vec<Part>, cloud: Option<&Cloud>, listed: &Listed) -> Vec<View> {
     let several = parts.len() > 1;
     let part = |(index, part): (usize, Part)| {
         let name = if several { format!("{name}, {}", part.name) } else { name.to_owned() };
@@ -110,8 +112,8 @@ fn of_exr(
             Ok(points) if points.len() != returns => Err("The cloud does not fit the image.".to_owned()),
             other => other,
         };
-        let instances = names_of_seen(&part.image, instances, || part.instances());
-        View { name, image: part.image, points, instances }
+        let instances = names_of_seen(&part.image, listed.instances.as_ref(), || part.instances());
+        View { name, image: part.image, points, instances, labels: listed.labels.clone() }
     };
     parts.into_iter().enumerate().map(part).collect()
 }
@@ -156,7 +158,7 @@ fn positions(cloud: &Cloud) -> Option<Vec<(usize, [f32; 3])>> {
 }
 
 /// A cloud without an image is shown as an image of one row, with a pixel for each point.
-fn of_cloud(name: &str, cloud: &Cloud, instances: Option<&InstanceNames>) -> View {
+fn of_cloud(name: &str, cloud: &Cloud, listed: &Listed) -> View {
     let positions = positions(cloud).unwrap_or_default();
     let kept = |values: &[f64]| positions.iter().map(|&(i, _)| values[i]).collect::<Vec<f64>>();
     let mut channels = Vec::new();
@@ -181,6 +183,7 @@ fn of_cloud(name: &str, cloud: &Cloud, instances: Option<&InstanceNames>) -> Vie
     channels.dedup_by(|a, b| a.name == b.name);
     let image = Image { rows: 1, columns: positions.len(), channels };
     let points = positions.into_iter().map(|(_, p)| p).collect();
-    let instances = names_of_seen(&image, instances, || cloud.instances());
-    View { name: name.to_owned(), image, points: Ok(points), instances }
+    let instances = names_of_seen(&image, listed.instances.as_ref(), || cloud.instances());
+    let labels = listed.labels.clone();
+    View { name: name.to_owned(), image, points: Ok(points), instances, labels }
 }

@@ -161,8 +161,8 @@ fn baselines_hold_for_portable_code_and_for_single_rays() {
         let frame = &scan(&scene, &tracer, &capture, &Progress::default()).unwrap();
         let cloud_frame = job.output.cloud_frame;
         let names = Names::default();
-        let seen = SensorFrame { capture, frame, name: &mounted.name, cloud_frame, names };
-        let taken = Snapshot::of(&seen, &scene);
+        let seen = SensorFrame { capture, frame, name: &mounted.name, cloud_frame, names, legend: false };
+        let taken = Snapshot::of(&seen, &scene, &Default::default());
         let now = Baseline::of(&job.resolved, &scene, vec![taken.record.clone()]);
         let changes = Changes::between(&accepted, &now);
         assert!(changes.all().is_empty(), "{changes:?}");
@@ -183,7 +183,7 @@ fn one_beam_turned_up_by_a_twentieth_of_a_degree() {
     has(
         &copy.caught(),
         &[
-            "sensor vlp16: beam (row 9) elevation −3° → −3.05°: 1800 of 28800 ranges differ, max",
+            "sensor vlp16: beam (row 9) elevation −3° → −3.05°: range differs in 1800 of 28800 pixels, max",
             "all in row 9",
         ],
     );
@@ -196,9 +196,9 @@ fn a_mount_turned_by_a_tenth_of_a_degree() {
     has(
         &copy.caught(),
         &[
-            "sensor vlp16: pose.rpy_deg unset → [0.0, 0.0, 0.1]: at least",
-            "of 28800 ranges differ, max",
-            "labels differ",
+            "sensor vlp16: pose.rpy_deg unset → [0.0, 0.0, 0.1]: range differs in at least",
+            "of 28800 pixels, max",
+            "the label differs in ",
         ],
     );
 }
@@ -213,7 +213,7 @@ fn an_azimuth_offset_lost() {
     copy.replace(SENSOR, "[1.5, 1.5, ", "[1.5, 0.0, ");
     has(
         &copy.caught(),
-        &["sensor vlp16: beam (row 7) azimuth offset 1.5° → 0°: ", "ranges differ", "all in row 7"],
+        &["sensor vlp16: beam (row 7) azimuth offset 1.5° → 0°: ", "range differs in ", "all in row 7"],
     );
 }
 
@@ -236,7 +236,7 @@ fn half_a_pixel_of_a_camera() {
     );
     has(
         &copy.caught(),
-        &["sensor depth: pinhole.hfov_deg 87.0 → unset; pinhole.cx_px unset → 320.5; ", "ranges differ"],
+        &["sensor depth: pinhole.hfov_deg 87.0 → unset; pinhole.cx_px unset → 320.5; ", "range differs in "],
     );
 }
 
@@ -249,7 +249,7 @@ fn an_object_moved_by_two_centimetres() {
     });
     has(
         &copy.caught(),
-        &["sensor vlp16: ../scenes/room.glb BLAKE3 ", " of 28800 ranges differ, max", "all on \"pillar\""],
+        &["sensor vlp16: ../scenes/room.glb BLAKE3 ", " of 28800 pixels, max", "all on \"pillar\""],
     );
 }
 
@@ -260,10 +260,7 @@ fn an_objects_label_lost() {
         node(json, "pillar")["extras"].as_object_mut().unwrap().remove("label").unwrap();
     });
     let caught = copy.caught();
-    has(
-        &caught,
-        &["../scenes/room.glb BLAKE3 ", " of 28800 labels differ, label ", " → 0: ", "all on \"pillar\""],
-    );
+    has(&caught, &["../scenes/room.glb BLAKE3 ", " of 28800 pixels, label ", " → 0: ", "all on \"pillar\""]);
     assert!(!caught.contains("range"), "{caught}");
 }
 
@@ -309,7 +306,7 @@ fn a_baseline_that_is_missing_or_of_another_job_is_a_failure_with_the_way_out() 
     copy.replace(SENSOR, "columns = 1800", "columns = 900");
     has(
         &copy.caught(),
-        &["sensor vlp16: rotating.columns 1800 → 900: the image is 16 × 900, the baseline 16 × 1800"],
+        &["sensor vlp16: rotating.columns 1800 → 900: the image is 16 × 900 pixels, the baseline 16 × 1800"],
     );
     copy.replace(ROOM, "name = \"vlp16\"", "name = \"puck\"");
     has(
@@ -335,7 +332,9 @@ fn a_baseline_that_is_missing_or_of_another_job_is_a_failure_with_the_way_out() 
     copy.replace("configs/room_vlp16.baseline/baseline.json", "\"range\": \"aba769", "\"range\": \"bba769");
     has(
         &copy.caught(),
-        &["sensor vlp16: neither the job nor the scene nor the version changed, and yet at least 0 of"],
+        &[
+            "sensor vlp16: neither the job nor the scene nor the version changed, and yet range differs in at least 0 of",
+        ],
     );
 
     // Corrupted pixel files cause no crash, and they are read only if a frame differs.
@@ -400,7 +399,7 @@ fn tolerances_let_small_differences_pass() {
     copy.replace(ROOM, "1.2001]", "1.25]");
     has(
         &copy.caught(),
-        &["pose.position_m[2] 1.2 → 1.25: ", "ranges differ by more than the tolerance, max"],
+        &["pose.position_m[2] 1.2 → 1.25: ", "range differs by more than the tolerance in ", " pixels, max"],
     );
 }
 
@@ -467,7 +466,7 @@ fn every_expectation_is_met_or_says_what_was_found_and_where() {
             // The lowest beam meets the ground at 1.2 m / tan 15° = 4.4785 m.
             "bad blind_zone: expected ground seen from a distance of 4.48 m on, found the ground begins at 4.48 m \
              (azimuth 0° to 1°)",
-            "bad returns: expected at most 50 % of the rays return, found 100 % return (sensor vlp16)",
+            "bad returns: expected at most 50 % of the rays return, found 100 % of the rays return (sensor vlp16)",
             "bad unobstructed: expected at most 0 % of the rays hit \"walls*\"",
             "(sensor vlp16: azimuth -179.8° to 180.0°, elevation -15.0° to 15.0°)",
             "bad points_per_s: expected at least 288001 points a second, found 288000 points a second",
@@ -525,8 +524,12 @@ fn reports_are_written_where_ci_looks_for_them() {
     assert_eq!(code, 1);
     has(
         &out,
-        &["::error file=configs/room_vlp16.toml,title=beamcast check::sensor vlp16: beam (row 9) elevation"],
+        &[
+            "::error file=configs/room_vlp16.toml,line=10,col=1,title=beamcast check::sensor vlp16: beam (row 9) elevation",
+        ],
     );
+    let job = fs::read_to_string(copy.path(ROOM)).unwrap();
+    assert_eq!(job.lines().position(|line| line == "[[sensor]]"), Some(9), "{job}");
     let read = |file: &str| fs::read_to_string(copy.path(file)).unwrap();
     has(&read("r/junit.xml"), &["failures=\"1\"", "<failure message=\"sensor vlp16: beam (row 9) elevation"]);
     has(&read("r/check.md"), &["### beamcast check: 1 job: 1 failed", "❌ failed"]);
@@ -542,6 +545,48 @@ fn reports_are_written_where_ci_looks_for_them() {
     assert_eq!(code, 1);
     let map = fs::read(copy.path("maps/room_vlp16.png")).unwrap();
     assert!(map.starts_with(b"\x89PNG") && map.len() > 1000);
+}
+
+#[test]
+fn annotations_are_at_the_line_that_is_meant_by_the_name_that_git_has() {
+    let copy = Copy::room();
+    fs::create_dir(copy.path(".git")).unwrap();
+    let text = fs::read_to_string(copy.path(ROOM)).unwrap();
+    let lines = text.lines().count();
+    let more = "\n[[expect]]\nname = \"none\"\nreturns = { at_most = 0.1 }\n";
+    fs::write(copy.path(ROOM), text + more).unwrap();
+    fs::write(copy.path("configs/wrong.toml"), "scene = \"a.glb\"\n\n  seed = \"one\"\n").unwrap();
+    fs::write(
+        copy.path("configs/lost.toml"),
+        "[output]\ndir = \"out\"\n[[sensor]]\npreset = \"velodyne/vlp-16\"\n",
+    )
+    .unwrap();
+    let lost = fs::read_to_string(copy.path("configs/lost.toml")).unwrap();
+    fs::write(
+        copy.path("configs/lost.toml"),
+        format!("# a scene that is not there\nscene = \"no.glb\"\n{lost}"),
+    )
+    .unwrap();
+    // Run in a folder of the repository, on the folder itself and on files.
+    for paths in [&["."][..], &["./room_vlp16.toml", "wrong.toml", "lost.toml"]] {
+        let mut command = copy.command(&[&["check"], paths].concat());
+        command.current_dir(copy.path("configs")).env("GITHUB_ACTIONS", "true");
+        let (_, out, _) = told(&command.output().unwrap());
+        has(
+            &out,
+            &[
+                &format!(
+                    "::error file=configs/room_vlp16.toml,line={},col=1,title=beamcast check::none: ",
+                    lines + 2
+                ),
+                "::error file=configs/wrong.toml,line=3,col=10,title=beamcast check::`seed` is ",
+            ],
+        );
+        assert!(!out.contains("file=./"), "{out}");
+        if paths.len() > 1 {
+            has(&out, &["::error file=configs/lost.toml,line=2,col=9,title=beamcast check::"]);
+        }
+    }
 }
 
 #[test]

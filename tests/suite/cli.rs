@@ -379,6 +379,7 @@ fn bench_tells_its_numbers() {
     let report = json(&output.stdout);
     let keys: Vec<_> = report.as_object().unwrap().keys().map(String::as_str).collect();
     let expected = [
+        "format",
         "load_s",
         "build_s",
         "cast_s",

@@ -138,7 +138,7 @@ fn a_mast_nearer_than_the_least_range_hides_the_wall_and_obstructs() {
     let text = place.failed_check();
     assert!(
         text.contains(
-            "clear: expected at most 0 % of the rays hit \"own_mast\", found 10.8 % hit it, 10.8 % of the rays nearer \
+            "clear: expected at most 0 % of the rays hit \"own_mast\", found 10.8 % of the rays hit it, 10.8 % of the rays nearer \
              than the sensor's least range (sensor c: azimuth -19.0° to 19.0°, elevation 0.0° to 0.0°)"
         ),
         "{text}"
@@ -156,7 +156,7 @@ fn a_mast_nearer_than_the_least_range_hides_the_wall_and_obstructs() {
     // The same mast beyond the least range obstructs in the same words as ever, and other things obstruct nothing.
     place.set_job(&job.replace("min_m = 0.3", "min_m = 0.1"));
     let text = place.failed_check();
-    assert!(text.contains("found 10.8 % hit it (sensor c"), "{text}");
+    assert!(text.contains("found 10.8 % of the rays hit it (sensor c"), "{text}");
     place.set_job(&job.replace("\"own_mast\"", "\"hall\"").replace("at_most = 0.0", "at_most = 0.9"));
     place.fine(&["check", "job.toml"]);
 }
@@ -268,7 +268,10 @@ fn a_check_sees_a_sensor_go_blind_in_the_dead_zone() {
     place.fine(&["check", "job.toml"]);
     place.set_scene(&[far, POST]);
     let text = place.failed_check();
-    assert!(text.contains("39 of 360 causes differ, out_of_range → too_near: 39 pixels"), "{text}");
+    assert!(
+        text.contains("the cause differs in 39 of 360 pixels, out_of_range → too_near: 39 pixels"),
+        "{text}"
+    );
     assert!(text.contains("all in columns 161 to 199"), "{text}");
 
     // Where returns vanish, the cause says why.
@@ -277,7 +280,7 @@ fn a_check_sees_a_sensor_go_blind_in_the_dead_zone() {
     place.set_scene(&[HALL, POST]);
     let text = place.failed_check();
     assert!(text.contains("39 returns vanished"), "{text}");
-    assert!(text.contains("39 of 360 causes differ, surface → too_near: 39 pixels"), "{text}");
+    assert!(text.contains("the cause differs in 39 of 360 pixels, surface → too_near: 39 pixels"), "{text}");
     place.fine(&["scan", "job.toml", "--out", "before"]);
     place.set_scene(&[HALL]);
     place.fine(&["scan", "job.toml", "--out", "after"]);

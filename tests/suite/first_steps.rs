@@ -200,3 +200,29 @@ fn a_job_is_not_begun_with_a_sensor_that_does_not_exist() {
     let said = String::from_utf8(beamcast(tmp.path(), &["init", "--preset", "later.toml"]).stderr).unwrap();
     assert!(said.contains("there is no sensor file later.toml yet"), "{said}");
 }
+
+/// Bash completes the names of built-in sensors and of channels.
+#[test]
+fn bash_knows_presets_and_channels() {
+    let folder = folder();
+    let script = ok(folder.path(), &["completions", "bash"]);
+    fs::write(folder.path().join("beamcast.bash"), script).unwrap();
+    let complete = |words: &str| {
+        let run = format!(
+            "source ./beamcast.bash; COMP_WORDS=(beamcast {words}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); \
+             _beamcast beamcast \"${{COMP_WORDS[COMP_CWORD]}}\" \"${{COMP_WORDS[COMP_CWORD - 1]}}\"; echo \"${{COMPREPLY[*]}}\""
+        );
+        let output = Command::new("bash").args(["--norc", "-c", &run]).current_dir(folder.path()).output();
+        // A machine without bash needs no completions of it.
+        output.ok().map(|output| String::from_utf8(output.stdout).unwrap().trim().to_owned())
+    };
+    for (words, found) in [
+        ("presets show velodyne/vlp-16", "velodyne/vlp-16 velodyne/vlp-16-hi-res"),
+        ("init --preset ideal/", "ideal/camera"),
+        ("selftest kinect/", "kinect/v1 kinect/v2"),
+        ("diff a b --channel id.s", "id.semantic"),
+    ] {
+        let Some(completed) = complete(words) else { return };
+        assert_eq!(completed, found, "{words}");
+    }
+}

@@ -19,7 +19,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
     ("output", &["angle", "error", "frame", "scan", "scene", "sensor", "source"]),
-    ("check", &["angle", "output", "scan", "scene", "sensor", "source"]),
+    ("check", &["angle", "frame", "output", "scan", "scene", "sensor", "source"]),
     ("view", &["check", "error", "frame", "output", "scan", "scene", "sensor", "source"]),
     ("selftest", &["angle", "frame", "motion", "output", "scan", "scene", "sensor", "trace"]),
     ("kernels", &["angle", "error", "frame", "motion", "rng", "scan", "scene", "sensor", "trace"]),

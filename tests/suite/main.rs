@@ -12,6 +12,7 @@ mod fuzz;
 mod guards;
 mod hostile_scenes;
 mod import;
+mod json;
 mod kernels;
 mod layering;
 mod mistakes;

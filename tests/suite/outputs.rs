@@ -72,7 +72,8 @@ fn capture<'a>(sensor: &'a Sensor, frame: &'a Frame) -> SensorFrame<'a> {
     let turned =
         Pose::from_rpy(DVec3::new(0.5, -0.25, 1.75), Angle::deg(3.0), Angle::deg(-20.0), Angle::deg(110.0));
     let capture = Capture::new(sensor, turned, &BODY, 0, 0);
-    SensorFrame { capture, frame, name: "top", cloud_frame: CloudFrame::Sensor, names: Names::default() }
+    let names = Names::default();
+    SensorFrame { capture, frame, name: "top", cloud_frame: CloudFrame::Sensor, names, legend: false }
 }
 
 struct Exr {

@@ -569,6 +569,7 @@ fn each_pulse_of_a_moving_sensor_is_cast_from_its_own_pose() {
             name: "",
             cloud_frame: CloudFrame::World,
             names: Names::default(),
+            legend: false,
         };
         for (column, (time_s, azimuth)) in rays.into_iter().enumerate() {
             let time = number as f64 / 10.0 + time_s;

@@ -21,7 +21,9 @@ fn good(folder: &Path, args: &[&str]) -> String {
 /// The data of each frame on a page.
 fn frames(page: &str) -> Vec<Value> {
     let parts = page.split("<script type=\"application/json\">").skip(1);
-    parts.map(|part| serde_json::from_str(part.split("</script>").next().unwrap()).unwrap()).collect()
+    let data = parts.map(|part| serde_json::from_str(part.split("</script>").next().unwrap()).unwrap());
+    // Other sections hold the rig and its map.
+    data.filter(|data: &Value| data["channels"].is_array()).collect()
 }
 
 fn count(frame: &Value) -> u64 {

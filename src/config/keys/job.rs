@@ -1,7 +1,8 @@
 //! The keys of a job, apart from those of its sensors' tables and its expectations.
 
 use super::super::kinds::{
-    ByName, Choice, Choices, FolderName, Integer, Names, Nested, Number, NumberOrTable, Tables, Text, Vector,
+    ByName, Choice, Choices, Flag, FolderName, Integer, Names, Nested, Number, NumberOrTable, Tables, Text,
+    Vector,
 };
 use super::super::table::{Key, TableKeys, key, table};
 use super::expect::EXPECT;
@@ -154,7 +155,7 @@ static METHODS_BY_NAME: [(&str, Option<&Method>); METHODS.len() + 1] = {
     all
 };
 
-pub(crate) static OUTPUT_KEYS: TableKeys = table("`[output]`", &[&DIR, &FORMATS, &CLOUD_FRAME]);
+pub(crate) static OUTPUT_KEYS: TableKeys = table("`[output]`", &[&DIR, &FORMATS, &CLOUD_FRAME, &LEGEND]);
 pub(crate) static DIR: Key<Text> = key("dir", Text, "The folder to write to, relative to this file.")
     .required("`dir = \"../out\"`, the folder to write to")
     .starts_as("\"out\"");
@@ -182,6 +183,10 @@ pub(crate) static CLOUD_FRAME: Key<Choice<CloudFrame>> = key(
 )
 .or("\"sensor\"")
 .starts_as("\"sensor\"");
+
+pub(crate) static LEGEND: Key<Flag> =
+    key("legend", Flag, "Whether PNG previews have a title, a scale of ranges and the colour of no return.")
+        .or("false");
 
 pub(crate) static CHECK_KEYS: TableKeys = table("`[check]`", &[&COMPARED, &TOLERANCES]);
 pub(crate) static COMPARED: Key<Choices<&'static str>> =

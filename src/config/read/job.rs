@@ -17,7 +17,7 @@ use crate::check::{Settings, Tolerance};
 use crate::frame::Pose;
 use crate::motion::Trajectory;
 use crate::source::tree::{Entries, Value};
-use crate::source::{Layer, Report, Span, portable};
+use crate::source::{Layer, Place, Report, Span, portable};
 
 /// Reads the job in `entries`, which is the first text of the report, with its presets and tables of rays. `None` if the
 /// report has errors.
@@ -84,6 +84,7 @@ pub(in super::super) fn job(
     let places = Places {
         scene: scene.as_ref().map(|scene| report.place(scene.span)).unwrap_or_default(),
         sensors: at(sensors_at),
+        tables: tables(&t),
         expectations: at(expectations_at),
     };
     let own_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -109,6 +110,12 @@ pub(in super::super) fn job(
         places,
         warnings: Vec::new(), // the owner of the report has them
     })
+}
+
+/// Where the table of each sensor is written.
+fn tables(job: &Table<'_>) -> Vec<Place> {
+    let Some(tables) = job.read(&keys::SENSORS) else { return Vec::new() };
+    tables.value.iter().map(|table| job.report().place(table.span)).collect()
 }
 
 /// The merged job as JSON, without the places on this machine where its files are.
@@ -139,7 +146,8 @@ fn output(t: &Table<'_>, folder: &Path) -> Option<OutputSettings> {
     }
     let formats = t.value(&keys::FORMATS);
     let cloud_frame = t.value(&keys::CLOUD_FRAME);
-    Some(OutputSettings { dir: folder.join(dir?.value), formats, cloud_frame })
+    let legend = t.value(&keys::LEGEND);
+    Some(OutputSettings { dir: folder.join(dir?.value), formats, cloud_frame, legend })
 }
 
 /// The job's `[check]`.

@@ -1,6 +1,6 @@
 //! The manifest of a scan, as far as it is used when it is read back.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path};
 
 use serde::de::IgnoredAny;
@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::ReadError;
 use super::instances::InstanceNames;
+use crate::scene::label_names;
 
 /// The content of a manifest. Anybody may have written it. What is not used of it is not kept: a tree of values would take
 /// some thirty times the file's length.
@@ -46,6 +47,9 @@ pub struct Tool {
 pub struct RecordedJob {
     /// The scene's path, as the job has it.
     pub scene: Option<String>,
+    /// The labels by the names of nodes or materials.
+    #[serde(default)]
+    labels: BTreeMap<String, u32>,
     /// The sensors.
     #[serde(default)]
     pub sensor: Vec<RecordedSensor>,
@@ -97,6 +101,7 @@ struct Instances {
     id: Option<u32>,
     last: Option<u32>,
     name: String,
+    file_label: Option<u32>,
 }
 
 impl RecordedManifest {
@@ -117,6 +122,14 @@ impl RecordedManifest {
             }
         }
         Ok(manifest)
+    }
+
+    /// What labels stand for, in words: the names in the job's `[labels]`, else the names of the objects that have them.
+    pub fn label_names(&self) -> BTreeMap<u32, String> {
+        let of_job = self.job.labels.iter().map(|(name, label)| (name.as_str(), *label));
+        let of_file = self.scene.instances.iter();
+        let of_file = of_file.filter_map(|instances| Some((instances.name.as_str(), instances.file_label?)));
+        label_names(of_job, of_file)
     }
 }
 

@@ -113,6 +113,7 @@ fn encoded(sensor: &Sensor, format: Format) -> Option<Vec<u8>> {
         name: "top",
         cloud_frame: Default::default(),
         names: Default::default(),
+        legend: false,
     };
     let bytes = format.encode(&seen).ok()?;
     if format == Format::EXR {

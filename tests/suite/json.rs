@@ -1,0 +1,191 @@
+//! The JSON documents that commands print: every key that one has is in docs/json.md, and every key there is in one.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// Runs the program, and returns what it prints.
+fn stdout_of(folder: &Path, args: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
+    let output = command.args(args).current_dir(folder).env_remove("CI").output().unwrap();
+    assert!(
+        matches!(output.status.code(), Some(0..=2)),
+        "{args:?}: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// A job in the room, whose sensor is at x. `kernel` names the method.
+fn job(x: f64, columns: usize, kernel: &str) -> String {
+    format!(
+        "scene = '{ROOT}/scenes/room.glb'\n\
+         [labels]\npillar = 77\n\
+         [[sensor]]\nname = \"top\"\npose = {{ position_m = [{x:?}, 0.0, 1.2] }}\n\
+         [sensor.rotating]\nelevations_deg = [2.0, -10.0]\ncolumns = {columns}\nrate_hz = 10.0\n\
+         [sensor.range]\nmax_m = 20.0\n\
+         [trace]\nkernel = {kernel:?}\n\
+         [output]\ndir = \"out\"\n\
+         [[expect]]\nname = \"all\"\nreturns = {{ at_least = 1.0 }}\n"
+    )
+}
+
+/// The documents of each command, under the headings of docs/json.md: as many as it takes to see every key.
+fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
+    for (name, text) in [
+        ("a.toml", job(0.0, 36, "exact")),
+        ("b.toml", job(0.3, 36, "exact")),
+        ("d.toml", job(0.0, 18, "exact")),
+        ("leaky.toml", job(0.0, 36, "moller-trumbore")),
+        ("wrong.toml", "scene = 3\n".to_owned()),
+    ] {
+        fs::write(folder.join(name), text).unwrap();
+    }
+    let json = |args: &[&str]| -> Value {
+        let text = stdout_of(folder, args);
+        serde_json::from_str(&text).unwrap_or_else(|e| panic!("{args:?}: {e}: {text}"))
+    };
+    let plan = json(&["scan", "a.toml", "--out", "a", "--dry-run", "--json"]);
+    let scan = json(&["scan", "a.toml", "--out", "a", "--json"]);
+    for name in ["b", "d"] {
+        stdout_of(folder, &["scan", &format!("{name}.toml"), "--out", name]);
+    }
+    stdout_of(folder, &["check", "--accept", "a.toml"]);
+    let moved = ["--set", "sensor.top.pose.position_m=[0.3, 0.0, 1.2]"];
+    let check = json(&["check", "a.toml", moved[0], moved[1], "--json", "-"]);
+    let broken = json(&["check", "wrong.toml", "--json", "-"]);
+    let diff =
+        |file: &str, other: &str| json(&["diff", &format!("a{file}"), &format!("{other}{file}"), "--json"]);
+    let info = |path: &str| json(&["info", path, "--json"]);
+    BTreeMap::from([
+        ("scan", vec![scan]),
+        ("scan --dry-run", vec![plan]),
+        ("check", vec![check, broken]),
+        (
+            "diff",
+            vec![
+                diff("", "b"),
+                diff("/top/000000.exr", "d"),
+                diff("/top/000000.ply", "b"),
+                diff("/top/000000.ply", "d"),
+            ],
+        ),
+        ("lint", vec![json(&["lint", "a.toml", "wrong.toml", "--json"])]),
+        ("info", vec![info("a.toml"), info("a"), info("a/top/000000.exr"), info("a/top/000000.ply")]),
+        ("bench", vec![json(&["bench", "a.toml", "--repeat", "1", "--json"])]),
+        ("presets", vec![json(&["presets", "--json"])]),
+        ("selftest", vec![json(&["selftest", "leaky.toml", "--json"])]),
+    ])
+}
+
+/// Adds the path of every key, with `[]` behind the keys of lists.
+fn add_keys(value: &Value, path: &str, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(keys) => {
+            for (key, value) in keys {
+                let list = if value.is_array() { "[]" } else { "" };
+                let deeper =
+                    if path.is_empty() { format!("{key}{list}") } else { format!("{path}.{key}{list}") };
+                add_keys(value, &deeper, found);
+                found.insert(deeper);
+            }
+        }
+        Value::Array(values) => values.iter().for_each(|value| add_keys(value, path, found)),
+        _ => {}
+    }
+}
+
+/// The rows of each section's table: the key, and the rest.
+type Sections = BTreeMap<String, Vec<(String, String)>>;
+
+fn sections(page: &str) -> Sections {
+    let mut sections = Sections::new();
+    let mut heading = String::new();
+    for line in page.lines() {
+        if let Some(title) = line.strip_prefix("### ").or(line.strip_prefix("## ")) {
+            heading = title.to_owned();
+        } else if let Some(row) = line.strip_prefix("| ").filter(|row| !row.starts_with("key ")) {
+            let (key, about) = row.split_once('|').unwrap();
+            let key = key.trim().trim_matches('`').to_owned();
+            let about = about.trim().trim_end_matches('|').trim().to_owned();
+            sections.entry(heading.clone()).or_default().push((key, about));
+        }
+    }
+    sections
+}
+
+/// The paths of a section's keys under `prefix` and of those of the sections that its rows link to, each with the section and the
+/// key that it comes from.
+fn documented<'s>(
+    sections: &'s Sections,
+    heading: &'s str,
+    prefix: &str,
+    found: &mut BTreeMap<String, (&'s str, &'s str)>,
+) {
+    for (key, about) in &sections[heading] {
+        let path = match (prefix.is_empty(), key.is_empty()) {
+            (_, true) => prefix.to_owned(),
+            (true, _) => key.clone(),
+            _ => format!("{prefix}.{key}"),
+        };
+        if let Some((_, link)) = about.split_once("(#") {
+            let anchor = link.split(')').next().unwrap();
+            let is_linked = |title: &&String| title.to_lowercase().replace(' ', "-") == anchor;
+            let linked = sections.keys().find(is_linked).unwrap_or_else(|| panic!("no section #{anchor}"));
+            documented(sections, linked, &path, found);
+        }
+        if !key.is_empty() {
+            found.insert(path, (heading, key));
+        }
+    }
+}
+
+/// Whether a key is the documented one, whose `*` stands for any name.
+fn is_meant(documented: &str, key: &str) -> bool {
+    match documented.strip_suffix('*') {
+        Some(start) => key.starts_with(start),
+        None => key == documented,
+    }
+}
+
+#[test]
+fn the_page_has_every_key_and_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = fs::read_to_string(Path::new(ROOT).join("docs/json.md")).unwrap();
+    let sections = sections(&page);
+    let mut wrong = Vec::new();
+    // A key of a section that several others link to must be in a document of one of them.
+    let (mut all, mut found) = (BTreeSet::new(), BTreeSet::new());
+    for (heading, documents) in documents(folder.path()) {
+        let (mut told, mut seen) = (BTreeMap::new(), BTreeSet::new());
+        documented(&sections, heading, "", &mut told);
+        for document in &documents {
+            add_keys(document, "", &mut seen);
+            let format = &sections[heading].iter().find(|(key, _)| key == "format").unwrap().1;
+            assert_eq!(document["format"].to_string(), *format, "{heading}");
+            let first = document.as_object().unwrap().keys().next();
+            assert_eq!(first.map(String::as_str), Some("format"), "{heading}");
+        }
+        // A list may be null, and a value of several kinds a list.
+        let bare = |path: &str| path.strip_suffix("[]").unwrap_or(path).to_owned();
+        let seen: BTreeSet<String> = seen.iter().map(|path| bare(path)).collect();
+        for key in &seen {
+            if !told.keys().any(|known| is_meant(&bare(known), key)) {
+                wrong.push(format!("{heading}: {key} is not in docs/json.md"));
+            }
+        }
+        for (path, origin) in &told {
+            all.insert(*origin);
+            if seen.iter().any(|key| is_meant(&bare(path), key)) {
+                found.insert(*origin);
+            }
+        }
+    }
+    wrong.extend(all.difference(&found).map(|(section, key)| format!("{section}: {key} is in no document")));
+    assert!(wrong.is_empty(), "\n{}\n", wrong.join("\n"));
+}
