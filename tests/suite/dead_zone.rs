@@ -150,7 +150,9 @@ fn a_mast_nearer_than_the_least_range_hides_the_wall_and_obstructs() {
     let text = place.failed_check();
     assert!(text.contains("found 0 points, 39 beams nearer than the sensor's least range"), "{text}");
     assert!(
-        text.contains("found 89.2 % return, 10.8 % are blocked nearer than the sensor's least range"),
+        text.contains(
+            "found 89.2 % of the rays return, 10.8 % are blocked nearer than the sensor's least range"
+        ),
         "{text}"
     );
     // The same mast beyond the least range obstructs in the same words as ever, and other things obstruct nothing.

@@ -35,6 +35,15 @@ fn job(x: f64, columns: usize, kernel: &str) -> String {
     )
 }
 
+/// A scene of a triangle and a camera.
+const TRIANGLE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}],
+    "nodes": [{"mesh": 0}, {"camera": 0}],
+    "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
+    "bufferViews": [{"buffer": 0, "byteLength": 36}],
+    "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}"#;
+
 /// The documents of each command, under the headings of docs/json.md: as many as it takes to see every key.
 fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
     for (name, text) in [
@@ -43,6 +52,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ("d.toml", job(0.0, 18, "exact")),
         ("leaky.toml", job(0.0, 36, "moller-trumbore")),
         ("wrong.toml", "scene = 3\n".to_owned()),
+        ("triangle.gltf", TRIANGLE.to_owned()),
     ] {
         fs::write(folder.join(name), text).unwrap();
     }
@@ -76,7 +86,16 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
             ],
         ),
         ("lint", vec![json(&["lint", "a.toml", "wrong.toml", "--json"])]),
-        ("info", vec![info("a.toml"), info("a"), info("a/top/000000.exr"), info("a/top/000000.ply")]),
+        (
+            "info",
+            vec![
+                info("a.toml"),
+                info("triangle.gltf"),
+                info("a"),
+                info("a/top/000000.exr"),
+                info("a/top/000000.ply"),
+            ],
+        ),
         ("bench", vec![json(&["bench", "a.toml", "--repeat", "1", "--json"])]),
         ("presets", vec![json(&["presets", "--json"])]),
         ("selftest", vec![json(&["selftest", "leaky.toml", "--json"])]),
