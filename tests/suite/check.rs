@@ -576,8 +576,8 @@ fn annotations_are_at_the_line_that_is_meant_by_the_name_that_git_has() {
             &out,
             &[
                 &format!(
-                    "::error file=configs/room_vlp16.toml,line={},col=1,title=beamcast check::none: ",
-                    lines + 2
+                    "::error file=configs/room_vlp16.toml,line={},col=11,title=beamcast check::none: ",
+                    lines + 4
                 ),
                 "::error file=configs/wrong.toml,line=3,col=10,title=beamcast check::`seed` is ",
             ],
