@@ -137,17 +137,6 @@ impl Report {
         None
     }
 
-    /// Records a warning.
-    pub fn warning(
-        &self,
-        span: Span,
-        message: impl Into<String>,
-        label: impl Into<String>,
-        help: Option<String>,
-    ) {
-        self.record(Severity::Warning, span, message.into(), label.into(), help);
-    }
-
     /// Records a warning about a value that is probably not what was meant.
     pub fn doubt(&self, span: Span, doubt: Doubt) {
         self.add_found(span, doubt.at(&self.place_in_text(span)));

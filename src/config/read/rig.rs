@@ -14,7 +14,7 @@ use super::sensor;
 use crate::angle::Angle;
 use crate::frame::Pose;
 use crate::source::suggest::quoted;
-use crate::source::{Report, Span, Spanned};
+use crate::source::{Doubt, Report, Span, Spanned};
 
 /// Most beams of all sensors: a short file can ask for very many.
 pub(super) const MAX_BEAMS: usize = 2_000_000;
@@ -115,7 +115,8 @@ fn quaternion_pose(report: &Report, translation: DVec3, q: Spanned<[f64; 4]>) ->
         report.error(q.span, message, "expected x, y, z, w of length 1", Some(help.into()));
     } else if (length - 1.0).abs() > 1e-3 {
         let message = format!("a quaternion of length {length:.6}, which is normalised");
-        report.warning(q.span, message, "expected x, y, z, w of length 1", None);
+        let doubt = Doubt::new("quaternion-length", QUATERNION.name(), message);
+        report.doubt(q.span, doubt.label("expected x, y, z, w of length 1"));
     }
     made
 }

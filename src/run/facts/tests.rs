@@ -59,7 +59,10 @@ fn a_folder_is_walked_in_order_and_everything_wrong_is_told() {
     write("sensors/good.toml", camera);
     write("b.toml", &camera.replace("hfov_deg", "hfov_rad"));
     write(".hidden/c.toml", "nonsense");
-    write("a.toml", "scene = 'romo.glb'\noutput.dir = 'out'\n[[sensor]]\npreset = 'sensors/good.toml'\n");
+    write(
+        "a.toml",
+        "scene = 'romo.glb'\noutput.dir = 'out'\n[[sensor]]\npreset = 'sensors/good.toml'\npose = {}\n",
+    );
     write("room.glb", "");
     let Examined { facts, problems: diagnostics, .. } = examine(&[folder.path().to_path_buf()], &[]);
     assert_eq!(facts.len(), 1);

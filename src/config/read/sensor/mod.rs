@@ -11,6 +11,7 @@ use super::super::plausibility;
 use super::super::table::{Key, Table};
 use super::rays::RayFiles;
 use crate::sensor::{Capture, Limited, Pattern, RangeLimits, Ranging, Sensor};
+use crate::source::Doubt;
 
 /// The reader of a pattern's table.
 type Read = fn(&Table<'_>, &RayFiles) -> Option<Pattern>;
@@ -84,7 +85,8 @@ fn warn_of_ambiguity(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) {
             period_s * 1e6
         );
         let label = "farther than light comes back from in time";
-        t.report().warning(t.span_of(&keys::RANGE), message, label, None);
+        let doubt = Doubt::new("ambiguous-range", keys::RANGE.name(), message).label(label);
+        t.report().doubt(t.span_of(&keys::RANGE), doubt);
     }
 }
 

@@ -10,7 +10,7 @@ use super::limit::check_rays;
 use crate::angle::Angle;
 use crate::sensor::{Beam, Phase, Rotating, RotatingError};
 use crate::source::tree::count;
-use crate::source::{Report, Span, Spanned};
+use crate::source::{Doubt, Report, Span, Spanned};
 
 /// Numbers, each with its span.
 type Numbers = Spanned<Vec<Spanned<f64>>>;
@@ -42,7 +42,10 @@ pub(super) fn pattern(t: &Table<'_>) -> Option<Rotating> {
         && let Some(far) = offsets.value.iter().find(|o| o.value.abs() > 360.0)
     {
         let message = format!("an azimuth offset of {} degrees is more than a turn", far.value);
-        report.warning(far.span, message, "in degrees?", None);
+        report.doubt(
+            far.span,
+            Doubt::new("azimuth-offset-unit", keys::AZIMUTH_OFFSETS.name(), message).label("in degrees?"),
+        );
     }
     if let (Some(beams), Some(columns)) = (beams, columns) {
         check_rays(report, beams as u64, columns.value, columns.span)?;
@@ -119,7 +122,8 @@ fn warn_of_radians(report: &Report, list: &Numbers) {
     if list.value.len() >= 8 && high - low > 0.1 && low.abs().max(high.abs()) <= 1.6 {
         let message = format!("all {} elevations lie between {low} and {high} degrees", list.value.len());
         let help = "if they are radians, multiply each by 57.2958";
-        report.warning(list.span, message, "are these radians?", Some(help.into()));
+        let doubt = Doubt::new("elevations-in-radians", keys::ELEVATIONS.name(), message);
+        report.doubt(list.span, doubt.label("are these radians?").help(help));
     }
 }
 
@@ -208,7 +212,8 @@ fn shifts(
     if !is_destaggered && !t.has(&keys::LAYOUT) {
         let help = "`layout = \"destaggered\"` moves them";
         let message = format!("`{}` moves nothing", key.name());
-        t.report().warning(list.span, message, "rows stay as fired", Some(help.into()));
+        let doubt = Doubt::new("shifts-without-layout", keys::PIXEL_SHIFTS.name(), message);
+        t.report().doubt(list.span, doubt.label("rows stay as fired").help(help));
     }
     Some(list.value.iter().map(|at| at.value.rem_euclid(most) as usize).collect())
 }
@@ -269,7 +274,8 @@ fn warn_of_twins(report: &Report, elevations: &Numbers, beams: &[Beam]) {
             1 => String::new(),
             n => format!("and {} more such pairs", n - 1),
         };
-        report.warning(elevations.value[first[1]].span, message, label, None);
+        let doubt = Doubt::new("twin-beams", keys::ELEVATIONS.name(), message).label(label);
+        report.doubt(elevations.value[first[1]].span, doubt);
     }
 }
 
@@ -295,7 +301,8 @@ fn warn_of_aliases(report: &Report, elevations: &Numbers, pattern: &Rotating) {
         );
         let help = "another number of columns, or offsets between the columns, would see other points";
         let span = elevations.value[b.file_index].span;
-        report.warning(span, message, "round the turn they see the same points", Some(help.into()));
+        let doubt = Doubt::new("aliased-beams", keys::ELEVATIONS.name(), message);
+        report.doubt(span, doubt.label("round the turn they see the same points").help(help));
     }
 }
 
@@ -323,5 +330,5 @@ fn warn_of_late_beams(report: &Report, times: &Numbers, pattern: &Rotating) {
         )
     };
     let help = "beam times are microseconds from the column's own time, not from the frame's start";
-    report.warning(far.span, message, label, Some(help.into()));
+    report.doubt(far.span, Doubt::new("late-beam", keys::BEAM_TIMES.name(), message).label(label).help(help));
 }
