@@ -12,7 +12,7 @@ use crate::sensor::{
     Axis, Mirror, MirrorError, Order, Prism, Raster, RayTable, RayTableError, Ripple, Risley, RisleyError,
     TurningMirror, direction,
 };
-use crate::source::Spanned;
+use crate::source::{Doubt, Spanned};
 
 pub(super) fn raster(t: &Table<'_>) -> Option<Raster> {
     let azimuths = t.read(&raster::AZIMUTHS);
@@ -143,7 +143,8 @@ pub(super) fn rays(t: &Table<'_>, files: &RayFiles) -> Option<RayTable> {
     let (table, counted) = files.table(t.report(), file?)?;
     if let Some(span) = counted.filter(|_| !t.has(&rays::PULSE_RATE)) {
         let help = "`pulse_rate_hz`, the pulses of each beam a second, gives them times; without it all go out at once";
-        t.report().warning(span, "this column counts the rays, and is no time", "", Some(help.to_owned()));
+        let message = "this column counts the rays, and is no time";
+        t.report().doubt(span, Doubt::new("counted-times", rays::FILE.name(), message).help(help));
     }
     let lines = lines?;
     if let Some(pulse_rate) = &pulse_rate {
