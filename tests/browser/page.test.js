@@ -268,6 +268,12 @@ test("a check shows verdict, pictures of baseline, run and difference, and table
     assert.match(values, /run: range 9\.8000 m/);
     assert.match(values, /difference: -0\.20/);
     assert.equal(await page.locator(".marker:visible").count(), 3);
+    // A sentence leads to its channel and pixel.
+    await choose(page, "label");
+    await page.locator(".sentences a[data-channel=range]").first().click();
+    await page.waitForFunction(() => document.querySelector(".controls select").value === "range");
+    assert.match(await page.locator("output.values").innerText(), /difference: /);
+    assert.match(await page.locator(".legend .ramp .numbers").first().innerText(), /\d/);
 });
 
 test("without WebGL2 there are pictures and a sentence", async (t) => {
@@ -318,7 +324,7 @@ test("both themes can be read, by the system's wish or the page's switch", async
 test("the keyboard comes by everything, in the order of the page", async (t) => {
     const { page } = await open(t, pages.check);
     const order = [];
-    for (let i = 0; i < 12; i++) {
+    for (let i = 0; i < 24; i++) {
         await page.keyboard.press("Tab");
         order.push(await page.evaluate(() => {
             const { id, type, className, dataset, tagName } = document.activeElement;
@@ -327,7 +333,7 @@ test("the keyboard comes by everything, in the order of the page", async (t) => 
     }
     const expected = ["theme", "scroll", "scroll", "scroll", "select-one", "checkbox", "baseline", "run", "difference", "cloud"];
     const named = order.map((name) => (name === "select" ? "select-one" : name));
-    assert.deepEqual(named.filter((name) => name !== "body").slice(0, expected.length), expected);
+    assert.deepEqual(named.filter((name) => name !== "body" && name !== "a").slice(0, expected.length), expected);
     const unnamed = await page.evaluate(() => [...document.querySelectorAll("canvas[tabindex], select, input")]
         .filter((e) => !(e.ariaLabel || e.labels?.length)).map((e) => e.outerHTML));
     assert.deepEqual(unnamed, []);
