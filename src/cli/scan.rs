@@ -117,13 +117,12 @@ fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal)
     interrupt.uncut(|| journal.begin(&plan))?;
     let writing = Writing::of(plan.output_names().len() as u64);
     let casting = || {
-        let seen = cast_and_write(&session, &plan, &mut journal, interrupt, &writing)?;
+        let done = cast_and_write(&session, &plan, &mut journal, interrupt, &writing)?;
         interrupt.check()?;
         writing.file(|| interrupt.uncut(|| journal.finish(&session)))?;
-        Ok::<_, Error>(seen)
+        Ok::<_, Error>(done)
     };
-    let (seen, cast, write) =
-        terminal.with_progress_and_files(plan.rays, interrupt.progress(), &writing, casting)?;
+    let done = terminal.with_progress_and_files(plan.rays, interrupt.progress(), &writing, casting)?;
 
     let outputs = journal.written();
     for output in outputs {
@@ -134,9 +133,12 @@ fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal)
             output.blake3
         ));
     }
-    let times = Times { load, build, cast, write };
-    terminal.say_lines(&summary(&session.job, &seen, outputs, &times));
-    Ok(summary_as_json(&session.job, &seen, outputs, &times, &diagnostics))
+    for Loss { path, values } in &done.losses {
+        terminal.warn(format_args!("{path} has 0 for {values} values that its pixels can't hold"));
+    }
+    let times = Times { load, build, cast: done.casting, write: done.writing };
+    terminal.say_lines(&summary(&session.job, &done.seen, outputs, &times));
+    Ok(summary_as_json(&session.job, &done, outputs, &times, &diagnostics))
 }
 
 fn load_job(args: &Args, path: &Path, terminal: &Terminal) -> Result<Job, Error> {
@@ -155,16 +157,32 @@ fn load_job(args: &Args, path: &Path, terminal: &Terminal) -> Result<Job, Error>
     Ok(job)
 }
 
-/// Casts and writes one frame after the other, so that only one is in memory. Returns the statistics of the frames, and the
-/// times of casting and of writing.
+/// What is known of frames that were cast and written.
+struct Done {
+    /// The statistics of the frames.
+    seen: Vec<Statistics>,
+    /// The files that lost something.
+    losses: Vec<Loss>,
+    casting: Duration,
+    writing: Duration,
+}
+
+/// A file whose format could not hold all values of its frame.
+struct Loss {
+    path: String,
+    values: u64,
+}
+
+/// Casts and writes one frame after the other, so that only one is in memory.
 fn cast_and_write(
     session: &Session,
     plan: &Plan,
     journal: &mut Journal,
     interrupt: &Interrupt,
     progress: &Writing,
-) -> Result<(Vec<Statistics>, Duration, Duration), Error> {
+) -> Result<Done, Error> {
     let (mut seen, mut frame) = (Vec::new(), Frame::default());
+    let mut losses = Vec::new();
     let (mut casting, mut writing) = (Duration::ZERO, Duration::ZERO);
     for item in &plan.items {
         let (whole, time) = timed(|| session.cast_into(&mut frame, item, interrupt.progress()));
@@ -177,6 +195,10 @@ fn cast_and_write(
         let sensor_frame = session.sensor_frame(item, &frame);
         let start = Instant::now();
         for output in &item.outputs {
+            let lost = output.format.lost(&sensor_frame);
+            if lost > 0 {
+                losses.push(Loss { path: output.name.clone(), values: lost });
+            }
             progress.file(|| {
                 let content = session.encode(output, &sensor_frame)?;
                 interrupt.check()?;
@@ -186,7 +208,7 @@ fn cast_and_write(
         journal.add(&sensor_frame)?;
         writing += start.elapsed();
     }
-    Ok((seen, casting, writing))
+    Ok(Done { seen, losses, casting, writing })
 }
 
 struct Times {
@@ -237,7 +259,7 @@ fn summary(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], times: &Time
 
 fn summary_as_json(
     job: &Job,
-    seen: &[Statistics],
+    Done { seen, losses, .. }: &Done,
     outputs: &[WrittenFile],
     times: &Times,
     diagnostics: &[Diagnostic],
@@ -259,10 +281,12 @@ fn summary_as_json(
     };
     let names = job.sensors.iter().map(|s| s.name.as_str());
     let output = |o: &WrittenFile| json!({ "path": o.path, "bytes": o.bytes, "blake3": o.blake3 });
+    let loss = |loss: &Loss| json!({ "path": loss.path, "values": loss.values });
     json!({
         "dir": job.output.dir.to_string_lossy(),
         "sensors": names.zip(seen).map(sensor).collect::<Vec<_>>(),
         "outputs": outputs.iter().map(output).collect::<Vec<_>>(),
+        "lost": losses.iter().map(loss).collect::<Vec<_>>(),
         "diagnostics": diagnostics,
         "load_s": times.load.as_secs_f64(),
         "build_s": times.build.as_secs_f64(),

@@ -1,13 +1,14 @@
-//! `beamcast schema`: the JSON Schema of jobs and of sensor files, and the reference page of their keys.
+//! `beamcast schema`: the JSON Schema of jobs and of sensor files, and the reference pages of their keys and of formats.
 
 use super::terminal::Terminal;
 use crate::config::{self, Document};
 use crate::error::Error;
+use crate::output::formats_page;
 
 /// The arguments of `beamcast schema`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A kind of file, or the page of all keys
+    /// A kind of file, or a reference page
     #[arg(value_enum)]
     of: Of,
 }
@@ -20,6 +21,8 @@ enum Of {
     Sensor,
     /// All keys of jobs and sensor files, as a page of Markdown
     Keys,
+    /// What the files of each format are, as a page of Markdown
+    Formats,
 }
 
 /// Prints the schema or the page on stdout.
@@ -31,6 +34,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         Of::Job => format!("{:#}\n", config::schema(Document::Job)),
         Of::Sensor => format!("{:#}\n", config::schema(Document::Sensor)),
         Of::Keys => config::reference(),
+        Of::Formats => formats_page(),
     };
     terminal.data(&text)
 }

@@ -88,11 +88,6 @@ const ANSWERS: &[(&[&str], &[&str], &str)] = &[
         &[],
         NO_SEQUENCE,
     ),
-    (
-        &["channels", "channel"],
-        &["`[output]`"],
-        "all channels are always written; `channels` in `[check]` says which are compared",
-    ),
     (&["imu", "gps", "gnss", "odometry"], &[], "IMU, GNSS and odometry are not supported yet"),
     (&["rgb", "color", "colour", "image"], &[], "beamcast measures ranges: it makes no colour images"),
     (
@@ -128,7 +123,7 @@ const ANSWERS: &[(&[&str], &[&str], &str)] = &[
     ),
     (
         &["units", "unit", "scale", "scene_scale"],
-        &[],
+        &["a job", "`[[sensor]]`", "`pose`", "`[output]`"],
         "lengths are metres: scale the scene where it is exported",
     ),
 ];
@@ -150,7 +145,8 @@ mod tests {
         assert_eq!(said("`[rotating]`", "RPM", &["rate_hz"]), "rate_hz");
         assert_eq!(said("`[trajectory]`", "file", &["pose"]), NO_MOTION);
         assert_eq!(said("`[[sensor]]`", "file", &["preset"]), "preset");
-        assert!(said("`[output]`", "channels", &["dir"]).contains("always written"));
+        assert!(said("a job", "scale", &["scene"]).contains("lengths are metres"));
+        assert_eq!(said("the format exr", "scale", &["format"]), "");
         assert_eq!(said("`[rotating]`", "channels", &["elevations_deg"]), "elevations_deg");
     }
 }

@@ -61,6 +61,8 @@ pub struct Places {
     pub sensors: Vec<Place>,
     /// The table of each sensor.
     pub tables: Vec<Place>,
+    /// The formats.
+    pub formats: Vec<Place>,
     /// The expectations.
     pub expectations: Vec<Place>,
 }

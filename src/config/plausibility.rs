@@ -8,7 +8,9 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use crate::frame::Pose;
+use crate::output::Format;
 use crate::source::Doubt;
+use crate::source::suggest::list;
 
 /// Degrees of a radian, as messages write them.
 const DEGREES: &str = "57.2958";
@@ -160,6 +162,14 @@ pub(super) fn home_folder(key: &str, path: &str) -> Option<Doubt> {
             .label("the shell's sign for the home folder")
             .help("write the path in full, or relative to this file")
     })
+}
+
+/// Channels that are chosen for formats of which none holds channels.
+pub(super) fn channels_of_nothing() -> Doubt {
+    let all = Format::all().filter(|format| format.holds_channels()).map(Format::name);
+    Doubt::new("channels-of-nothing", "output.channels", "none of the formats holds channels")
+        .label("chooses nothing")
+        .help(format!("the formats that hold channels are {}", list(all, "and")))
 }
 
 #[cfg(test)]

@@ -123,12 +123,13 @@ fn assert_is_kept(path: &str, made: &str, command: &str) {
 }
 
 #[test]
-fn the_files_for_editors_and_the_page_of_keys_are_kept() {
+fn the_files_for_editors_and_the_pages_of_keys_and_formats_are_kept() {
     for (name, document) in [("job", Document::Job), ("sensor", Document::Sensor)] {
         let made = format!("{:#}\n", super::schema(document));
         assert_is_kept(&format!("configs/schema/{name}.json"), &made, &format!("beamcast schema {name}"));
     }
     assert_is_kept("docs/keys.md", &super::reference(), "beamcast schema keys");
+    assert_is_kept("docs/formats.md", &crate::output::formats_page(), "beamcast schema formats");
 }
 
 #[test]

@@ -12,9 +12,10 @@ use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 use rayon::prelude::*;
 
-use super::channel::{BYTES_A_VALUE, CHANNELS};
-use super::format::{EncodeError, FormatSpec, Kind};
+use super::channel::{BYTES_A_VALUE, repeated_for_opencv};
+use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::image::{Image, Samples};
+use super::options::Options;
 use super::sensor_frame::{SensorFrame, pose_as_toml};
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::scan::Cause;
@@ -27,25 +28,28 @@ const NO_RETURN: &str = "+inf in range, Z and Y; 0 in all other channels except 
 /// returns a pixel has one part for each return number.
 pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "exr",
+    ending: "exr",
     about: "OpenEXR range images of all channels",
+    content: Content::Channels,
+    read_by: "OpenEXR (Python), Open3D",
     check,
-    most_label: u32::MAX,
-    encoding_bytes_a_ray: |sensor| {
+    encoding_bytes_a_ray: |sensor, options| {
         // This counts the channels, the compressed blocks and the file, under the assumption that compression saves
         // nothing.
-        3 * file_bytes_a_ray(sensor)
+        3 * file_bytes_a_ray(sensor, options)
     },
     file_bytes_a_ray,
     kind: Kind::File(encode),
+    ..FormatSpec::PLAIN
 };
 
-fn file_bytes_a_ray(sensor: &Sensor) -> u64 {
-    let channels = CHANNELS.iter().filter(|channel| channel.is_of(sensor)).count();
-    let with_main_depth_again = channels as u64 + 1;
-    BYTES_A_VALUE * with_main_depth_again
+fn file_bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
+    let repeated = repeated_for_opencv(sensor);
+    let times = |name: &str| if name == repeated { 2 } else { 1 };
+    BYTES_A_VALUE * options.channels.of(sensor).map(|channel| times(channel.name)).sum::<u64>()
 }
 
-fn check(sensor: &Sensor) -> Result<(), EncodeError> {
+fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
     // OpenEXR keeps coordinates below 2³⁰ so that windows can be added without overflow.
     let limit = i32::MAX as usize / 2;
     let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
@@ -57,11 +61,16 @@ fn check(sensor: &Sensor) -> Result<(), EncodeError> {
     Ok(())
 }
 
-fn encode(frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
+fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
     let size = (frame.frame.columns(), frame.frame.rows());
     let layer = |number, name: Option<Text>| {
         let attributes = LayerAttributes { layer_name: name, ..attributes(frame) };
-        Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels(Image::of_return(frame, number)))
+        Layer::new(
+            size,
+            attributes,
+            Encoding::SMALL_LOSSLESS,
+            channels(Image::for_opencv(frame, number, options.channels)),
+        )
     };
     // The parts of a multi-part file need names.
     let parts = frame.frame.most_returns().max(1);

@@ -1,8 +1,9 @@
 //! Range images: frames as named channels, whether they were just cast or read from a file.
 
 use super::channel::{
-    BYTES_A_VALUE, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, Place, Values, repeated_for_opencv,
+    BYTES_A_VALUE, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, Place, Values, repeated_for_opencv,
 };
+use super::options::Channels;
 use super::sensor_frame::SensorFrame;
 
 /// A range image, which has channels of equal size. [`CHANNELS`] declares the meaning of each channel.
@@ -44,7 +45,12 @@ impl Image {
     /// The channels of each pixel's return number `number`, from 0. A pixel with fewer returns is encoded as a pixel
     /// without a return.
     pub fn of_return(frame: &SensorFrame, number: usize) -> Self {
-        let mut image = Self::with_channels(frame, number, &CHANNELS);
+        Self::for_opencv(frame, number, Channels::ALL)
+    }
+
+    /// Some channels of each pixel's return number `number`, with `Y` beside the main depth if that is among them.
+    pub(super) fn for_opencv(frame: &SensorFrame, number: usize, channels: Channels) -> Self {
+        let mut image = Self::with_channels(frame, number, channels.iter());
         if let Some(depth) = image.channel(repeated_for_opencv(frame.capture.sensor)).cloned() {
             image.channels.push(Channel { name: DEPTH_FOR_OPENCV.to_owned(), samples: depth });
             image.channels.sort_by(|a, b| a.name.cmp(&b.name));
@@ -53,7 +59,11 @@ impl Image {
     }
 
     /// The image of those `channels` that the frame's sensor has. They must be sorted by name.
-    pub fn with_channels(frame: &SensorFrame, number: usize, channels: &[ChannelSpec]) -> Self {
+    pub fn with_channels<'c>(
+        frame: &SensorFrame,
+        number: usize,
+        channels: impl IntoIterator<Item = &'c ChannelSpec>,
+    ) -> Self {
         let pixels = 0..frame.frame.pixels();
         let place = |pixel| frame.frame.slot(pixel, number).map(|slot| Place { pixel, slot });
         let samples = |spec: &ChannelSpec| match spec.values {
@@ -70,7 +80,7 @@ impl Image {
                 Samples::U32(pixels.clone().map(|i| number(frame, i)).collect())
             }
         };
-        let of_sensor = channels.iter().filter(|spec| spec.is_of(frame.capture.sensor));
+        let of_sensor = channels.into_iter().filter(|spec| spec.is_of(frame.capture.sensor));
         let channels = of_sensor.map(|spec| Channel { name: spec.name.to_owned(), samples: samples(spec) });
         Self { rows: frame.frame.rows(), columns: frame.frame.columns(), channels: channels.collect() }
     }

@@ -8,7 +8,11 @@
 //! channel        the channels, with one declaration each
 //! image          a frame as channels, whether it was just cast or read from a file
 //! format         the declaration of a format; registry lists all of them
-//! exr ply png    the formats, with one file each
+//! options        what a job says about a format: its options, and the channels
+//! exr ply png depth16 labels npz npy pcd   the formats, with one file each
+//! page           the page of all formats, for docs
+//! points         the returns of a frame as points, for clouds
+//! zip            the container of an NPZ
 //! plot           directions as dots, for previews of patterns that are no picture
 //! picture        pictures: drawing, text, PNG files; legend: what their colours mean
 //! files          the output folder of a run, whose files are complete or absent
@@ -19,36 +23,47 @@
 //! ```
 
 mod channel;
+mod depth16;
 mod exr;
 mod files;
 mod format;
 mod id;
 mod image;
 mod json;
+mod labels;
 mod legend;
 mod manifest;
 mod names;
+mod npy;
+mod npz;
+mod options;
+mod page;
+mod pcd;
 mod picture;
 pub mod plot;
 mod ply;
 mod png;
+mod points;
 pub mod recorded;
 mod registry;
 mod sensor_frame;
 mod whole;
+mod zip;
 
 pub use channel::{
     BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, NO_RETURN_M, Place, Scale,
     Sensors, Shown, Values, channel, is_of_all_pixels, no_return,
 };
 pub use files::{Destination, GrowingFile, WrittenFile};
-pub use format::{EncodeError, FormatSpec, Kind, Stream};
+pub use format::{Content, EncodeError, Field, FormatSpec, Kind, Stream};
 pub use id::{id_of, index_of};
 pub use image::{Channel, Image, Samples};
 pub use json::json_lines;
 pub use legend::{Entry, round_step, ticks, with_legend};
 pub use manifest::Manifest;
 pub use names::Names;
+pub use options::{Channels, OptionSpec, OptionValues, Options};
+pub use page::formats_page;
 pub use picture::{LINE_COLOUR, NO_RETURN_COLOUR, Picture, Rgb, TEXT_COLOUR, text_width};
 pub use registry::{FORMATS, Format};
 pub use sensor_frame::{CloudFrame, SensorFrame};

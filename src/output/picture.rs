@@ -3,6 +3,7 @@
 use font8x8::legacy::{BASIC_LEGACY, LATIN_LEGACY};
 
 use super::format::EncodeError;
+use crate::sensor::Sensor;
 
 /// Red, green and blue.
 pub type Rgb = [u8; 3];
@@ -124,17 +125,90 @@ impl Picture {
     /// An error if a side is 0 or larger than a PNG allows.
     pub fn to_png(&self) -> Result<Vec<u8>, EncodeError> {
         let Self { width, height, pixels } = self;
-        let file = write(*width, *height, pixels);
+        let file = write(*width, *height, Layout::RGB, pixels);
         file.map_err(|e| EncodeError::new(format!("the PNG can't be encoded: {e}")))
     }
 }
 
-fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
+/// Checks that a PNG can have the rows and columns of a sensor's frame.
+pub(super) fn check_sides(sensor: &Sensor) -> Result<(), EncodeError> {
+    let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
+    if rows.max(columns) <= i32::MAX as usize {
+        return Ok(());
+    }
+    Err(EncodeError::new(format!("a PNG can't hold {rows} × {columns} pixels")))
+}
+
+/// The layout of a PNG's pixels.
+struct Layout {
+    colour: png::ColorType,
+    depth: png::BitDepth,
+    palette: Option<Vec<u8>>,
+}
+
+impl Layout {
+    const RGB: Self = Self { colour: png::ColorType::Rgb, depth: png::BitDepth::Eight, palette: None };
+}
+
+impl From<Pixels> for Layout {
+    fn from(pixels: Pixels) -> Self {
+        let (colour, depth) = match pixels {
+            Pixels::Grey8 => (png::ColorType::Grayscale, png::BitDepth::Eight),
+            Pixels::Grey16 => (png::ColorType::Grayscale, png::BitDepth::Sixteen),
+            Pixels::Palette => (png::ColorType::Indexed, png::BitDepth::Eight),
+        };
+        let palette = (pixels == Pixels::Palette).then(|| (0..=255).flat_map(colour_of).collect());
+        Self { colour, depth, palette }
+    }
+}
+
+/// The colour of a number in a palette: black for 0, and for the others colours that differ from each other. The bits of a
+/// number are dealt to red, green and blue in turn, the lowest first and to the highest bit of the colour, so that neighbours
+/// are far apart.
+fn colour_of(number: u8) -> [u8; 3] {
+    let bit = |of: u8| (number >> of) & 1;
+    let colour = |first: u8| {
+        let bits = [first, first + 3, first + 6].map(|of| if of < 8 { bit(of) } else { 0 });
+        bits[0] << 7 | bits[1] << 6 | bits[2] << 5
+    };
+    [colour(0), colour(1), colour(2)]
+}
+
+/// A PNG of one number a pixel, row by row. Each number is cut to the bits that a pixel has.
+pub(super) fn encode_numbers(
+    width: usize,
+    height: usize,
+    numbers: &[u32],
+    pixels: Pixels,
+) -> Result<Vec<u8>, EncodeError> {
+    let bytes: Vec<u8> = match pixels {
+        Pixels::Grey16 => numbers.iter().flat_map(|number| (*number as u16).to_be_bytes()).collect(),
+        Pixels::Grey8 | Pixels::Palette => numbers.iter().map(|number| *number as u8).collect(),
+    };
+    let file = write(width, height, pixels.into(), &bytes);
+    file.map_err(|e| EncodeError::new(format!("the PNG can't be encoded: {e}")))
+}
+
+/// The pixels of a PNG of numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pixels {
+    /// Grey of 8 bits.
+    Grey8,
+    /// Grey of 16 bits.
+    Grey16,
+    /// 8 bits, with a colour for each number. 0 is black.
+    Palette,
+}
+
+fn write(width: usize, height: usize, layout: Layout, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
     let mut file = Vec::new();
     let side = |n: usize| u32::try_from(n).unwrap_or(0); // the encoder refuses a side of 0
     let mut encoder = png::Encoder::new(&mut file, side(width), side(height));
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_color(layout.colour);
+    encoder.set_depth(layout.depth);
+    if let Some(palette) = layout.palette {
+        encoder.set_palette(palette);
+    }
     let mut writer = encoder.write_header()?;
     writer.write_image_data(pixels)?;
     writer.finish()?;
@@ -144,6 +218,7 @@ fn write(width: usize, height: usize, pixels: &[u8]) -> Result<Vec<u8>, png::Enc
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeSet;
 
     const INK: Rgb = [255; 3];
 
@@ -176,5 +251,15 @@ mod tests {
         assert_eq!(glyph('−'), glyph('-'));
         assert_eq!(glyph('漢'), glyph('?'));
         assert_ne!(glyph('°'), glyph('?'));
+    }
+
+    #[test]
+    fn a_palette_has_a_colour_for_each_number_and_black_for_0() {
+        let colours: BTreeSet<_> = (0..=255).map(colour_of).collect();
+        assert_eq!(colours.len(), 256);
+        assert_eq!(
+            [0, 1, 2, 4, 255].map(colour_of),
+            [[0; 3], [128, 0, 0], [0, 128, 0], [0, 0, 128], [224, 224, 192]]
+        );
     }
 }

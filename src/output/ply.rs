@@ -1,37 +1,44 @@
 //! Encoding of binary PLY point clouds.
 
-use super::format::{EncodeError, FormatSpec, Kind};
+use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::id::id_of;
+use super::options::Options;
+use super::points::Point;
 use super::sensor_frame::{CloudFrame, SensorFrame, pose_as_toml};
 use crate::sensor::Sensor;
 
 /// The fields in their order. Only `float` and `int` are used, because Open3D silently drops fields of other integer types.
-const FIELDS: [(&str, &str); 10] = [
-    ("float", "x"),
-    ("float", "y"),
-    ("float", "z"),
-    ("float", "intensity"),
-    ("int", "ring"),
-    ("int", "column"),
-    ("int", "t"),
-    ("int", "instance"),
-    ("int", "label"),
-    ("float", "range"),
+static FIELDS: [Field; 10] = [
+    field("x", "float", "m"),
+    field("y", "float", "m"),
+    field("z", "float", "m"),
+    field("intensity", "float", "0 to 1"),
+    field("ring", "int", "from 0"),
+    field("column", "int", "from 0"),
+    field("t", "int", "ns from the frame's start"),
+    field("instance", "int", "from 1"),
+    field("label", "int", "0 is none"),
+    field("range", "float", "m"),
 ];
 const BYTES_PER_POINT: usize = 4 * FIELDS.len();
 
 /// The points of a frame, row by row of the range image. The returns of a pixel follow each other, and misses are left out.
 pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "ply",
+    ending: "ply",
     about: "binary PLY point clouds",
+    content: Content::Points(&FIELDS),
+    read_by: "Open3D",
     check,
-    most_label: i32::MAX as u32,
-    encoding_bytes_a_ray: |_| BYTES_PER_POINT as u64,
-    file_bytes_a_ray: |_| BYTES_PER_POINT as u64,
+    most_label: |_| i32::MAX as u32,
+    most_instance: |_| i32::MAX as u32,
+    encoding_bytes_a_ray: |_, _| BYTES_PER_POINT as u64,
+    file_bytes_a_ray: |_, _| BYTES_PER_POINT as u64,
     kind: Kind::File(encode),
+    ..FormatSpec::PLAIN
 };
 
-fn check(sensor: &Sensor) -> Result<(), EncodeError> {
+fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
     int("column", sensor.pattern.columns() as u64)?;
     int("ring", sensor.pattern.rows() as u64)?;
     nanoseconds(sensor.pattern.first_pulse_s())?;
@@ -39,38 +46,28 @@ fn check(sensor: &Sensor) -> Result<(), EncodeError> {
     Ok(())
 }
 
-fn encode(cloud: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
-    let SensorFrame { capture, frame, .. } = cloud;
-    let fixed = cloud.fixed_cloud_from_sensor();
-    let points = frame.return_count();
-    let mut file = header(cloud, points).into_bytes();
-    file.reserve_exact(points * BYTES_PER_POINT);
-    for row in 0..frame.rows() {
-        let ring = int("ring", capture.sensor.ring(row) as u64)?;
-        for column in 0..frame.columns() {
-            let slots = frame.slots(row * frame.columns() + column);
-            if slots.is_empty() {
-                continue;
-            }
-            let Some(pulse) = capture.pulse(row, column) else { continue };
-            let cloud_from_sensor = fixed.unwrap_or_else(|| cloud.cloud_from_sensor(pulse.time_s));
-            for slot in slots {
-                let hit = frame.returns().get(slot);
-                // The computation is in f64 up to here, so each coordinate is rounded once.
-                for coordinate in cloud_from_sensor.point(pulse.point(hit.range_m)).as_vec3().to_array() {
-                    file.extend(coordinate.to_le_bytes());
-                }
-                file.extend(hit.intensity.to_le_bytes());
-                file.extend(ring.to_le_bytes());
-                file.extend(int("column", column as u64)?.to_le_bytes());
-                file.extend(nanoseconds(pulse.time_s)?.to_le_bytes());
-                file.extend(int("instance", id_of(hit.instance).into())?.to_le_bytes());
-                file.extend(int("label", hit.label.into())?.to_le_bytes());
-                file.extend((hit.range_m as f32).to_le_bytes());
-            }
-        }
-    }
+fn encode(cloud: &SensorFrame, _: &Options) -> Result<Vec<u8>, EncodeError> {
+    let mut file = header(cloud, cloud.frame.return_count()).into_bytes();
+    add_points(cloud, &mut file)?;
     Ok(file)
+}
+
+/// Adds the points of a cloud, each with its [`FIELDS`] in 4 bytes.
+pub(super) fn add_points(cloud: &SensorFrame, file: &mut Vec<u8>) -> Result<(), EncodeError> {
+    file.reserve_exact(cloud.frame.return_count() * BYTES_PER_POINT);
+    cloud.each_point(|Point { position_m, ring, column, time_s, hit }| {
+        for coordinate in position_m {
+            file.extend(coordinate.to_le_bytes());
+        }
+        file.extend(hit.intensity.to_le_bytes());
+        file.extend(int("ring", *ring as u64)?.to_le_bytes());
+        file.extend(int("column", *column as u64)?.to_le_bytes());
+        file.extend(nanoseconds(*time_s)?.to_le_bytes());
+        file.extend(int("instance", id_of(hit.instance).into())?.to_le_bytes());
+        file.extend(int("label", hit.label.into())?.to_le_bytes());
+        file.extend((hit.range_m as f32).to_le_bytes());
+        Ok(())
+    })
 }
 
 fn header(cloud: &SensorFrame, points: usize) -> String {
@@ -81,11 +78,10 @@ fn header(cloud: &SensorFrame, points: usize) -> String {
         CloudFrame::Body => "the body's frame (x forward, y left, z up)",
         CloudFrame::World => "the world",
     };
-    let world_from_points = cloud.world_from_sensor() * cloud.cloud_from_sensor(0.0).inverse();
     let mut header = format!(
         "ply\nformat binary_little_endian 1.0\ncomment frame: {frame}, metres\ncomment world_from_points = {}\n\
          comment t: nanoseconds from the frame's start\n",
-        pose_as_toml(&world_from_points)
+        pose_as_toml(&cloud.world_from_points())
     );
     for (what, named) in
         [("instance", cloud.names.instances(cloud.frame)), ("label", cloud.names.labels(cloud.frame))]
@@ -98,7 +94,7 @@ fn header(cloud: &SensorFrame, points: usize) -> String {
         }
     }
     header += &format!("element vertex {points}\n");
-    for (kind, name) in FIELDS {
+    for Field { name, kind, .. } in &FIELDS {
         header += &format!("property {kind} {name}\n");
     }
     header + "end_header\n"
@@ -153,8 +149,8 @@ mod tests {
 
     #[test]
     fn a_turn_too_slow_for_its_field_is_refused_before_it_is_cast() {
-        check(&at_rate(0.5)).unwrap();
-        let error = check(&at_rate(0.1)).unwrap_err().to_string();
+        check(&at_rate(0.5), &Options::none(&[])).unwrap();
+        let error = check(&at_rate(0.1), &Options::none(&[])).unwrap_err().to_string();
         assert!(error.contains("can't hold 9.9"), "{error}");
     }
 }

@@ -1,7 +1,8 @@
 //! Colour previews for people.
 
-use super::format::{EncodeError, FormatSpec, Kind};
+use super::format::{Content, EncodeError, FormatSpec, Kind, field};
 use super::legend::{Entry, ticks, with_legend};
+use super::options::Options;
 use super::picture::{NO_RETURN_COLOUR, Picture, Rgb, TOO_NEAR_COLOUR};
 use super::plot::{Dot, scatter};
 use super::sensor_frame::SensorFrame;
@@ -12,19 +13,22 @@ use crate::sensor::{Pattern, Rotating, Sensor, azimuth_elevation};
 /// blocked nearer than the least range are dark red.
 pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "png",
+    ending: "png",
     about: "colour previews of the range",
+    content: Content::Pixels(&[field("red, green, blue", "8-bit", "colour of the range")]),
+    read_by: "PIL, browsers",
     check,
-    most_label: u32::MAX,
-    encoding_bytes_a_ray: |sensor| {
+    encoding_bytes_a_ray: |sensor, _| {
         // This counts the ranges for the scale, the pixels, and the file under the assumption that compression saves
         // nothing. A scatter plot keeps a dot for each ray instead.
         if sensor.pattern.is_image() { 4 + 2 * 3 * stretch(&sensor.pattern) as u64 } else { 2 * 64 }
     },
-    file_bytes_a_ray: |_| 3,
+    file_bytes_a_ray: |_, _| 3,
     kind: Kind::File(encode),
+    ..FormatSpec::PLAIN
 };
 
-fn check(sensor: &Sensor) -> Result<(), EncodeError> {
+fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
     let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
     let height = rows.checked_mul(stretch(&sensor.pattern));
     let fits = |n: usize| n <= i32::MAX as usize;
@@ -34,7 +38,7 @@ fn check(sensor: &Sensor) -> Result<(), EncodeError> {
     Err(EncodeError::new(format!("a PNG can't hold {rows} × {columns} pixels")))
 }
 
-fn encode(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
+fn encode(preview: &SensorFrame, _: &Options) -> Result<Vec<u8>, EncodeError> {
     let SensorFrame { capture, frame, .. } = preview;
     if !capture.sensor.pattern.is_image() {
         return scattered(preview);

@@ -3,32 +3,77 @@
 use std::fmt;
 use std::hash::{Hash, Hasher};
 
-use super::format::{EncodeError, FormatSpec, Kind};
+use super::format::{Content, EncodeError, FormatSpec, Kind};
+use super::options::{Channels, OptionSpec, Options};
 use super::sensor_frame::SensorFrame;
-use super::{exr, ply, png};
+use super::{depth16, exr, labels, npy, npz, pcd, ply, png};
 use crate::sensor::Sensor;
 
 /// Every format that a job can name, in the order in which lists show them.
-pub static FORMATS: &[&FormatSpec] = &[&exr::FORMAT, &ply::FORMAT, &png::FORMAT];
+pub static FORMATS: &[&FormatSpec] = &[
+    &exr::FORMAT,
+    &ply::FORMAT,
+    &png::FORMAT,
+    &depth16::FORMAT,
+    &labels::LABELS,
+    &labels::INSTANCES,
+    &npz::FORMAT,
+    &npy::FORMAT,
+    &pcd::FORMAT,
+];
 
-/// A format, identified by its declaration.
+/// A format with its options: all that says how a frame is written. Formats are equal if their names are, whatever their
+/// options, because a job can name each once.
 #[derive(Clone, Copy)]
-pub struct Format(
-    /// The declaration. If two formats have the same name, a job can name only one of them.
-    pub &'static FormatSpec,
-);
+pub struct Format {
+    /// The declaration.
+    pub spec: &'static FormatSpec,
+    options: Options,
+}
 
 impl Format {
     /// OpenEXR range images of all channels.
-    pub const EXR: Self = Self(&exr::FORMAT);
+    pub const EXR: Self = Self::of(&exr::FORMAT);
     /// Binary PLY point clouds.
-    pub const PLY: Self = Self(&ply::FORMAT);
+    pub const PLY: Self = Self::of(&ply::FORMAT);
     /// Colour previews of the range.
-    pub const PNG: Self = Self(&png::FORMAT);
+    pub const PNG: Self = Self::of(&png::FORMAT);
+
+    /// A format without options.
+    pub const fn of(spec: &'static FormatSpec) -> Self {
+        Self { spec, options: Options::none(spec.options) }
+    }
+
+    /// The format with a value for an option that it declares.
+    #[must_use]
+    pub fn with(mut self, option: &OptionSpec, value: f64) -> Self {
+        self.options.set(option, value);
+        self
+    }
+
+    /// The format with these channels, if it is one that holds channels.
+    #[must_use]
+    pub fn with_channels(mut self, channels: Channels) -> Self {
+        self.options.channels = channels;
+        self
+    }
+
+    /// Whether the format holds channels, so that a job can choose them.
+    pub fn holds_channels(self) -> bool {
+        matches!(self.spec.content, Content::Channels)
+    }
+
+    /// Checks that the options that are given go together.
+    ///
+    /// # Errors
+    /// An error that says which do not.
+    pub fn check_options(self) -> Result<(), EncodeError> {
+        (self.spec.check_options)(&self.options)
+    }
 
     /// Every format of the registry.
     pub fn all() -> impl Iterator<Item = Self> {
-        FORMATS.iter().map(|spec| Self(spec))
+        FORMATS.iter().map(|spec| Self::of(spec))
     }
 
     /// The format that a job calls `name`.
@@ -36,9 +81,14 @@ impl Format {
         Self::all().find(|format| format.name() == name)
     }
 
-    /// The name in a job, which is also the extension of the files.
+    /// The name in a job.
     pub fn name(self) -> &'static str {
-        self.0.name
+        self.spec.name
+    }
+
+    /// The end of the names of the files, after a dot.
+    pub fn ending(self) -> &'static str {
+        self.spec.ending
     }
 
     /// Checks that the frames of `sensor` fit the format. It is meant to be asked before casting.
@@ -46,24 +96,57 @@ impl Format {
     /// # Errors
     /// An error that names the number of the sensor that the format cannot represent.
     pub fn check(self, sensor: &Sensor) -> Result<(), EncodeError> {
-        (self.0.check)(sensor)
+        if self.holds_channels() && self.options.channels.of(sensor).next().is_none() {
+            let names: Vec<_> = self.options.channels.iter().map(|channel| channel.name).collect();
+            return Err(EncodeError::new(format!("it has no channel {}", names.join(" or "))));
+        }
+        (self.spec.check)(sensor, &self.options)
     }
 
-    /// Checks that a surface's id or label fits the format. It is meant to be asked before casting.
+    /// Checks that a surface's label fits the format. It is meant to be asked before casting.
     ///
     /// # Errors
     /// An error that names the label and the largest that the format can hold.
     pub fn check_label(self, label: u32) -> Result<(), EncodeError> {
-        let most = self.0.most_label;
+        let most = (self.spec.most_label)(&self.options);
         if label <= most {
             return Ok(());
         }
         Err(EncodeError::new(format!("its labels are at most {most}, and a surface has the label {label}")))
     }
 
+    /// Checks that the ids of so many objects fit the format. It is meant to be asked before casting.
+    ///
+    /// # Errors
+    /// An error that names the number and the largest that the format can hold.
+    pub fn check_instances(self, count: usize) -> Result<(), EncodeError> {
+        let most = (self.spec.most_instance)(&self.options);
+        if count <= most as usize {
+            return Ok(());
+        }
+        Err(EncodeError::new(format!(
+            "its ids of objects are at most {most}, and the scene has {count} objects"
+        )))
+    }
+
+    /// A sentence about what frames of a sensor may have and the files would lose. It is meant to be asked before casting.
+    pub fn loses(self, sensor: &Sensor) -> Option<String> {
+        (self.spec.loses)(sensor, &self.options)
+    }
+
+    /// The number of a frame's values that its file lost.
+    pub fn lost(self, frame: &SensorFrame) -> u64 {
+        (self.spec.lost)(frame, &self.options)
+    }
+
     /// An upper estimate of the memory that encoding takes, in bytes for each ray of `sensor`.
     pub fn encoding_bytes_a_ray(self, sensor: &Sensor) -> u64 {
-        (self.0.encoding_bytes_a_ray)(sensor)
+        (self.spec.encoding_bytes_a_ray)(sensor, &self.options)
+    }
+
+    /// The size of the file for each ray that returns, before any compression, in bytes.
+    pub fn file_bytes_a_ray(self, sensor: &Sensor) -> u64 {
+        (self.spec.file_bytes_a_ray)(sensor, &self.options)
     }
 
     /// The whole content of the file of one frame.
@@ -72,8 +155,8 @@ impl Format {
     /// An error if the frame has a number that the format cannot represent, such as a label above 2³¹ − 1 in a PLY, or if
     /// the format has one file for each run and so none for a single frame.
     pub fn encode(self, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
-        match self.0.kind {
-            Kind::File(encode) => encode(frame),
+        match self.spec.kind {
+            Kind::File(encode) => encode(frame, &self.options),
             Kind::Stream(_) => Err(EncodeError::new(format!(
                 "{} has one file for each run, and none for a single frame",
                 self.name()
@@ -104,6 +187,7 @@ impl fmt::Debug for Format {
 
 #[cfg(test)]
 mod tests {
+    use super::super::options::MOST_OPTIONS;
     use super::*;
     use std::collections::BTreeSet;
 
@@ -114,5 +198,30 @@ mod tests {
         assert!(names.iter().all(|name| name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit())));
         assert!(Format::all().all(|format| Format::named(format.name()) == Some(format)));
         assert_eq!(Format::named("EXR"), None);
+        let endings: BTreeSet<_> = Format::all().map(Format::ending).collect();
+        assert_eq!(endings.len(), FORMATS.len());
+        // The end of a file's name tells its format.
+        let follows =
+            |one: &&str, other: &&str| one.strip_suffix(*other).is_some_and(|rest| rest.ends_with('.'));
+        for one in &endings {
+            let shorter: Vec<_> = endings.iter().filter(|other| follows(one, other)).collect();
+            assert!(shorter.iter().all(|other| !other.contains('.')), "{one} {shorter:?}");
+        }
+    }
+
+    #[test]
+    fn formats_are_declared_whole() {
+        for format in Format::all() {
+            let spec = format.spec;
+            assert!(
+                !spec.about.is_empty() && !spec.read_by.is_empty() && !spec.ending.is_empty(),
+                "{format:?}"
+            );
+            assert!(spec.options.len() <= MOST_OPTIONS, "{format:?}");
+            format.check_options().unwrap();
+            for option in spec.options {
+                assert!(option.about.ends_with('.') && !option.about.contains('|'), "{}", option.about);
+            }
+        }
     }
 }

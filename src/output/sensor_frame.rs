@@ -59,6 +59,11 @@ impl SensorFrame<'_> {
         }
     }
 
+    /// The pose of the cloud's frame in the world when the frame started.
+    pub(super) fn world_from_points(&self) -> Pose {
+        self.world_from_sensor() * self.cloud_from_sensor(0.0).inverse()
+    }
+
     /// The motion of [`Self::cloud_from_sensor`], if it is the same for the whole frame.
     pub(super) fn fixed_cloud_from_sensor(&self) -> Option<Pose> {
         match self.cloud_frame {
@@ -66,6 +71,14 @@ impl SensorFrame<'_> {
             CloudFrame::Sensor | CloudFrame::Body => Some(self.cloud_from_sensor(0.0)),
         }
     }
+}
+
+/// A pose as JSON, with the keys of a job.
+pub(super) fn pose_as_json(pose: &Pose) -> serde_json::Value {
+    // Adding 0 makes a negative zero positive.
+    let position_m = pose.translation.to_array().map(|v| v + 0.0);
+    let quaternion_xyzw = DQuat::from_mat3(&pose.rotation).to_array().map(|v| v + 0.0);
+    serde_json::json!({ "position_m": position_m, "quaternion_xyzw": quaternion_xyzw })
 }
 
 /// A pose as a job writes it: an inline TOML table in which every number has all its digits.

@@ -26,6 +26,20 @@ pub fn of_scene(extent: Extent, place: &Place) -> Vec<Diagnostic> {
     size::doubts(extent).into_iter().map(|doubt| doubt.at(place)).collect()
 }
 
+/// The warnings about formats that can't hold all that a sensor may see.
+fn of_formats(job: &Job) -> Vec<Diagnostic> {
+    let mut found = Vec::new();
+    for (format, place) in job.output.formats.iter().zip(&job.places.formats) {
+        for mounted in &job.sensors {
+            if let Some(problem) = format.loses(&mounted.sensor) {
+                let message = format!("{} of sensor {:?}: {problem}", format.name(), mounted.name);
+                found.push(Doubt::new("format-loses", "output.formats", message).at(place));
+            }
+        }
+    }
+    found
+}
+
 /// The warnings about a job in its scene, which the tracer casts at: sensor by sensor, then the expectations.
 pub fn of_job(job: &Job, scene: &Scene, extent: Extent, tracer: &impl Cast) -> Vec<Diagnostic> {
     let mut found = of_scene(extent, &job.places.scene);
@@ -33,6 +47,7 @@ pub fn of_job(job: &Job, scene: &Scene, extent: Extent, tracer: &impl Cast) -> V
         let doubts = sight::doubts(mounted, &job.trajectory, scene, extent, tracer);
         found.extend(doubts.into_iter().map(|doubt| doubt.at(place)));
     }
+    found.extend(of_formats(job));
     for (expectation, place) in job.expectations.iter().zip(&job.places.expectations) {
         if let Some(problem) = expectation.what.missing(scene) {
             let message = format!("`{}` expects something of what is not there: {problem}", expectation.name);

@@ -54,7 +54,7 @@ impl SensorSizes {
         let facts = SensorFacts::of(sensor);
         let rays = facts.rays_per_frame as u64;
         let size = |format: &Format| {
-            let bytes = (format.0.file_bytes_a_ray)(sensor).saturating_mul(rays);
+            let bytes = format.file_bytes_a_ray(sensor).saturating_mul(rays);
             (format.name().to_owned(), bytes.into())
         };
         Self {

@@ -57,7 +57,7 @@ impl Journal {
         self.destination.prepare(Manifest::NAME)?;
         self.destination.remove_old(&self.old)?;
         for Output { format, name } in &plan.streams {
-            if let Kind::Stream(stream) = format.0.kind {
+            if let Kind::Stream(stream) = format.spec.kind {
                 self.streams.push((stream(), self.destination.open(name)?));
             }
         }
@@ -121,11 +121,12 @@ impl Journal {
 /// Whether a path is one that a run gives an output: `SENSOR/000000.exr`, or `run.exr` for a file of all frames. A manifest is a
 /// file that anybody may have written, and `--overwrite` removes no other file of its folder because of it.
 fn is_of_a_run(name: &str) -> bool {
-    let Some((stem, extension)) = name.rsplit_once('.') else { return false };
+    let stem_before = |format: Format| name.strip_suffix(format.ending())?.strip_suffix('.');
     let is_frame = |(sensor, frame): (&str, &str)| {
         !sensor.contains('/') && frame.len() >= 6 && frame.bytes().all(|b| b.is_ascii_digit())
     };
-    Format::named(extension).is_some() && (stem == "run" || stem.split_once('/').is_some_and(is_frame))
+    let is_output = |stem: &str| stem == "run" || stem.split_once('/').is_some_and(is_frame);
+    Format::all().filter_map(stem_before).any(is_output)
 }
 
 #[cfg(test)]
@@ -134,7 +135,7 @@ mod tests {
 
     #[test]
     fn only_outputs_are_outputs_of_a_run() {
-        for name in ["top/000000.exr", "front_left/1234567.ply", "run.png"] {
+        for name in ["top/000000.exr", "front_left/1234567.ply", "run.png", "top/000000.depth16.png"] {
             assert!(is_of_a_run(name), "{name}");
         }
         for name in [
@@ -144,6 +145,7 @@ mod tests {
             "top/notes.exr",
             "top/00000.exr",
             "top/000000",
+            "top/000000.mine.png",
             "000000.exr",
         ] {
             assert!(!is_of_a_run(name), "{name}");

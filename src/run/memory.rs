@@ -46,7 +46,7 @@ const COPIES_OF_TEXT: u64 = 2;
 
 /// Bytes that an image with all channels takes for each pixel: as many as in an EXR that is not compressed.
 fn image_bytes_a_ray(sensor: &Sensor) -> u64 {
-    (Format::EXR.0.file_bytes_a_ray)(sensor)
+    Format::EXR.file_bytes_a_ray(sensor)
 }
 
 /// Pixels of a sensor's frame. Too many to count give the largest number.

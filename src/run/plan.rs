@@ -72,14 +72,14 @@ impl Plan {
             memory::check(&format!("a frame of sensor {name:?}"), alone)?;
             let frame = 0;
             let output =
-                |&format: &Format| Output { format, name: format!("{name}/{frame:06}.{}", format.name()) };
-            let a_file_a_frame = |format: &&Format| matches!(format.0.kind, Kind::File(_));
+                |&format: &Format| Output { format, name: format!("{name}/{frame:06}.{}", format.ending()) };
+            let a_file_a_frame = |format: &&Format| matches!(format.spec.kind, Kind::File(_));
             let outputs = job.output.formats.iter().filter(a_file_a_frame).map(output).collect();
             plan.items.push(Item { sensor: index, frame, outputs });
         }
-        let streams = job.output.formats.iter().filter(|format| matches!(format.0.kind, Kind::Stream(_)));
+        let streams = job.output.formats.iter().filter(|format| matches!(format.spec.kind, Kind::Stream(_)));
         plan.streams =
-            streams.map(|&format| Output { format, name: format!("run.{}", format.name()) }).collect();
+            streams.map(|&format| Output { format, name: format!("run.{}", format.ending()) }).collect();
         plan.bytes = memory::of_tables(&job.sensors).saturating_add(memory::of_frames(
             &job.sensors,
             &job.output.formats,
@@ -126,10 +126,12 @@ pub fn format_problems(job: &Job) -> Vec<String> {
     problems
 }
 
-/// A sentence about the largest label of a scene, if it does not fit one of the formats.
+/// A sentence about the largest label of a scene, or about its objects, if they do not fit one of the formats.
 pub fn label_problem(formats: impl Iterator<Item = Format>, scene: &Scene) -> Option<String> {
-    let largest = scene.labels().last().copied()?;
-    let problem = |format: Format| Some((format, format.check_label(largest).err()?));
+    let largest = scene.labels().last().copied().unwrap_or(0);
+    let objects = scene.geometry.objects.len();
+    let check = |format: Format| format.check_label(largest).and_then(|()| format.check_instances(objects));
+    let problem = |format: Format| Some((format, check(format).err()?));
     let (format, problem) = formats.into_iter().find_map(problem)?;
     Some(format!("the scene has no {}: {problem}", format.name()))
 }

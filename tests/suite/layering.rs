@@ -92,6 +92,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
             "sensor/capture.rs",
             "trace/bvh/",
             "output/exr.rs",
+            "output/npz.rs",
             "kernels/",
             "cli/",
         ],

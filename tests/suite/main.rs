@@ -8,6 +8,7 @@ mod dead_zone;
 mod docs;
 mod examples;
 mod first_steps;
+mod formats;
 mod fuzz;
 mod guards;
 mod hostile_scenes;

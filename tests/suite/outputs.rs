@@ -537,7 +537,7 @@ fn a_channel_of_ones_own_is_one_declaration() {
     };
     let sensor = lidar(2, 1);
     let frame = frame_of(2, 1, &[Some(Return { range_m: 3.0, ..Return::default() }), None]);
-    let image = Image::with_channels(&capture(&sensor, &frame), 0, &[made_up]);
+    let image = Image::with_channels(&capture(&sensor, &frame), 0, [&made_up]);
     assert_eq!(image.f32("range.squared").unwrap(), [9.0, -1.0]);
 }
 
@@ -545,11 +545,9 @@ fn a_channel_of_ones_own_is_one_declaration() {
 static TALLY: FormatSpec = FormatSpec {
     name: "tally",
     about: "a line a frame",
-    check: |_| Ok(()),
-    most_label: u32::MAX,
-    encoding_bytes_a_ray: |_| 0,
-    file_bytes_a_ray: |_| 0,
+    ending: "tally",
     kind: Kind::Stream(|| Box::new(Tally(0))),
+    ..FormatSpec::PLAIN
 };
 
 struct Tally(usize);
@@ -572,7 +570,7 @@ fn a_format_of_ones_own_is_one_declaration() {
     let mut job = load_job(&path, &["sensor.vlp16.rotating.columns=36".to_owned()]).unwrap();
     let folder = tempfile::tempdir().unwrap();
     job.output.dir = folder.path().to_owned();
-    job.output.formats = vec![Format(&TALLY), Format::PLY];
+    job.output.formats = vec![Format::of(&TALLY), Format::PLY];
     let plan = Plan::of(&job, Holding::Files).unwrap();
     let mut journal = Journal::check(&job, &plan, false).unwrap();
     let scene = load_scene(&job, &[]).unwrap().scene;

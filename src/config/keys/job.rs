@@ -1,14 +1,14 @@
 //! The keys of a job, apart from those of its sensors' tables and its expectations.
 
 use super::super::kinds::{
-    ByName, Choice, Choices, Flag, FolderName, Integer, Names, Nested, Number, NumberOrTable, Tables, Text,
-    Vector,
+    ByName, Choice, Choices, Flag, FolderName, Formats, Integer, Names, Nested, Number, NumberOrTable,
+    Tables, Text, Vector,
 };
 use super::super::table::{Key, TableKeys, key, table};
 use super::expect::EXPECT;
 use super::sensor;
 use crate::frame::UpAxis;
-use crate::output::{self, CHANNEL_NAMES, CloudFrame, Format};
+use crate::output::{CHANNEL_NAMES, CloudFrame};
 use crate::trace::methods::{METHODS, Method};
 
 /// Most sensors of a rig.
@@ -155,27 +155,20 @@ static METHODS_BY_NAME: [(&str, Option<&Method>); METHODS.len() + 1] = {
     all
 };
 
-pub(crate) static OUTPUT_KEYS: TableKeys = table("`[output]`", &[&DIR, &FORMATS, &CLOUD_FRAME, &LEGEND]);
+pub(crate) static OUTPUT_KEYS: TableKeys =
+    table("`[output]`", &[&DIR, &FORMATS, &CHANNELS, &CLOUD_FRAME, &LEGEND]);
 pub(crate) static DIR: Key<Text> = key("dir", Text, "The folder to write to, relative to this file.")
     .required("`dir = \"../out\"`, the folder to write to")
     .starts_as("\"out\"");
-pub(crate) static FORMATS: Key<Choices<Format>> = key(
-    "formats",
-    Choices(Choice(&FORMAT_WORDS)),
-    "Range images with all channels (exr), clouds (ply), previews (png).",
-)
-.or("[\"exr\", \"ply\", \"png\"]")
-.starts_as("[\"exr\", \"ply\", \"png\"]");
-/// The formats of the registry, by their names.
-static FORMAT_WORDS: [(&str, Format); output::FORMATS.len()] = {
-    let mut all = [("", Format(output::FORMATS[0])); output::FORMATS.len()];
-    let mut index = 0;
-    while index < output::FORMATS.len() {
-        all[index] = (output::FORMATS[index].name, Format(output::FORMATS[index]));
-        index += 1;
-    }
-    all
-};
+pub(crate) static FORMATS: Key<Formats> =
+    key("formats", Formats, "The files of each frame; docs/formats.md tells what is in them.")
+        .or("[\"exr\", \"ply\", \"png\"]")
+        .starts_as("[\"exr\", \"ply\", \"png\"]");
+pub(crate) static CHANNELS: Key<Choices<&'static str>> = key(
+    "channels",
+    Choices(Choice(&CHANNEL_WORDS)),
+    "The channels in the files that hold channels; left out: all.",
+);
 pub(crate) static CLOUD_FRAME: Key<Choice<CloudFrame>> = key(
     "frame",
     Choice(&[("sensor", CloudFrame::Sensor), ("body", CloudFrame::Body), ("world", CloudFrame::World)]),

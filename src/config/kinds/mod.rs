@@ -1,11 +1,13 @@
 //! The kinds of values that keys have.
 
+mod formats;
 mod lists;
 mod number;
 mod object;
 mod tables;
 mod text;
 
+pub(crate) use formats::Formats;
 pub(crate) use lists::{List, OneOrEach, OneOrMany, Vector};
 pub(crate) use number::{Flag, Integer, Number};
 pub(crate) use tables::{ByName, Names, Nested, NumberOr, NumberOrTable, Tables};

@@ -137,7 +137,7 @@ impl<T: Copy + Sync> Kind for Choice<T> {
 }
 
 /// `a, b or c`.
-fn either(words: impl Iterator<Item = String>) -> String {
+pub(super) fn either(words: impl Iterator<Item = String>) -> String {
     let words: Vec<String> = words.collect();
     match words.split_last() {
         Some((last, before)) if !before.is_empty() => format!("{} or {last}", before.join(", ")),

@@ -16,6 +16,7 @@ use super::{expect, rig};
 use crate::check::{Settings, Tolerance};
 use crate::frame::Pose;
 use crate::motion::Trajectory;
+use crate::output::{Channels, Format};
 use crate::source::tree::{Entries, Value};
 use crate::source::{Layer, Place, Report, Span, portable};
 
@@ -80,11 +81,13 @@ pub(in super::super) fn job(
     if let Some(span) = unposed {
         report.doubt(span, plausibility::no_pose());
     }
+    let (output, formats_at) = output?;
     let at = |spans: Vec<Span>| spans.into_iter().map(|span| report.place(span)).collect();
     let places = Places {
         scene: scene.as_ref().map(|scene| report.place(scene.span)).unwrap_or_default(),
         sensors: at(sensors_at),
         tables: tables(&t),
+        formats: at(formats_at),
         expectations: at(expectations_at),
     };
     let own_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -102,7 +105,7 @@ pub(in super::super) fn job(
         kernel,
         sensors,
         trajectory: Trajectory::Fixed(world_from_body),
-        output: output?,
+        output,
         check,
         expectations,
         inputs,
@@ -137,17 +140,29 @@ fn resolved(entries: &Entries) -> serde_json::Value {
     job
 }
 
-fn output(t: &Table<'_>, folder: &Path) -> Option<OutputSettings> {
+fn output(t: &Table<'_>, folder: &Path) -> Option<(OutputSettings, Vec<Span>)> {
     let dir = t.read(&keys::DIR);
     if let Some(dir) = &dir
         && let Some(doubt) = plausibility::home_folder(keys::DIR.name(), dir.value)
     {
         t.report().doubt(dir.span, doubt);
     }
-    let formats = t.value(&keys::FORMATS);
+    let (formats, formats_at): (Vec<Format>, Vec<Span>) =
+        t.value(&keys::FORMATS).into_iter().map(|format| (format.value, format.span)).unzip();
+    // A default stands nowhere in the job.
+    let formats_at = if t.has(&keys::FORMATS) { formats_at } else { vec![t.span; formats.len()] };
+    let channels = t.read(&keys::CHANNELS);
+    if let Some(channels) = &channels
+        && t.has(&keys::FORMATS)
+        && !formats.iter().any(|format| format.holds_channels())
+    {
+        t.report().doubt(channels.span, plausibility::channels_of_nothing());
+    }
+    let channels = channels.map_or(Channels::ALL, |channels| Channels::named(channels.value));
+    let formats = formats.into_iter().map(|format| format.with_channels(channels)).collect();
     let cloud_frame = t.value(&keys::CLOUD_FRAME);
     let legend = t.value(&keys::LEGEND);
-    Some(OutputSettings { dir: folder.join(dir?.value), formats, cloud_frame, legend })
+    Some((OutputSettings { dir: folder.join(dir?.value), formats, cloud_frame, legend }, formats_at))
 }
 
 /// The job's `[check]`.

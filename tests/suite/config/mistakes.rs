@@ -134,12 +134,12 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "[\"exr\", \"ply\"]",
         "[\"exr\", \"exr\"]",
-        "job.toml:13:19: `formats` lists the string \"exr\" twice | listed before | ",
+        "job.toml:13:19: `formats` lists \"exr\" twice | listed before | ",
     ),
     (
         "[\"exr\", \"ply\"]",
         "[]",
-        "job.toml:13:11: `formats` is an empty list | expected at least one of \"exr\", \"ply\" or \"png\" | ",
+        "job.toml:13:11: `formats` is an empty list | expected at least one of \"exr\", \"ply\", \"png\", \"depth16\", \"labels\", \"instances\", \"npz\", \"npy\" or \"pcd\" | ",
     ),
     (
         "\"bottom_up\"",

@@ -1,0 +1,139 @@
+//! Range images as NumPy's NPZ: a ZIP of arrays with names.
+
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+
+use super::channel::{BYTES_A_VALUE, channel};
+use super::format::{Content, EncodeError, FormatSpec, Kind};
+use super::image::{Channel, Image, Samples};
+use super::json::json_ascii;
+use super::npy;
+use super::options::{OptionSpec, OptionValues, Options};
+use super::sensor_frame::{SensorFrame, pose_as_json};
+use super::zip::{Member, zip};
+use crate::sensor::Sensor;
+
+/// An array a channel, under the channel's name. The three axes of the normal are one array, `normal`, if all are chosen. The
+/// returns of a frame with several returns a pixel follow under `return1/range` and so on. `about` is text.
+pub(super) static FORMAT: FormatSpec = FormatSpec {
+    name: "npz",
+    ending: "npz",
+    about: "NumPy arrays of all channels",
+    content: Content::Channels,
+    read_by: "NumPy",
+    options: &[COMPRESSED],
+    check,
+    // This counts the channels, the members and the file.
+    encoding_bytes_a_ray: |sensor, options| 3 * file_bytes_a_ray(sensor, options),
+    file_bytes_a_ray,
+    kind: Kind::File(encode),
+    ..FormatSpec::PLAIN
+};
+
+const COMPRESSED: OptionSpec = OptionSpec {
+    name: "compressed",
+    about: "Whether the arrays are compressed, which takes longer.",
+    values: OptionValues::Flag { default: false },
+};
+
+/// The channels that one array holds together, and its name.
+const AXES: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
+const NORMAL: &str = "normal";
+
+fn file_bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
+    BYTES_A_VALUE * options.channels.of(sensor).count() as u64
+}
+
+fn check(sensor: &Sensor, options: &Options) -> Result<(), EncodeError> {
+    let (rows, columns) = (sensor.pattern.rows() as u64, sensor.pattern.columns() as u64);
+    let bytes = rows.saturating_mul(columns).saturating_mul(file_bytes_a_ray(sensor, options));
+    if bytes < u64::from(u32::MAX) {
+        return Ok(());
+    }
+    Err(EncodeError::new(format!(
+        "an NPZ has less than 4 GiB, and {rows} × {columns} pixels take {bytes} bytes"
+    )))
+}
+
+/// An array: its name, its dtype as Python writes it, its shape and its bytes.
+struct Array {
+    name: String,
+    kind: String,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
+    let mut arrays = Vec::new();
+    for number in 0..frame.frame.most_returns().max(1) {
+        let folder = if number == 0 { String::new() } else { format!("return{number}/") };
+        arrays.extend(arrays_of(Image::with_channels(frame, number, options.channels.iter()), &folder));
+    }
+    arrays.push(about(frame, &arrays));
+    let is_compressed = options.is_set(&COMPRESSED);
+    let member = |array: Array| {
+        let mut content = npy::header(&format!("'{}'", array.kind), &array.shape)?;
+        content.extend(array.bytes);
+        let name = format!("{}.npy", array.name);
+        Ok(if is_compressed { Member::deflated(name, &content) } else { Member::stored(name, content) })
+    };
+    let members: Vec<Result<Member, EncodeError>> = arrays.into_par_iter().map(member).collect();
+    zip(&members.into_iter().collect::<Result<Vec<_>, _>>()?)
+}
+
+fn arrays_of(image: Image, folder: &str) -> Vec<Array> {
+    let sides = vec![image.rows, image.columns];
+    let axes: Vec<&[f32]> = AXES.iter().filter_map(|axis| image.f32(axis)).collect();
+    let normal = match axes[..] {
+        [x, y, z] => {
+            let each = x.iter().zip(y).zip(z).flat_map(|((x, y), z)| [*x, *y, *z]);
+            Some(Array {
+                name: format!("{folder}{NORMAL}"),
+                kind: "<f4".to_owned(),
+                shape: [&sides[..], &[3]].concat(),
+                bytes: each.flat_map(f32::to_le_bytes).collect(),
+            })
+        }
+        _ => None,
+    };
+    let is_alone = |channel: &Channel| normal.is_none() || !AXES.contains(&channel.name.as_str());
+    let alone = image.channels.iter().filter(|channel| is_alone(channel)).map(|channel| {
+        let (kind, bytes) = match &channel.samples {
+            Samples::F32(values) => ("<f4", values.iter().flat_map(|value| value.to_le_bytes()).collect()),
+            Samples::U32(values) => ("<u4", values.iter().flat_map(|value| value.to_le_bytes()).collect()),
+        };
+        let name = format!("{folder}{}", channel.name);
+        Array { name, kind: kind.to_owned(), shape: sides.clone(), bytes }
+    });
+    let mut arrays: Vec<Array> = alone.collect();
+    arrays.extend(normal);
+    arrays.sort_by(|a, b| a.name.cmp(&b.name));
+    arrays
+}
+
+/// What the arrays are, as JSON in an array of one text: `json.loads(arrays["about"].item())`.
+fn about(frame: &SensorFrame, arrays: &[Array]) -> Array {
+    let unit = |array: &Array| {
+        let name = array.name.rsplit('/').next().unwrap_or_default();
+        let unit = channel(name).map_or("", |channel| channel.unit);
+        (array.name.clone(), json!({ "shape": array.shape, "dtype": array.kind, "unit": unit }))
+    };
+    let arrays: Map<String, Value> = arrays.iter().map(unit).collect();
+    let names = |named: super::names::Named| -> Map<String, Value> {
+        let read = |(number, name): (u32, String)| {
+            (number.to_string(), serde_json::from_str(&name).unwrap_or_default())
+        };
+        named.names.into_iter().map(read).collect()
+    };
+    let about = json!({
+        "sensor": frame.name,
+        "pattern": frame.capture.sensor.pattern.name(),
+        "no_return": "+inf in range and Z; 0 in all other arrays except cause",
+        "world_from_sensor": pose_as_json(&frame.world_from_sensor()),
+        "instances": names(frame.names.instances(frame.frame)),
+        "labels": names(frame.names.labels(frame.frame)),
+        "arrays": arrays,
+    });
+    let text = json_ascii(&about).into_bytes();
+    Array { name: "about".to_owned(), kind: format!("|S{}", text.len()), shape: Vec::new(), bytes: text }
+}

@@ -1,0 +1,153 @@
+//! How a job wants a format to be written: the options of the format, and the channels that it chooses.
+
+use super::channel::{CHANNELS, ChannelSpec};
+use crate::sensor::Sensor;
+
+/// The declaration of an option of a format, which stands in the format's own file. A job gives it a value in the format's
+/// table: `{ format = "depth16", scale = 5000 }`.
+#[derive(Clone, Copy, Debug)]
+pub struct OptionSpec {
+    /// The name in a job.
+    pub name: &'static str,
+    /// The meaning of the value, in sentences.
+    pub about: &'static str,
+    /// The values that are right, and the one that stands for an option that is left out.
+    pub values: OptionValues,
+}
+
+/// The values that an option may have. All of them are numbers here: a flag that is set is 1.
+#[derive(Clone, Copy, Debug)]
+pub enum OptionValues {
+    /// A number within bounds, both included.
+    Number {
+        /// The least.
+        least: f64,
+        /// The largest.
+        most: f64,
+        /// The value of an option that is left out.
+        default: f64,
+    },
+    /// One of a few whole numbers.
+    OneOf {
+        /// The numbers.
+        numbers: &'static [u32],
+        /// The value of an option that is left out.
+        default: u32,
+    },
+    /// `true` or `false`.
+    Flag {
+        /// The value of an option that is left out.
+        default: bool,
+    },
+}
+
+impl OptionValues {
+    /// The value of an option that is left out.
+    pub fn default_value(&self) -> f64 {
+        match *self {
+            Self::Number { default, .. } => default,
+            Self::OneOf { default, .. } => default.into(),
+            Self::Flag { default } => f64::from(u8::from(default)),
+        }
+    }
+}
+
+/// The most options that a format has.
+pub(super) const MOST_OPTIONS: usize = 4;
+
+/// What a job says about one of its formats: the values of the format's options, and the channels.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// The options that the format declares.
+    of: &'static [OptionSpec],
+    /// The values that were given, in the order of the declarations.
+    given: [Option<f64>; MOST_OPTIONS],
+    /// The channels that were chosen. They concern formats that hold channels.
+    pub channels: Channels,
+}
+
+impl Options {
+    /// All options left out, and all channels.
+    pub(super) const fn none(of: &'static [OptionSpec]) -> Self {
+        Self { of, given: [None; MOST_OPTIONS], channels: Channels::ALL }
+    }
+
+    /// The value that was given for an option. `None` if it is left out.
+    pub fn given(&self, option: &OptionSpec) -> Option<f64> {
+        self.given[self.index(option)]
+    }
+
+    /// The value of an option, given or not.
+    pub fn number(&self, option: &OptionSpec) -> f64 {
+        self.given(option).unwrap_or(option.values.default_value())
+    }
+
+    /// Whether a flag is set.
+    pub fn is_set(&self, option: &OptionSpec) -> bool {
+        self.number(option) != 0.0
+    }
+
+    /// Gives an option a value, which is one of the right ones.
+    pub fn set(&mut self, option: &OptionSpec, value: f64) {
+        self.given[self.index(option)] = Some(value);
+    }
+
+    fn index(&self, option: &OptionSpec) -> usize {
+        let place = self.of.iter().position(|known| known.name == option.name);
+        place.unwrap_or_else(|| panic!("the format does not declare the option {}", option.name))
+    }
+}
+
+/// Some of [`CHANNELS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channels(u32);
+
+impl Channels {
+    /// Every channel.
+    pub const ALL: Self = Self((1 << CHANNELS.len()) - 1);
+
+    /// The channels of these names. A name that no channel has chooses nothing.
+    pub fn named<'n>(names: impl IntoIterator<Item = &'n str>) -> Self {
+        let bit = |name: &str| CHANNELS.iter().position(|channel| channel.name == name).map_or(0, |i| 1 << i);
+        Self(names.into_iter().map(bit).fold(0, |all, bit| all | bit))
+    }
+
+    /// Those of the channels that a sensor has, sorted by name.
+    pub fn of<'s>(self, sensor: &'s Sensor) -> impl Iterator<Item = &'static ChannelSpec> + use<'s> {
+        self.iter().filter(|channel| channel.is_of(sensor))
+    }
+
+    /// The channels, sorted by name.
+    pub fn iter(self) -> impl Iterator<Item = &'static ChannelSpec> {
+        (0..).zip(&CHANNELS).filter(move |(i, _)| self.0 & (1 << i) != 0).map(|(_, channel)| channel)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_are_chosen_by_name() {
+        let names = |channels: Channels| channels.iter().map(|channel| channel.name).collect::<Vec<_>>();
+        assert_eq!(names(Channels::ALL).len(), CHANNELS.len());
+        assert_eq!(names(Channels::named(["range", "Z"])), ["Z", "range"]);
+        assert_eq!(names(Channels::named(["nothing"])), [""; 0]);
+    }
+
+    #[test]
+    fn an_option_that_is_left_out_has_its_default() {
+        static OPTIONS: [OptionSpec; 2] = [
+            OptionSpec {
+                name: "bits",
+                about: "",
+                values: OptionValues::OneOf { numbers: &[8, 16], default: 16 },
+            },
+            OptionSpec { name: "palette", about: "", values: OptionValues::Flag { default: false } },
+        ];
+        let mut options = Options::none(&OPTIONS);
+        assert_eq!((options.given(&OPTIONS[0]), options.number(&OPTIONS[0])), (None, 16.0));
+        options.set(&OPTIONS[1], 1.0);
+        assert!(options.is_set(&OPTIONS[1]) && options.given(&OPTIONS[0]).is_none());
+    }
+}

@@ -1,0 +1,80 @@
+//! The page of all formats, in Markdown, made of their declarations.
+
+use std::fmt::Write as _;
+
+use super::channel::{CHANNELS, Sensors, Values};
+use super::format::{Content, Field};
+use super::registry::Format;
+
+const INTRODUCTION: &str = "\
+# Formats
+
+What the files of a scan are, made of the program's own declarations: `beamcast schema formats` prints this page, and a test
+holds it to the program. A job names its formats in `output.formats`, each by its name or by a table with options:
+
+```toml
+[output]
+dir = \"../out\"
+formats = [\"exr\", { format = \"depth16\", scale = 5000 }, { format = \"labels\", palette = true }]
+channels = [\"range\", \"Z\", \"id.semantic\"]
+```
+
+A file is `SENSOR/000000.ENDING`, one a frame. All numbers are little-endian but for PNG's, which are big-endian, and the same
+frame gives the same bytes everywhere.
+";
+
+const CHANNELS_INTRODUCTION: &str = "
+## Channels
+
+What formats of channels hold: arrays of rows and columns, one number a pixel. A row is a beam, highest first, or a line of a
+camera's image. `output.channels` chooses; left out, all are there. An EXR has besides a channel `Y`, the name that OpenCV reads:
+it repeats Z of a camera and range of a LiDAR where those are chosen. Where a pixel has several returns, an EXR has a part
+for each number of return, and an NPZ has the first under the plain names and the others under `return1/range` and so on.
+
+In an NPZ, the three axes of the normal are one array `normal` of rows × columns × 3 if all are chosen, and the array `about`
+is text: JSON with the pose, the names behind ids, and the shape, type and unit of each array.
+
+```python
+arrays = numpy.load(\"top/000000.npz\")
+seen = numpy.isfinite(arrays[\"range\"])
+pose = json.loads(arrays[\"about\"].item())[\"world_from_sensor\"]
+```
+
+| channel | type | unit | without a return | sensors | |
+|---|---|---|---|---|---|
+";
+
+/// The page.
+pub fn formats_page() -> String {
+    let mut page = INTRODUCTION.to_owned();
+    page.push_str("\n| format | files | | options | read back with |\n|---|---|---|---|---|\n");
+    for format in Format::all() {
+        let spec = format.spec;
+        let anchor = format!("[options](keys.md#the-format-{})", spec.name);
+        let options = if spec.options.is_empty() { "" } else { &anchor };
+        let (name, ending, about, read_by) = (spec.name, spec.ending, spec.about, spec.read_by);
+        let _ = writeln!(page, "| `{name}` | `000000.{ending}` | {about} | {options} | {read_by} |");
+    }
+    page.push_str(CHANNELS_INTRODUCTION);
+    for channel in &CHANNELS {
+        let kind = if matches!(channel.values, Values::F32(_)) { "float32" } else { "uint32" };
+        let sensors = if channel.sensors == Sensors::Cameras { "cameras" } else { "all" };
+        let (name, unit, none, about) = (channel.name, channel.unit, channel.no_return, channel.about);
+        let none =
+            if matches!(channel.values, Values::OfPixel { .. }) { String::new() } else { none.to_string() };
+        let _ = writeln!(page, "| `{name}` | {kind} | {unit} | {none} | {sensors} | {about} |");
+    }
+    for format in Format::all() {
+        let (what, fields) = match format.spec.content {
+            Content::Channels => continue,
+            Content::Points(fields) => ("A point", fields),
+            Content::Pixels(fields) => ("A pixel", fields),
+        };
+        let _ = writeln!(page, "\n## {}\n\n{what} of {}.\n", format.name(), format.spec.about);
+        page.push_str("| field | type | unit or meaning |\n|---|---|---|\n");
+        for Field { name, kind, unit } in fields {
+            let _ = writeln!(page, "| {name} | `{kind}` | {unit} |");
+        }
+    }
+    page
+}

@@ -1,0 +1,219 @@
+"""Reads the program's files back with the tools that their users have, and compares every value with the EXR's.
+
+    python tests/formats/check.py BEAMCAST    # with tests/open3d/requirements.txt
+
+One frame of a LiDAR and one of a camera are scanned in all formats, with misses of each kind, ids, labels and times. Equal means
+equal bits, apart from coordinates, which the EXR does not have: those are equal between PCD and NPY, and as far from the sensor
+as the EXR's range says.
+"""
+
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+import cv2
+import numpy as np
+import open3d as o3d
+import OpenEXR
+import PIL.Image
+import pypcd4
+
+PROJECT = pathlib.Path(__file__).parents[2]
+JOB = """
+scene = "{scene}"
+labels = {{ floor = 7, crate = 255, pillar = 12 }}
+
+[[sensor]]
+name = "lidar"
+preset = "velodyne/vlp-16"
+rotating.columns = 360
+range = {{ min_m = 1.5, max_m = 6.0 }}
+pose = {{ position_m = [0.0, 0.0, 1.2], rpy_deg = [1.0, 2.0, 30.0] }}
+
+[[sensor]]
+name = "camera"
+pose = {{ position_m = [0.0, 0.0, 1.2], rpy_deg = [0.0, 10.0, -20.0] }}
+
+[sensor.pinhole]
+width_px = 96
+height_px = 64
+hfov_deg = 70.0
+
+[sensor.range]
+max_m = 5.0
+
+[output]
+dir = "out"
+"""
+# Those whose settings differ go to different folders.
+RUNS = [
+    'formats = ["exr", "npy", "npz", "pcd", "depth16", "labels", "instances"]',
+    """formats = [
+    "exr",
+    { format = "npz", compressed = true },
+    { format = "pcd", organised = true },
+    { format = "depth16", scale = 5000 },
+    { format = "labels", bits = 8 },
+    { format = "instances", palette = true },
+]""",
+    'formats = ["npz", { format = "depth16", scale = 256 }, { format = "labels", palette = true }]\n'
+    'channels = ["range", "Z", "normal.X"]',
+]
+SENSORS = ["lidar", "camera"]
+checks = 0
+
+
+def equal(what, found, expected):
+    """Equal shapes, types of one kind and bits; what is not a number is equal to itself."""
+    global checks
+    found, expected = np.asarray(found), np.asarray(expected)
+    is_float = np.issubdtype(expected.dtype, np.floating)
+    if found.shape != expected.shape or not np.array_equal(found, expected, equal_nan=is_float):
+        sys.exit(f"{what}: {found.shape} {found.dtype} is not what the EXR says, {expected.shape} {expected.dtype}")
+    checks += found.size
+
+
+def read_exr(path):
+    part = OpenEXR.File(str(path), separate_channels=True)
+    return {name: channel.pixels for name, channel in part.channels().items()}
+
+
+def check_npz(path, exr, names):
+    with np.load(path, allow_pickle=False) as arrays:
+        about = json.loads(arrays["about"].item())
+        has_normal = all(f"normal.{axis}" in names for axis in "XYZ")
+        expected = {name for name in names if not (has_normal and name.startswith("normal."))} | {"about"}
+        expected |= {"normal"} if has_normal else set()
+        equal(f"{path}: names", sorted(arrays.files), sorted(expected))
+        for name in expected - {"about", "normal"}:
+            equal(f"{path}: {name}", arrays[name], exr[name])
+            if arrays[name].dtype != exr[name].dtype:
+                sys.exit(f"{path}: {name} is {arrays[name].dtype}, and the EXR's {exr[name].dtype}")
+        if has_normal:
+            equal(f"{path}: normal", arrays["normal"], np.stack([exr[f"normal.{axis}"] for axis in "XYZ"], axis=-1))
+        for name, array in about["arrays"].items():
+            equal(f"{path}: the shape of {name}", array["shape"], list(arrays[name].shape))
+
+
+def check_depth(path, depth, scale):
+    expected = np.floor(depth.astype(np.float64) * scale + 0.5)
+    expected[~np.isfinite(depth) | (expected > 65535)] = 0
+    for reader, image in [
+        ("PIL", np.asarray(PIL.Image.open(path))),
+        ("OpenCV", cv2.imread(str(path), cv2.IMREAD_UNCHANGED)),
+        ("Open3D", o3d.t.io.read_image(str(path)).as_tensor().numpy()[..., 0]),
+    ]:
+        equal(f"{path} by {reader}", image, expected.astype(np.uint16))
+        if image.dtype != np.uint16:
+            sys.exit(f"{path} by {reader} is {image.dtype}")
+
+
+def check_numbers(path, numbers, has_palette=False):
+    image = PIL.Image.open(path)
+    equal(f"{path} by PIL", np.asarray(image), numbers)
+    if has_palette:
+        colours = np.reshape(image.getpalette(), (-1, 3))
+        equal(f"{path}: different colours", len(np.unique(colours, axis=0)), 256)
+        equal(f"{path}: 0 is black", colours[0], [0, 0, 0])
+        # OpenCV has no indexed images, and reads the colours, blue first.
+        equal(f"{path} by OpenCV", cv2.imread(str(path))[..., ::-1], colours[numbers])
+    else:
+        equal(f"{path} by OpenCV", cv2.imread(str(path), cv2.IMREAD_UNCHANGED), numbers)
+
+
+def check_points(where, points, exr, seen):
+    """The fields that NPY and PCD share, of the pixels that have a return."""
+    equal(f"{where}: range", points["range"], exr["range"][seen])
+    equal(f"{where}: intensity", points["intensity"], exr["intensity"][seen])
+    equal(f"{where}: instance", points["instance"], exr["id.instance"][seen])
+    equal(f"{where}: label", points["label"], exr["id.semantic"][seen])
+    rows = exr["range"].shape[0]
+    ring = np.broadcast_to(np.arange(rows)[:, None], exr["range"].shape)
+    # The LiDAR's maker counts rings from the lowest beam.
+    ring = rows - 1 - ring if where.startswith("lidar") else ring
+    equal(f"{where}: ring", points["ring"], ring[seen])
+
+
+def check_npy(path, where, exr):
+    points = np.load(path, allow_pickle=False)
+    seen = np.isfinite(exr["range"])
+    check_points(where, points, exr, seen)
+    equal(f"{where}: column", points["column"], np.nonzero(seen)[1])
+    # Nanoseconds, and seconds in 32 bits, are each rounded once.
+    if np.abs(points["t"] * 1e-9 - exr["time"][seen]).max() > 0.5e-9 + 2.0**-24 * exr["time"].max():
+        sys.exit(f"{where}: t is not the EXR's time")
+    distance = np.sqrt(sum(points[axis].astype(np.float64) ** 2 for axis in "xyz"))
+    # A VLP-16's beams start beside the centre, and each coordinate is rounded.
+    if np.abs(distance - exr["range"][seen]).max() > 0.1:
+        sys.exit(f"{where}: the points are elsewhere than the EXR's range says")
+    return points
+
+
+def check_pcd(path, where, exr, npy, organised):
+    cloud = pypcd4.PointCloud.from_path(path)
+    meta = cloud.metadata
+    points = {name: cloud.pc_data[name] for name in cloud.fields}
+    seen = np.isfinite(exr["range"])
+    rows, columns = seen.shape
+    size = (columns, rows) if organised else (int(seen.sum()), 1)
+    equal(f"{where}: size", (meta.width, meta.height, meta.points), (*size, size[0] * size[1]))
+    if organised:
+        for name in ("x", "y", "z", "range"):
+            equal(f"{where}: misses of {name}", np.isnan(points[name]), ~seen.reshape(-1))
+        equal(f"{where}: time of all pixels", points["time"], exr["time"].reshape(-1))
+        points = {name: values[seen.reshape(-1)] for name, values in points.items()}
+    else:
+        equal(f"{where}: time", points["time"], exr["time"][seen])
+    check_points(where, points, exr, seen)
+    for axis in "xyz":
+        equal(f"{where}: {axis}", points[axis], npy[axis])
+    by_open3d = o3d.t.io.read_point_cloud(str(path), remove_nan_points=True).point
+    equal(f"{where} by Open3D", by_open3d.positions.numpy(), np.stack([npy[axis] for axis in "xyz"], axis=-1))
+    for name in ("intensity", "ring", "instance", "label", "range"):
+        equal(f"{where} by Open3D: {name}", by_open3d[name].numpy().reshape(-1), points[name])
+    with np.load(npy_beside(path, "npz"), allow_pickle=False) as arrays:
+        pose = json.loads(arrays["about"].item())["world_from_sensor"]
+    equal(f"{where}: viewpoint", meta.viewpoint[:3], pose["position_m"])
+    if where.startswith("lidar"):
+        x, y, z, w = pose["quaternion_xyzw"]
+        equal(f"{where}: viewpoint", meta.viewpoint[3:], (w, x, y, z))
+
+
+def npy_beside(path, ending):
+    return path.with_name(f"{path.name.split('.')[0]}.{ending}")
+
+
+def main():
+    beamcast = pathlib.Path(sys.argv[1]).resolve()
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        job = folder / "job.toml"
+        for number, run in enumerate(RUNS):
+            job.write_text(JOB.format(scene=PROJECT / "scenes" / "room.glb") + run + "\n")
+            subprocess.run([beamcast, "scan", "-q", job, "--out", folder / str(number)], check=True)
+        for sensor in SENSORS:
+            first, second, third = (folder / str(number) / sensor for number in range(3))
+            exr = read_exr(first / "000000.exr")
+            depth = exr["Z"] if sensor == "camera" else exr["range"]
+            names = [name for name in exr if name != "Y"]
+            if not 0 < np.isfinite(depth).sum() < depth.size or len(np.unique(exr["id.semantic"])) < 3:
+                sys.exit(f"{sensor}: the frame has no misses or no labels, and tests nothing")
+            npy = check_npy(first / "000000.npy", f"{sensor} npy", exr)
+            check_npz(first / "000000.npz", exr, names)
+            check_npz(second / "000000.npz", exr, names)
+            check_npz(third / "000000.npz", exr, [name for name in names if name in ("range", "Z", "normal.X")])
+            check_pcd(first / "000000.pcd", f"{sensor} pcd", exr, npy, organised=False)
+            check_pcd(second / "000000.pcd", f"{sensor} organised pcd", exr, npy, organised=True)
+            for place, scale in [(first, 1000), (second, 5000), (third, 256)]:
+                check_depth(place / "000000.depth16.png", depth, scale)
+            check_numbers(first / "000000.labels.png", exr["id.semantic"])
+            check_numbers(second / "000000.labels.png", exr["id.semantic"])
+            check_numbers(third / "000000.labels.png", exr["id.semantic"], has_palette=True)
+            check_numbers(first / "000000.instances.png", exr["id.instance"])
+            check_numbers(second / "000000.instances.png", exr["id.instance"], has_palette=True)
+    print(f"{checks} values of {len(SENSORS)} frames are the EXR's, read by NumPy, PIL, OpenCV {cv2.__version__}, Open3D and pypcd4")
+
+
+main()
