@@ -62,6 +62,8 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
     };
     let plan = json(&["scan", "a.toml", "--out", "a", "--dry-run", "--json"]);
     let scan = json(&["scan", "a.toml", "--out", "a", "--json"]);
+    let fine = ["--set", "output.formats=[{ format = \"depth16\", scale = 1e5 }]"];
+    let lossy = json(&["scan", "a.toml", "--out", "lossy", fine[0], fine[1], "--json"]);
     for name in ["b", "d"] {
         stdout_of(folder, &["scan", &format!("{name}.toml"), "--out", name]);
     }
@@ -73,7 +75,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         |file: &str, other: &str| json(&["diff", &format!("a{file}"), &format!("{other}{file}"), "--json"]);
     let info = |path: &str| json(&["info", path, "--json"]);
     BTreeMap::from([
-        ("scan", vec![scan]),
+        ("scan", vec![scan, lossy]),
         ("scan --dry-run", vec![plan]),
         ("check", vec![check, broken]),
         (
