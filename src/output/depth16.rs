@@ -63,7 +63,11 @@ fn pixel(depth_m: f32, options: &Options) -> Option<u16> {
 fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
     let numbers: Vec<u32> =
         depths(frame).into_iter().map(|depth_m| pixel(depth_m, options).unwrap_or(0).into()).collect();
-    encode_numbers(frame.frame.columns(), frame.frame.rows(), &numbers, Pixels::Grey16)
+    // A file on its own says what it holds.
+    let name = depth_channel(frame.capture.sensor).name;
+    let texts =
+        [("beamcast:channel", name.to_owned()), ("beamcast:scale", options.number(&SCALE).to_string())];
+    encode_numbers(frame.frame.columns(), frame.frame.rows(), &numbers, Pixels::Grey16, &texts)
 }
 
 /// Of a sensor that sees farther than a pixel can tell.

@@ -87,7 +87,13 @@ fn encode(frame: &SensorFrame, name: &str, options: &Options) -> Result<Vec<u8>,
             "a pixel holds at most {most}, and one has the number {number}"
         )));
     }
-    encode_numbers(image.columns, image.rows, numbers, pixels(options))
+    encode_numbers(
+        image.columns,
+        image.rows,
+        numbers,
+        pixels(options),
+        &[("beamcast:channel", name.to_owned())],
+    )
 }
 
 #[cfg(test)]

@@ -86,12 +86,12 @@ fn arrays_of(image: Image, folder: &str) -> Vec<Array> {
     let axes: Vec<&[f32]> = AXES.iter().filter_map(|axis| image.f32(axis)).collect();
     let normal = match axes[..] {
         [x, y, z] => {
-            let each = x.iter().zip(y).zip(z).flat_map(|((x, y), z)| [*x, *y, *z]);
+            let each = x.iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z].map(|axis| axis.to_le_bytes()));
             Some(Array {
                 name: format!("{folder}{NORMAL}"),
                 kind: "<f4".to_owned(),
                 shape: [&sides[..], &[3]].concat(),
-                bytes: each.flat_map(f32::to_le_bytes).collect(),
+                bytes: bytes(each.map(|axes| <[u8; 12]>::try_from(axes.as_flattened()).unwrap_or_default())),
             })
         }
         _ => None,
@@ -99,8 +99,8 @@ fn arrays_of(image: Image, folder: &str) -> Vec<Array> {
     let is_alone = |channel: &Channel| normal.is_none() || !AXES.contains(&channel.name.as_str());
     let alone = image.channels.iter().filter(|channel| is_alone(channel)).map(|channel| {
         let (kind, bytes) = match &channel.samples {
-            Samples::F32(values) => ("<f4", values.iter().flat_map(|value| value.to_le_bytes()).collect()),
-            Samples::U32(values) => ("<u4", values.iter().flat_map(|value| value.to_le_bytes()).collect()),
+            Samples::F32(values) => ("<f4", bytes(values.iter().map(|value| value.to_le_bytes()))),
+            Samples::U32(values) => ("<u4", bytes(values.iter().map(|value| value.to_le_bytes()))),
         };
         let name = format!("{folder}{}", channel.name);
         Array { name, kind: kind.to_owned(), shape: sides.clone(), bytes }
@@ -109,6 +109,15 @@ fn arrays_of(image: Image, folder: &str) -> Vec<Array> {
     arrays.extend(normal);
     arrays.sort_by(|a, b| a.name.cmp(&b.name));
     arrays
+}
+
+/// Values one after the other, each of `N` bytes.
+fn bytes<const N: usize>(values: impl ExactSizeIterator<Item = [u8; N]>) -> Vec<u8> {
+    let mut bytes = vec![0; N * values.len()];
+    for (place, value) in bytes.chunks_exact_mut(N).zip(values) {
+        place.copy_from_slice(&value);
+    }
+    bytes
 }
 
 /// What the arrays are, as JSON in an array of one text: `json.loads(arrays["about"].item())`.

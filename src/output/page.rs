@@ -21,6 +21,10 @@ channels = [\"range\", \"Z\", \"id.semantic\"]
 
 A file is `SENSOR/000000.ENDING`, one a frame. All numbers are little-endian but for PNG's, which are big-endian, and the same
 frame gives the same bytes everywhere.
+
+A PNG of numbers tells its channel in a text under `beamcast:channel`, and a depth image its `beamcast:scale`: the depth in metres
+is the pixel's number divided by the scale. Of several returns of a pixel, PNGs of numbers and organised PCDs have the first, and
+clouds have all.
 ";
 
 const CHANNELS_INTRODUCTION: &str = "

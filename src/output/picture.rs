@@ -125,7 +125,7 @@ impl Picture {
     /// An error if a side is 0 or larger than a PNG allows.
     pub fn to_png(&self) -> Result<Vec<u8>, EncodeError> {
         let Self { width, height, pixels } = self;
-        let file = write(*width, *height, Layout::RGB, pixels);
+        let file = write(*width, *height, Layout::RGB, &[], pixels);
         file.map_err(|e| EncodeError::new(format!("the PNG can't be encoded: {e}")))
     }
 }
@@ -174,18 +174,20 @@ fn colour_of(number: u8) -> [u8; 3] {
     [colour(0), colour(1), colour(2)]
 }
 
-/// A PNG of one number a pixel, row by row. Each number is cut to the bits that a pixel has.
+/// A PNG of one number a pixel, row by row. Each number is cut to the bits that a pixel has. The header has the texts, each under
+/// its keyword.
 pub(super) fn encode_numbers(
     width: usize,
     height: usize,
     numbers: &[u32],
     pixels: Pixels,
+    texts: &[(&str, String)],
 ) -> Result<Vec<u8>, EncodeError> {
     let bytes: Vec<u8> = match pixels {
         Pixels::Grey16 => numbers.iter().flat_map(|number| (*number as u16).to_be_bytes()).collect(),
         Pixels::Grey8 | Pixels::Palette => numbers.iter().map(|number| *number as u8).collect(),
     };
-    let file = write(width, height, pixels.into(), &bytes);
+    let file = write(width, height, pixels.into(), texts, &bytes);
     file.map_err(|e| EncodeError::new(format!("the PNG can't be encoded: {e}")))
 }
 
@@ -200,7 +202,13 @@ pub(super) enum Pixels {
     Palette,
 }
 
-fn write(width: usize, height: usize, layout: Layout, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
+fn write(
+    width: usize,
+    height: usize,
+    layout: Layout,
+    texts: &[(&str, String)],
+    pixels: &[u8],
+) -> Result<Vec<u8>, png::EncodingError> {
     let mut file = Vec::new();
     let side = |n: usize| u32::try_from(n).unwrap_or(0); // the encoder refuses a side of 0
     let mut encoder = png::Encoder::new(&mut file, side(width), side(height));
@@ -208,6 +216,9 @@ fn write(width: usize, height: usize, layout: Layout, pixels: &[u8]) -> Result<V
     encoder.set_depth(layout.depth);
     if let Some(palette) = layout.palette {
         encoder.set_palette(palette);
+    }
+    for (keyword, text) in texts {
+        encoder.add_text_chunk((*keyword).to_owned(), text.clone())?;
     }
     let mut writer = encoder.write_header()?;
     writer.write_image_data(pixels)?;

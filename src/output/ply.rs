@@ -55,17 +55,20 @@ fn encode(cloud: &SensorFrame, _: &Options) -> Result<Vec<u8>, EncodeError> {
 /// Adds the points of a cloud, each with its [`FIELDS`] in 4 bytes.
 pub(super) fn add_points(cloud: &SensorFrame, file: &mut Vec<u8>) -> Result<(), EncodeError> {
     file.reserve_exact(cloud.frame.return_count() * BYTES_PER_POINT);
-    cloud.each_point(|Point { position_m, ring, column, time_s, hit }| {
-        for coordinate in position_m {
-            file.extend(coordinate.to_le_bytes());
-        }
-        file.extend(hit.intensity.to_le_bytes());
-        file.extend(int("ring", *ring as u64)?.to_le_bytes());
-        file.extend(int("column", *column as u64)?.to_le_bytes());
-        file.extend(nanoseconds(*time_s)?.to_le_bytes());
-        file.extend(int("instance", id_of(hit.instance).into())?.to_le_bytes());
-        file.extend(int("label", hit.label.into())?.to_le_bytes());
-        file.extend((hit.range_m as f32).to_le_bytes());
+    cloud.each_point(|Point { position_m: [x, y, z], ring, column, time_s, hit }| {
+        let fields = [
+            x.to_le_bytes(),
+            y.to_le_bytes(),
+            z.to_le_bytes(),
+            hit.intensity.to_le_bytes(),
+            int("ring", *ring as u64)?.to_le_bytes(),
+            int("column", *column as u64)?.to_le_bytes(),
+            nanoseconds(*time_s)?.to_le_bytes(),
+            int("instance", id_of(hit.instance).into())?.to_le_bytes(),
+            int("label", hit.label.into())?.to_le_bytes(),
+            (hit.range_m as f32).to_le_bytes(),
+        ];
+        file.extend_from_slice(fields.as_flattened());
         Ok(())
     })
 }

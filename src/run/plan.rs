@@ -4,7 +4,7 @@ use super::memory::{self, Holding};
 use crate::config::{Job, MountedSensor};
 use crate::error::Error;
 use crate::frame::Pose;
-use crate::output::{CloudFrame, Format, Kind, Manifest};
+use crate::output::{CloudFrame, Content, Format, Kind, Manifest};
 use crate::scene::Scene;
 use crate::sensor::Capture;
 
@@ -146,7 +146,9 @@ fn precision_warning(job: &Job, items: &[Item]) -> Option<String> {
     let coordinates = items.iter().map(|item| pose(item).translation.abs().max_element());
     let farthest = coordinates.fold(0.0, f64::max) as f32;
     let step = farthest.next_up() - farthest;
-    (job.output.formats.contains(&Format::PLY) && step > 1e-3).then(|| {
+    let has_points =
+        job.output.formats.iter().any(|format| matches!(format.spec.content, Content::Points(_)));
+    (has_points && step > 1e-3).then(|| {
         format!(
             "points {farthest} m from the origin come in steps of {} mm, the spacing of 32-bit floats there; \
              output.frame = \"sensor\" keeps them exact",

@@ -49,7 +49,7 @@ dir = "out"
 """
 # Those whose settings differ go to different folders.
 RUNS = [
-    'formats = ["exr", "npy", "npz", "pcd", "depth16", "labels", "instances"]',
+    'formats = ["exr", "png", "npy", "npz", "pcd", "depth16", "labels", "instances"]',
     """formats = [
     "exr",
     { format = "npz", compressed = true },
@@ -97,7 +97,9 @@ def check_npz(path, exr, names):
             equal(f"{path}: the shape of {name}", array["shape"], list(arrays[name].shape))
 
 
-def check_depth(path, depth, scale):
+def check_depth(path, channel, depth, scale):
+    texts = PIL.Image.open(path).text
+    equal(f"{path}: texts", (texts["beamcast:channel"], texts["beamcast:scale"]), (channel, str(scale)))
     expected = np.floor(depth.astype(np.float64) * scale + 0.5)
     expected[~np.isfinite(depth) | (expected > 65535)] = 0
     for reader, image in [
@@ -199,7 +201,8 @@ def main():
         for sensor in SENSORS:
             first, second, third = (folder / str(number) / sensor for number in range(3))
             exr = read_exr(first / "000000.exr")
-            depth = exr["Z"] if sensor == "camera" else exr["range"]
+            channel = "Z" if sensor == "camera" else "range"
+            depth = exr[channel]
             names = [name for name in exr if name != "Y"]
             if not 0 < np.isfinite(depth).sum() < depth.size or len(np.unique(exr["id.semantic"])) < 3:
                 sys.exit(f"{sensor}: the frame has no misses or no labels, and tests nothing")
@@ -210,7 +213,8 @@ def main():
             check_pcd(first / "000000.pcd", f"{sensor} pcd", exr, npy, organised=False)
             check_pcd(second / "000000.pcd", f"{sensor} organised pcd", exr, npy, organised=True)
             for place, scale in [(first, 1000), (second, 5000), (third, 256)]:
-                check_depth(place / "000000.depth16.png", depth, scale)
+                check_depth(place / "000000.depth16.png", channel, depth, scale)
+            equal(f"{sensor} png", np.asarray(PIL.Image.open(first / "000000.png")), cv2.imread(first / "000000.png")[..., ::-1])
             check_numbers(first / "000000.labels.png", exr["id.semantic"])
             check_numbers(second / "000000.labels.png", exr["id.semantic"])
             check_numbers(third / "000000.labels.png", exr["id.semantic"], has_palette=True)

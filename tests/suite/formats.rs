@@ -124,6 +124,12 @@ fn a_cameras_depth_image_has_the_depth_along_the_axis() {
         false => 0,
     });
     assert_eq!((depths, bits), (expected.collect::<Vec<_>>(), 16));
+    // A file on its own says what it holds.
+    let file = format("depth16", ", scale = 256").encode(&seen).unwrap();
+    let reader = png::Decoder::new(Cursor::new(&file)).read_info().unwrap();
+    let texts = &reader.info().uncompressed_latin1_text;
+    let texts: Vec<_> = texts.iter().map(|text| (text.keyword.as_str(), text.text.as_str())).collect();
+    assert_eq!(texts, [("beamcast:channel", "Z"), ("beamcast:scale", "256")]);
     assert!(image.f32("Z").unwrap()[0] < 1.4);
 }
 
@@ -423,6 +429,17 @@ fn a_label_that_pixels_cannot_hold_is_refused_before_casting() {
     for args in [&["lint", "job.toml"][..], &["scan", "job.toml", "--dry-run"]] {
         let (code, text) = room.run(args);
         assert!(code != 0 && text.contains("its labels are at most 255"), "{text}");
+    }
+}
+
+/// Far from the origin, coordinates of 32 bits are coarse in every format of points.
+#[test]
+fn coarse_coordinates_are_told_of_all_clouds() {
+    for (formats, is_told) in [("npy", true), ("pcd", true), ("ply", true), ("npz", false)] {
+        let room = Room::with(&format!("formats = [\"{formats}\"]\nframe = \"world\""));
+        let far = "trajectory.pose.position_m=[5e5, 5e6, 0.0]";
+        let (_, text) = room.run(&["scan", "job.toml", "--dry-run", "--set", far]);
+        assert_eq!(text.contains("the spacing of 32-bit floats there"), is_told, "{formats}: {text}");
     }
 }
 
