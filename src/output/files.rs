@@ -154,13 +154,14 @@ impl Destination {
     }
 
     /// Removes the files `old` of an earlier run, which are paths as those of the destination, except for those that will be
-    /// written now; and the folders that this leaves empty. It removes nothing outside of the destination's folder: a file in a
+    /// written now; and the folders that this leaves empty and that no new file goes to. It removes nothing outside of the destination's folder: a file in a
     /// folder that is a link to another place stays. What is gone already is fine.
     ///
     /// # Errors
     /// [`Error::Output`] about a file that can't be removed.
     pub fn remove_old(&self, old: &[String]) -> Result<(), Error> {
         let Ok(home) = fs::canonicalize(&self.folder) else { return Ok(()) };
+        let needed = self.folders();
         for path in self.old_paths(old) {
             let Some(folder) = path.parent() else { continue };
             let is_inside = fs::canonicalize(folder).is_ok_and(|folder| folder.starts_with(&home));
@@ -178,8 +179,8 @@ impl Destination {
                 }
                 _ => {}
             }
-            // A folder that still holds something is not removed.
-            for folder in path.ancestors().skip(1).take_while(|folder| *folder != self.folder) {
+            // A folder that still holds something is not removed, nor one that the new files go to.
+            for folder in path.ancestors().skip(1).take_while(|folder| !needed.contains(*folder)) {
                 if fs::remove_dir(folder).is_err() {
                     break;
                 }
@@ -405,6 +406,14 @@ mod tests {
         let old: Vec<String> =
             old.into_iter().chain(["gone/000000.exr", "kept"]).map(str::to_owned).collect();
         destination.remove_old(&old).unwrap();
+        // A run of another format writes to the folder that it has emptied.
+        let mut other =
+            Destination::check(&tmp.path().join("other"), vec!["top/000000.npz".into()], true).unwrap();
+        other.prepare(MANIFEST).unwrap();
+        put(&tmp.path().join("other/top/000000.exr"));
+        other.remove_old(&["top/000000.exr".to_owned()]).unwrap();
+        other.write("top/000000.npz", b"new").unwrap();
+        fs::remove_dir_all(tmp.path().join("other")).unwrap();
         assert_eq!(files_under(tmp.path()), ["out/kept/notes.txt", "out/top/000000.exr"]);
         assert!(!out.join("front").exists() && !out.join("deep").exists());
         destination.remove_old(&old).unwrap();

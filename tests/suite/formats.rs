@@ -464,4 +464,9 @@ fn files_of_one_kind_lie_beside_each_other() {
     let (code, text) = room.run(&["scan", "job.toml", "--overwrite", "--set", "output.formats=[\"npz\"]"]);
     assert_eq!(code, 0, "{text}");
     assert_eq!(files(), ["000000.mine.png", "000000.npz"]);
+    // Nothing of the earlier run stays, and its folder does.
+    fs::remove_file(room.0.path().join("out/top/000000.mine.png")).unwrap();
+    let (code, text) = room.run(&["scan", "job.toml", "--overwrite", "--set", "output.formats=[\"pcd\"]"]);
+    assert_eq!(code, 0, "{text}");
+    assert_eq!(files(), ["000000.pcd"]);
 }
