@@ -31,7 +31,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     ending: "exr",
     about: "OpenEXR range images of all channels",
     content: Content::Channels,
-    read_by: "OpenEXR (Python), Open3D",
+    read_by: "OpenEXR",
     check,
     encoding_bytes_a_ray: |sensor, options| {
         // This counts the channels, the compressed blocks and the file, under the assumption that compression saves

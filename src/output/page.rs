@@ -25,6 +25,13 @@ frame gives the same bytes everywhere.
 A PNG of numbers tells its channel in a text under `beamcast:channel`, and a depth image its `beamcast:scale`: the depth in metres
 is the pixel's number divided by the scale. Of several returns of a pixel, PNGs of numbers and organised PCDs have the first, and
 clouds have all.
+
+```python
+depth_m = cv2.imread(\"front/000000.depth16.png\", cv2.IMREAD_UNCHANGED) / 5000  # OpenCV 4 and 5, without EXR
+labels = numpy.asarray(PIL.Image.open(\"front/000000.labels.png\"))
+points = numpy.load(\"top/000000.npy\")  # points[\"x\"], points[\"intensity\"], points[\"label\"], …
+cloud = open3d.t.io.read_point_cloud(\"top/000000.pcd\")
+```
 ";
 
 const CHANNELS_INTRODUCTION: &str = "

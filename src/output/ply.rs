@@ -28,7 +28,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     ending: "ply",
     about: "binary PLY point clouds",
     content: Content::Points(&FIELDS),
-    read_by: "Open3D",
+    read_by: "Open3D, plyfile",
     check,
     most_label: |_| i32::MAX as u32,
     most_instance: |_| i32::MAX as u32,

@@ -16,7 +16,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     ending: "png",
     about: "colour previews of the range",
     content: Content::Pixels(&[field("red, green, blue", "8-bit", "colour of the range")]),
-    read_by: "PIL, browsers",
+    read_by: "PIL, OpenCV 4 and 5",
     check,
     encoding_bytes_a_ray: |sensor, _| {
         // This counts the ranges for the scale, the pixels, and the file under the assumption that compression saves

@@ -18,6 +18,7 @@ import numpy as np
 import open3d as o3d
 import OpenEXR
 import PIL.Image
+import plyfile
 import pypcd4
 
 PROJECT = pathlib.Path(__file__).parents[2]
@@ -49,7 +50,7 @@ dir = "out"
 """
 # Those whose settings differ go to different folders.
 RUNS = [
-    'formats = ["exr", "png", "npy", "npz", "pcd", "depth16", "labels", "instances"]',
+    'formats = ["exr", "png", "ply", "npy", "npz", "pcd", "depth16", "labels", "instances"]',
     """formats = [
     "exr",
     { format = "npz", compressed = true },
@@ -153,6 +154,17 @@ def check_npy(path, where, exr):
     return points
 
 
+def check_ply(path, npy):
+    points = plyfile.PlyData.read(path)["vertex"].data
+    by_open3d = o3d.t.io.read_point_cloud(str(path)).point
+    equal(f"{path}: fields", points.dtype.names, npy.dtype.names)
+    equal(f"{path} by Open3D", by_open3d.positions.numpy(), np.stack([npy[axis] for axis in "xyz"], axis=-1))
+    for name in npy.dtype.names:
+        equal(f"{path} by plyfile: {name}", points[name], npy[name])
+        if name not in "xyz":
+            equal(f"{path} by Open3D: {name}", by_open3d[name].numpy().reshape(-1), npy[name])
+
+
 def check_pcd(path, where, exr, npy, organised):
     cloud = pypcd4.PointCloud.from_path(path)
     meta = cloud.metadata
@@ -207,6 +219,7 @@ def main():
             if not 0 < np.isfinite(depth).sum() < depth.size or len(np.unique(exr["id.semantic"])) < 3:
                 sys.exit(f"{sensor}: the frame has no misses or no labels, and tests nothing")
             npy = check_npy(first / "000000.npy", f"{sensor} npy", exr)
+            check_ply(first / "000000.ply", npy)
             check_npz(first / "000000.npz", exr, names)
             check_npz(second / "000000.npz", exr, names)
             check_npz(third / "000000.npz", exr, [name for name in names if name in ("range", "Z", "normal.X")])
@@ -220,7 +233,7 @@ def main():
             check_numbers(third / "000000.labels.png", exr["id.semantic"], has_palette=True)
             check_numbers(first / "000000.instances.png", exr["id.instance"])
             check_numbers(second / "000000.instances.png", exr["id.instance"], has_palette=True)
-    print(f"{checks} values of {len(SENSORS)} frames are the EXR's, read by NumPy, PIL, OpenCV {cv2.__version__}, Open3D and pypcd4")
+    print(f"{checks} values of {len(SENSORS)} frames are the EXR's, read by NumPy, PIL, OpenCV {cv2.__version__}, Open3D, plyfile and pypcd4")
 
 
 main()
