@@ -105,6 +105,11 @@ pub fn digits(value: f64) -> String {
     }
 }
 
+/// A share of 0 to 1 in percent: `12.5 %`.
+pub fn percent(share: f64) -> String {
+    format!("{} %", digits(100.0 * share))
+}
+
 /// A count with its noun: `1 return`, `3 returns`.
 pub fn counted(n: usize, noun: &str) -> String {
     format!("{n} {noun}{}", if n == 1 { "" } else { "s" })

@@ -11,7 +11,7 @@ use crate::scene::Scene;
 /// The surface of a vehicle in the body's frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Vehicle {
-    /// The corners of its triangles, in metres. Of more than [`MOST_TRIANGLES`], every second, third, … is kept.
+    /// The corners of its triangles, in metres. Of very many, every second, third, … is kept.
     pub triangles: Vec<[[f32; 3]; 3]>,
 }
 

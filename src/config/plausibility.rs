@@ -173,6 +173,7 @@ pub(super) fn channels_of_nothing() -> Doubt {
 }
 
 #[cfg(test)]
+#[expect(clippy::approx_constant, reason = "the tests have angles as people type them")]
 mod tests {
     use super::*;
 

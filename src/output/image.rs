@@ -6,7 +6,7 @@ use super::channel::{
 use super::options::Channels;
 use super::sensor_frame::SensorFrame;
 
-/// A range image, which has channels of equal size. [`CHANNELS`] declares the meaning of each channel.
+/// A range image, which has channels of equal size. [`CHANNELS`](super::CHANNELS) declares the meaning of each channel.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
     /// The number of rows: the beams of a LiDAR, highest first, or the height of a camera's image.

@@ -23,7 +23,7 @@ pub(crate) mod yaml;
 use std::path::Path;
 
 pub use diagnostic::{Diagnostic, Doubt, Place, Severity};
-pub(crate) use file_kind::{FileKind, Unit, Wanted};
+pub use file_kind::{FileKind, Unit, Wanted};
 pub(crate) use read::{Unreadable, is_config, read_file, recognise};
 pub(crate) use report::{Layer, MAX_TEXT_BYTES, Report};
 

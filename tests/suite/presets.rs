@@ -179,6 +179,13 @@ fn table(name: &str) -> BTreeMap<String, Vec<f64>> {
     columns
 }
 
+/// Some columns of a table of `tests/presets/`, a line at a time.
+fn lines_of<const N: usize>(name: &str, columns: [&str; N]) -> impl Iterator<Item = [f64; N]> {
+    let table = table(name);
+    let columns = columns.map(|column| table[column].clone());
+    (0..columns[0].len()).map(move |line| std::array::from_fn(|column| columns[column][line]))
+}
+
 /// The numbers of one beam, by the names of a table's columns.
 type Row<'a> = &'a dyn Fn(&str) -> f64;
 

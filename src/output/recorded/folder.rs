@@ -19,7 +19,7 @@ pub enum Recorded {
     /// A point cloud from a PLY.
     Cloud(Cloud),
     /// The output folder of a scan.
-    Folder(Folder),
+    Folder(Box<Folder>),
 }
 
 impl Recorded {
@@ -29,16 +29,17 @@ impl Recorded {
     /// # Errors
     /// [`Error::Input`] if the path is none of these, if the file is broken, or if its numbers take more memory.
     pub fn open(path: &Path, memory: u64) -> Result<Self, Error> {
+        let folder = |path: &Path| Folder::open(path).map(|folder| Self::Folder(Box::new(folder)));
         if path.is_dir() {
-            return Folder::open(path).map(Self::Folder);
+            return folder(path);
         }
         if path.file_name().is_some_and(|name| name == Manifest::NAME) {
-            return Folder::open(path.parent().unwrap_or(Path::new(""))).map(Self::Folder);
+            return folder(path.parent().unwrap_or(Path::new("")));
         }
         let kind = recognise(path).map_err(|e| Error::input(path, e))?;
         let read = match kind {
             FileKind::Manifest => {
-                return Folder::open(path.parent().unwrap_or(Path::new(""))).map(Self::Folder);
+                return folder(path.parent().unwrap_or(Path::new("")));
             }
             FileKind::Exr => read_exr(&read(path, MAX_FILE_BYTES.min(memory))?, memory).map(Self::Exr),
             FileKind::Ply => read_ply(&read(path, MAX_FILE_BYTES.min(memory))?, memory).map(Self::Cloud),

@@ -116,7 +116,7 @@ pub(super) fn kind_of(head: &[u8], length: u64) -> Option<FileKind> {
         SIGNATURES.iter().find(|(at, bytes, _)| head.get(*at..).is_some_and(|rest| rest.starts_with(bytes)));
     found
         .map(|(.., kind)| kind.clone())
-        .or_else(|| is_binary_stl(head, length).then(|| Mesh("an STL mesh", ASSIMP)))
+        .or_else(|| is_binary_stl(head, length).then_some(Mesh("an STL mesh", ASSIMP)))
 }
 
 /// A zip by the name of its first entry: several formats are zips.

@@ -4,7 +4,7 @@ use beamcast::config;
 use beamcast::sensor::{Capture, azimuth_elevation};
 use glam::DVec3;
 
-use super::{Errors, Shot, TruePulse, Truth, sin_cos_deg, table};
+use super::{Errors, Shot, TruePulse, Truth, lines_of, sin_cos_deg};
 
 /// The presets, with what their tables' rounding allows in degrees, and with the pulse rate of a beam where the table's times
 /// are seconds.
@@ -17,6 +17,9 @@ const TABLES: [(&str, f64, Option<f64>); 6] = [
     ("livox/mid-70", 1e-4, Some(1e5)),
     ("livox/tele-15", 1e-4, None),
 ];
+
+/// What the tables have of each shot.
+const COLUMNS: [&str; 4] = ["pulse", "line", "azimuth_deg", "elevation_deg"];
 
 pub fn truths() -> Vec<Truth> {
     TABLES
@@ -33,12 +36,11 @@ fn direction(azimuth_deg: f64, elevation_deg: f64) -> DVec3 {
 /// The points of the table in the preset's first frame.
 fn first_frame(preset: &'static str, angle_deg: f64, pulse_rate_hz: Option<f64>) -> Truth {
     let columns = config::load_preset(preset).unwrap().sensor.pattern.columns();
-    let table = table(preset);
-    let shots = (0..table["pulse"].len())
-        .filter(|&i| (table["pulse"][i] as usize) < columns)
-        .map(|i| {
-            let (pulse, line) = (table["pulse"][i], table["line"][i] as usize);
-            let towards = direction(table["azimuth_deg"][i], table["elevation_deg"][i]);
+    let shots = lines_of(preset, COLUMNS)
+        .filter(|[pulse, ..]| (*pulse as usize) < columns)
+        .map(|[pulse, line, azimuth_deg, elevation_deg]| {
+            let line = line as usize;
+            let towards = direction(azimuth_deg, elevation_deg);
             let point: super::Place = Box::new(move |range| towards * range);
             let time_s = pulse_rate_hz.map(|rate| pulse / rate);
             Shot {
@@ -58,13 +60,13 @@ fn first_frame(preset: &'static str, angle_deg: f64, pulse_rate_hz: Option<f64>)
 fn later_frames_go_on_through_livoxs_tables() {
     for (preset, allowed_deg, _) in TABLES {
         let sensor = config::load_preset(preset).unwrap().sensor;
-        let (table, columns) = (table(preset), sensor.pattern.columns());
+        let columns = sensor.pattern.columns();
         let mut last = 0;
-        for i in 0..table["pulse"].len() {
-            let (pulse, line) = (table["pulse"][i] as usize, table["line"][i] as usize);
+        for [pulse, line, azimuth_deg, elevation_deg] in lines_of(preset, COLUMNS) {
+            let (pulse, line) = (pulse as usize, line as usize);
             let capture = Capture::at_origin(&sensor).with_frame((pulse / columns) as u64);
             let found = capture.pulse(line, pulse % columns).unwrap().direction;
-            let right = direction(table["azimuth_deg"][i], table["elevation_deg"][i]);
+            let right = direction(azimuth_deg, elevation_deg);
             let off = libm::atan2(right.cross(found).length(), right.dot(found)).to_degrees();
             assert!(off <= allowed_deg, "{preset}, pulse {pulse}, line {line}: {off} degrees from {right}");
             last = last.max(pulse / columns);

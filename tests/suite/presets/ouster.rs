@@ -3,7 +3,7 @@
 use beamcast::config;
 use glam::DVec3;
 
-use super::{Errors, Head, Shot, TruePulse, Truth, sin_cos_deg, table};
+use super::{Errors, Head, Shot, TruePulse, Truth, lines_of, sin_cos_deg};
 
 /// Angles are held as printed, and the rest follows by the same formula up to rounding.
 const ALLOWED: Errors = Errors { angle_deg: 1e-9, time_ns: 1e-3, place_mm: 1e-6 };
@@ -35,11 +35,10 @@ pub fn truths() -> Vec<Truth> {
 /// turn about z and the height of lidar_to_sensor_transform.
 fn truth(preset: &'static str, source: &'static str, nominal: &'static str) -> Truth {
     let sensor = config::load_preset(preset).unwrap().sensor;
-    let (head, table) = (Head::of(&sensor), table(preset));
+    let head = Head::of(&sensor);
     let mut shots = Vec::new();
-    for row in 0..table["altitude_deg"].len() {
-        let [altitude, azimuth, n, height] =
-            ["altitude_deg", "azimuth_deg", "origin_mm", "height_mm"].map(|column| table[column][row]);
+    let beams = lines_of(preset, ["altitude_deg", "azimuth_deg", "origin_mm", "height_mm"]);
+    for (row, [altitude, azimuth, n, height]) in beams.enumerate() {
         let (n, height) = (n / 1e3, height / 1e3);
         for column in head.some_columns() {
             let encoder_deg = 360.0 * (1.0 - column as f64 / head.columns as f64);

@@ -1,0 +1,199 @@
+//! The declarations of `[[expect]]`: in words, and examined.
+
+use glam::DVec3;
+
+use super::bounds::Bounds;
+use super::finding::Finding;
+use super::ground::{self, Ground, Zone};
+use super::seen::Seen;
+use super::target::Target;
+use super::{points, shares};
+use crate::angle::Angle;
+use crate::check::outcome::ExpectationOutcome;
+use crate::check::phrasing::{digits, list, metres, percent};
+use crate::output::SensorFrame;
+use crate::scene::Scene;
+
+/// One `[[expect]]` of a job.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expectation {
+    /// The name, unique in the job.
+    pub name: String,
+    /// The sensor that the expectation concerns. It concerns all sensors together if absent.
+    pub sensor: Option<String>,
+    /// The expected property.
+    pub what: Expected,
+}
+
+/// An expected property of the frames.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Expected {
+    /// A number of points on a target.
+    Points {
+        /// The target that the points should be on.
+        target: Target,
+        /// The bounds of the number of points.
+        count: Bounds,
+        /// The bounds of the range in metres. Only points at these ranges count.
+        range_m: Bounds,
+    },
+    /// The error of ranges against a plane n·p = offset in the world. The error is the range minus the range of the plane
+    /// along the ray.
+    Plane {
+        /// The points that should be on the plane.
+        target: Target,
+        /// The normal n, of length 1.
+        normal: DVec3,
+        /// The offset in metres.
+        offset_m: f64,
+        /// The greatest error, in metres.
+        max_error_m: f64,
+    },
+    /// The greatest angle between neighbouring beams that both hit a target.
+    Resolution {
+        /// The target that the beams should hit.
+        target: Target,
+        /// The greatest angle from column to column.
+        horizontal: Option<Angle>,
+        /// The greatest angle from row to row.
+        vertical: Option<Angle>,
+    },
+    /// The fraction of a zone's cells in which the ground is hit.
+    Coverage {
+        /// The zone.
+        zone: Zone,
+        /// The least fraction, 0 to 1.
+        at_least: f64,
+    },
+    /// The distance from the body's origin, in the xy plane, within which at least one degree of azimuth sees no ground.
+    BlindZone {
+        /// The surfaces that count as ground.
+        ground: Ground,
+        /// The greatest distance in metres.
+        at_most_m: f64,
+        /// The sector of azimuths that are examined, from the first counter-clockwise to the second, in whole degrees.
+        sector_deg: (i32, i32),
+    },
+    /// The fraction of each sensor's rays that return, 0 to 1.
+    Returns(Bounds),
+    /// The fraction of each sensor's rays that hit the vehicle itself, 0 to 1. A ray that the vehicle blocks nearer than the
+    /// sensor's least range hits it too.
+    Unobstructed {
+        /// The vehicle.
+        body: Target,
+        /// The greatest fraction.
+        at_most: f64,
+    },
+    /// The number of returns a second, of all sensors together.
+    PointsPerSecond(Bounds),
+    /// The number of rays a second that beamcast casts, as a budget of computing time.
+    Speed {
+        /// The least number of rays a second.
+        at_least: f64,
+    },
+}
+
+impl Expectation {
+    /// Evaluates the expectation against the results of a run.
+    pub fn examine(&self, seen: &Seen) -> ExpectationOutcome {
+        let mut frames: Vec<SensorFrame> = seen.frames.to_vec();
+        if let Some(sensor) = &self.sensor {
+            frames.retain(|frame| frame.name == sensor);
+        }
+        let seen = Seen { frames: &frames, ..*seen };
+        let (expected, verdict) = self.what.examine(&seen);
+        let (met, found, place, sights) = match verdict {
+            Finding::Measured { met, found, place, sights } => (met, found, place, sights),
+            Finding::Nothing(problem) => (false, problem, String::new(), Vec::new()),
+        };
+        ExpectationOutcome { name: self.name.clone(), met, expected, found, place, sights, written_at: None }
+    }
+}
+
+impl Expected {
+    /// The problem that the scene has nothing of the name that the expectation is about, if that is so.
+    pub fn missing(&self, scene: &Scene) -> Option<String> {
+        match self {
+            Self::Points { target, .. } | Self::Plane { target, .. } | Self::Resolution { target, .. } => {
+                target
+            }
+            Self::Coverage { zone, .. } => &zone.ground.target,
+            Self::BlindZone { ground, .. } => &ground.target,
+            Self::Unobstructed { body, .. } => body,
+            Self::Returns(_) | Self::PointsPerSecond(_) | Self::Speed { .. } => return None,
+        }
+        .missing(scene)
+    }
+
+    /// The expectation in words, and the finding.
+    fn examine(&self, seen: &Seen) -> (String, Finding) {
+        match self {
+            Self::Points { target, count, range_m } => {
+                let at = if *range_m == Bounds::default() {
+                    String::new()
+                } else {
+                    format!(" at a range of {}", range_m.words(&metres))
+                };
+                let words = count.words(&|n| format!("{n}"));
+                let noun = if words.ends_with(" 1") { "point" } else { "points" };
+                (
+                    format!("{words} {noun} on {}{at}", target.words(seen.labels)),
+                    points::points(seen, target, count, range_m),
+                )
+            }
+            Self::Plane { target, normal, offset_m, max_error_m } => (
+                format!(
+                    "{} within {} of the plane {normal}·p = {offset_m} m",
+                    target.words(seen.labels),
+                    metres(*max_error_m)
+                ),
+                points::plane(seen, target, *normal, *offset_m, *max_error_m),
+            ),
+            Self::Resolution { target, horizontal, vertical } => {
+                let limit = |angle: &Option<Angle>, noun: &str| {
+                    angle.map(|a| format!("{}° {noun}", digits(a.degrees())))
+                };
+                let limits = [limit(horizontal, "from column to column"), limit(vertical, "from row to row")];
+                let limits: Vec<String> = limits.into_iter().flatten().collect();
+                let words = format!("beams on {} at most {} apart", target.words(seen.labels), list(&limits));
+                (words, points::resolution(seen, target, *horizontal, *vertical))
+            }
+            Self::Coverage { zone, at_least } => {
+                let words = format!(
+                    "ground seen in at least {} of the cells of {} m from ({}, {}) to ({}, {}) m",
+                    percent(*at_least),
+                    zone.cell_m,
+                    zone.x_m[0],
+                    zone.y_m[0],
+                    zone.x_m[1],
+                    zone.y_m[1]
+                );
+                (words, ground::coverage(seen, zone, *at_least))
+            }
+            Self::BlindZone { ground, at_most_m, sector_deg } => {
+                let words = format!("ground seen from a distance of {} on", metres(*at_most_m));
+                (words, ground::blind_zone(seen, ground, *at_most_m, *sector_deg))
+            }
+            Self::Returns(bounds) => {
+                (format!("{} of the rays return", bounds.words(&percent)), shares::returns(seen, bounds))
+            }
+            Self::Unobstructed { body, at_most } => {
+                let words =
+                    format!("at most {} of the rays hit {}", percent(*at_most), body.words(seen.labels));
+                (words, shares::unobstructed(seen, body, *at_most))
+            }
+            Self::PointsPerSecond(bounds) => {
+                let words = bounds.words(&|n| format!("{n}"));
+                (format!("{words} points a second"), shares::points_per_second(seen, bounds))
+            }
+            Self::Speed { at_least } => {
+                let words = format!("at least {at_least} rays cast a second");
+                let verdict = match seen.rays_per_s {
+                    Some(speed) => Finding::new(speed >= *at_least, format!("{speed:.0} rays a second"), ""),
+                    None => Finding::Nothing("no speed was measured".to_owned()),
+                };
+                (words, verdict)
+            }
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! Expectations: declarations of what a rig should see, and their evaluation.
+//!
+//! ```text
+//! expected    the declarations of `[[expect]]`, in words and examined
+//! points      what lies on a target: points, distances from a plane, angles between beams
+//! ground      what of the ground is seen: zones, blind sectors
+//! shares      how many of the rays return, and how many hit the vehicle
+//! finding     what a measurement gave
+//! seen        the frames of a run, and the returns in them
+//! target      which surfaces are meant
+//! bounds      from the least to the greatest value
+//! ```
+
+mod bounds;
+mod expected;
+mod finding;
+mod ground;
+mod points;
+mod seen;
+mod shares;
+mod target;
+
+pub use bounds::Bounds;
+pub use expected::{Expectation, Expected};
+pub use ground::{Ground, Zone};
+pub use seen::Seen;
+pub use target::Target;
