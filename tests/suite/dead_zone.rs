@@ -183,21 +183,23 @@ fn limits_of_depth_are_those_of_a_plane() {
     let job = |of: &str, min_m: f64, max_m: f64| {
         format!("{CAMERA}hfov_deg = 87.0\n[sensor.range]\n{of}min_m = {min_m}\nmax_m = {max_m}\n")
     };
-    let depth = "of = \"depth\"\n";
+    // A pinhole camera's limits are of depth, unless it says otherwise.
+    let (depth, range) = ("of = \"depth\"\n", "of = \"range\"\n");
     let place = Place::new(&[wall], &job(depth, 0.3, 5.5));
     let seen = |job: &str| {
         place.set_job(job);
         let (image, _) = place.scan();
         [1, 2, 3, 4].map(|cause| count(&image, cause))
     };
+    assert_eq!(seen(&job("", 0.3, 5.5)), [192, 0, 0, 0]);
     assert_eq!(seen(&job(depth, 0.3, 5.5)), [192, 0, 0, 0]);
     // Along the ray only the middle of the image is within 5.5 m: 52 pixels have 1/cos < 1.1.
-    assert_eq!(seen(&job("", 0.3, 5.5)), [52, 0, 0, 140]);
+    assert_eq!(seen(&job(range, 0.3, 5.5)), [52, 0, 0, 140]);
     // The limits are included. 5 is an f32, so that the wall is where it is meant to be, and Z is 5 within an ulp.
-    assert_eq!(seen(&job(depth, 5.000001, 9.0)), [0, 0, 192, 0]);
-    assert_eq!(seen(&job(depth, 0.3, 4.999999)), [0, 0, 0, 192]);
-    assert_eq!(seen(&job(depth, 4.999999, 5.000001)), [192, 0, 0, 0]);
-    assert_eq!(seen(&job("", 5.5, 99.0)), [140, 0, 52, 0]);
+    assert_eq!(seen(&job("", 5.000001, 9.0)), [0, 0, 192, 0]);
+    assert_eq!(seen(&job("", 0.3, 4.999999)), [0, 0, 0, 192]);
+    assert_eq!(seen(&job("", 4.999999, 5.000001)), [192, 0, 0, 0]);
+    assert_eq!(seen(&job(range, 5.5, 99.0)), [140, 0, 52, 0]);
 }
 
 /// A fisheye that looks sideways and behind has no depth there: what it meets there is not within limits of depth.
@@ -266,7 +268,9 @@ fn a_check_sees_a_sensor_go_blind_in_the_dead_zone() {
     let (image, _) = place.scan();
     // The wall spans azimuths up to atan(9/8) = 48.4° ahead.
     assert_eq!((count(&image, 4), count(&image, 2), count(&image, 1)), (97, 263, 0));
-    place.fine(&["check", "--accept", "job.toml"]);
+    // It sees nothing within its range yet, which is accepted only on purpose.
+    assert_eq!(place.run(&["check", "--accept", "job.toml"]).status.code(), Some(1));
+    place.fine(&["check", "--accept", "--allow-empty", "job.toml"]);
     place.fine(&["check", "job.toml"]);
     place.set_scene(&[far, POST]);
     let text = place.failed_check();

@@ -604,19 +604,26 @@ fn case_diff_outputs_repeated() {
     assert!(stderr(&output).contains("lists \"top/000000.ply\" twice"), "{}", stderr(&output));
 }
 
-/// What one end writes, the other reads: `import` refuses a sensor file that `lint` would refuse.
+/// What one end writes, the other reads: `import` refuses as many channels as `lint` would, and takes as many as it takes.
 #[test]
 fn import_writes_no_more_than_is_read() {
     let work = Workplace::new();
-    let path = work.path("angles.csv");
-    fs::write(&path, "1.25,0.5\n".repeat(400_000)).unwrap();
-    let output = super::cli::beamcast(&["import", path.to_str().unwrap(), "--as", "robosense"]);
-    assert_eq!(code(&output), 2, "{}", stderr(&output));
-    assert!(
-        output.stdout.is_empty() && stderr(&output).contains("at most 4194304 are read"),
-        "{}",
-        stderr(&output)
-    );
+    let (path, sensor) = (work.path("angles.csv"), work.path("sensor.toml"));
+    let import = |channels: usize| {
+        fs::write(&path, "1.25,0.5\n".repeat(channels)).unwrap();
+        let (path, sensor) = (path.to_str().unwrap(), sensor.to_str().unwrap());
+        super::cli::beamcast(&["import", path, "--as", "robosense", "-o", sensor, "--overwrite"])
+    };
+    for channels in [4097, 400_000] {
+        let output = import(channels);
+        assert_eq!(code(&output), 2, "{}", stderr(&output));
+        assert!(stderr(&output).contains("more than 4096 lines"), "{}", stderr(&output));
+        assert!(!sensor.exists());
+    }
+    let output = import(4096);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = super::cli::beamcast(&["lint", sensor.to_str().unwrap()]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
 }
 
 /// The case junit-not-xml.

@@ -445,7 +445,7 @@ pub(crate) mod range {
     pub static OF: Key<Choice<Limited>> = key(
         "of",
         Choice(&[("range", Limited::Range), ("depth", Limited::Depth)]),
-        "What has these limits: the range along the ray, or a camera's depth along its optical axis.",
-    )
-    .or("\"range\"");
+        "What has these limits: the range along the ray, or a camera's depth along its optical axis; left out: the depth of a \
+         `[pinhole]`, the range of all others.",
+    );
 }

@@ -133,9 +133,9 @@ fn check_least_range(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) -> Op
     None
 }
 
-fn range(t: &Table<'_>) -> RangeLimits {
+fn range(sensor: &Table<'_>) -> RangeLimits {
     let mut limits = RangeLimits::default();
-    let Some(t) = t.read(&keys::RANGE).map(|range| range.value) else { return limits };
+    let Some(t) = sensor.read(&keys::RANGE).map(|range| range.value) else { return limits };
     let (min, max) = (t.read_or_default(&range::MIN), t.read(&range::MAX));
     if let Some(min) = min {
         limits.min_m = min.value;
@@ -146,7 +146,9 @@ fn range(t: &Table<'_>) -> RangeLimits {
     if let Some(max) = max {
         limits.max_m = max.value;
     }
-    limits.of = t.value(&range::OF);
+    // Data sheets of depth cameras state their limits of Z. A fisheye may see where there is no depth.
+    let usual = if sensor.has(&keys::PINHOLE) { Limited::Depth } else { Limited::Range };
+    limits.of = t.read(&range::OF).map_or(usual, |of| of.value);
     if let (Some(min), Some(max)) = (min, max)
         && min.value >= max.value
     {
