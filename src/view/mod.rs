@@ -11,6 +11,7 @@ mod pack;
 pub mod page;
 mod recorded;
 mod rig;
+mod thin;
 
 pub use frames::{Shown, View};
 pub use outcomes::of_outcomes;

@@ -21,6 +21,7 @@ pub fn of_outcomes(outcomes: &[Outcome], shown: &[Shown]) -> String {
     };
     let _ = write!(body, "<p class=\"lead\">{said}</p>");
     let nothing = Shown::default();
+    let frames = shown.iter().map(|shown| shown.views.len()).sum();
     let mut jobs: Vec<Job> = outcomes
         .iter()
         .enumerate()
@@ -28,6 +29,7 @@ pub fn of_outcomes(outcomes: &[Outcome], shown: &[Shown]) -> String {
             id: format!("job{index}"),
             outcome,
             shown: shown.get(index).unwrap_or(&nothing),
+            frames,
         })
         .collect();
     jobs.sort_by_key(|job| job.outcome.verdict.is_fine());
@@ -52,11 +54,13 @@ struct Job<'a> {
     id: String,
     outcome: &'a Outcome,
     shown: &'a Shown,
+    /// How many frames the page has.
+    frames: usize,
 }
 
 impl Job<'_> {
     fn section(&self) -> String {
-        let Self { id, outcome, shown } = self;
+        let Self { id, outcome, shown, frames } = self;
         let mut html = format!(
             "<section id=\"{id}\" class=\"job\"><h2><bdi>{}</bdi> <span class=\"verdict {}\">{}</span></h2>",
             escape(&outcome.job),
@@ -80,7 +84,7 @@ impl Job<'_> {
             shown.views.iter().enumerate().partition(|(_, view)| self.is_failing(&view.name));
         let frame = |(index, view): &(usize, &View)| {
             let compared = outcome.sensors.iter().find(|sensor| sensor.name == view.name);
-            section(&format!("{id}-frame{index}"), view, compared)
+            section(&format!("{id}-frame{index}"), view, compared, *frames)
         };
         html.extend(failing.iter().map(frame));
         let names: Vec<&str> = shown.views.iter().map(|view| view.name.as_str()).collect();

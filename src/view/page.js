@@ -58,6 +58,8 @@
         await unpackChannels(view.channels);
         await unpackChannels(view.baseline);
         const { rows, columns } = view;
+        // A page has fewer pixels of a frame that is too large. People are told its own rows and columns, and links name them.
+        const [rowStep, columnStep] = view.steps;
         const depth = depthOf(view.channels);
         const controls = section.querySelector(".controls"), legend = section.querySelector(".legend");
 
@@ -167,6 +169,7 @@
         const inspect = (row, column) => {
             place = [row, column];
             const i = row * columns + column;
+            const where = "row " + row * rowStep + ", column " + column * columnStep;
             output.replaceChildren();
             for (const canvas of pictures) {
                 const picture = canvas.dataset.picture;
@@ -176,7 +179,7 @@
                     line.append("difference: ", difference ? difference.of(i)[1] : "the baseline has no pixels of this channel");
                 } else {
                     const channels = channelsOf(picture), seen = depthOf(channels);
-                    line.append(pictures.length > 1 ? picture + ": " : "row " + row + ", column " + column + ": ");
+                    line.append(pictures.length > 1 ? picture + ": " : where + ": ");
                     const cause = channels.find((c) => c.key === "cause");
                     if (!isSeen(seen, i)) line.append("no return", cause ? ": " + shown(cause, i, view) : "");
                     else channels.forEach((c, n) => line.append(n ? ", " : "", element("b", c.label + " "), shown(c, i, view)));
@@ -187,7 +190,7 @@
                 marker.style.left = 100 * (column + 0.5) / columns + "%";
                 marker.style.top = 100 * (row + 0.5) / rows + "%";
             }
-            if (pictures.length > 1) output.prepend(element("p", "row " + row + ", column " + column));
+            if (pictures.length > 1) output.prepend(element("p", where));
         };
         for (const canvas of pictures) {
             canvas.addEventListener("pointermove", (event) => {
@@ -218,7 +221,7 @@
                 choice.value = key;
                 paint();
             }
-            if (pixel && pictures.length) inspect(...pixel);
+            if (pixel && pictures.length) inspect(Math.floor(pixel[0] / rowStep), Math.floor(pixel[1] / columnStep));
         };
     }
 

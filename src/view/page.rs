@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use super::frames::{Shown, View};
 use super::html::{escape, script};
 use super::rig::Rig;
+use super::thin::Thinned;
 use super::{ground, pack};
 use crate::check::phrasing::counted;
 use crate::check::{GroundMap, SensorOutcome, colours, difference_scale};
@@ -38,7 +39,7 @@ pub fn of_views(title: &str, note: &str, shown: &Shown) -> String {
     let names = shown.views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>();
     body += &rig("job0", &shown.rig, &names);
     for (index, view) in shown.views.iter().enumerate() {
-        body += &section(&format!("job0-frame{index}"), view, None);
+        body += &section(&format!("job0-frame{index}"), view, None, names.len());
     }
     document(title, &body)
 }
@@ -102,11 +103,16 @@ fn cloud(label: &str) -> String {
 }
 
 /// The section of a frame: controls, pictures, cloud, and the numbers behind them. The script fills it when it comes into
-/// sight. `compared` is the outcome of comparing the frame with its baseline.
-pub(super) fn section(id: &str, view: &View, compared: Option<&SensorOutcome>) -> String {
+/// sight. `compared` is the outcome of comparing the frame with its baseline. The page has so many `frames`, which share what
+/// a browser can show.
+pub(super) fn section(id: &str, view: &View, compared: Option<&SensorOutcome>, frames: usize) -> String {
     let name = escape(&view.name);
+    let whole = &view.image;
+    let size = format!("{} × {}", whole.rows, whole.columns);
+    let Thinned { view, baseline, steps, note } =
+        Thinned::of(view, compared.and_then(|sensor| sensor.baseline.as_ref()), frames);
+    let (view, baseline) = (view.as_ref(), baseline.as_deref());
     let image = &view.image;
-    let baseline = compared.and_then(|sensor| sensor.baseline.as_ref());
     let resolution = |channel: &str| {
         let all = compared.map_or(&[][..], |sensor| &sensor.channels);
         all.iter().find(|c| c.channel == channel).map_or(0.0, |c| c.resolution)
@@ -114,9 +120,12 @@ pub(super) fn section(id: &str, view: &View, compared: Option<&SensorOutcome>) -
     let (rows, columns) = (image.rows, image.columns);
     let fits = rows <= MAX_PICTURE && columns <= MAX_PICTURE;
     let is_picture = fits && rows > 1 && columns > 1;
-    let (size, stretch) = (format!("{rows} × {columns}"), stretch(image));
+    let stretch = stretch(image);
     let wide = columns > 2 * rows * stretch;
-    let mut pictures = String::new();
+    let mut pictures = match note.as_str() {
+        "" => String::new(),
+        note => format!("<p class=\"hint\">{note}</p>"),
+    };
     if is_picture {
         let mut captions = vec!["run"];
         if baseline.is_some() {
@@ -155,6 +164,7 @@ pub(super) fn section(id: &str, view: &View, compared: Option<&SensorOutcome>) -
     let data = json!({
         "rows": rows,
         "columns": columns,
+        "steps": steps,
         "stretch": stretch,
         "channels": channels(image, &|_| json!({})),
         "baseline": baseline.map(|before| {
@@ -170,7 +180,7 @@ pub(super) fn section(id: &str, view: &View, compared: Option<&SensorOutcome>) -
     format!(
         "<section id=\"{id}\" class=\"view\" aria-label=\"{name}\" aria-busy=\"true\"><h3><bdi>{name}</bdi> <small>{}</small></h3>\
          <div class=\"controls\"></div>{pictures}<div class=\"legend\"></div>{cloud}{}</section>",
-        if rows > 1 { format!("{size} pixels") } else { counted(columns, "point") },
+        if rows > 1 { format!("{size} pixels") } else { counted(whole.columns, "point") },
         script(&data)
     )
 }
