@@ -69,7 +69,7 @@ impl GroundMap {
         let (width, height) = (ny * scale, nx * scale);
         let log_most = libm::log(f64::from(self.most()));
         let part = |count: u32| if log_most > 0.0 { libm::log(f64::from(count)) / log_most } else { 1.0 };
-        let (left, top) = (56, 8);
+        let (left, top) = (56, 24);
         let mut picture = Picture::new(width + left + 24, height + top + 36, NO_RETURN_COLOUR);
         for down in 0..nx {
             for across in 0..ny {
@@ -85,19 +85,17 @@ impl GroundMap {
         let down =
             |x: f64| top as i64 + ((self.zone.x_m[1] - x) / self.zone.cell_m * scale as f64).round() as i64;
         let pixels_a_m = scale as f64 / self.zone.cell_m;
-        for x in multiples(self.zone.x_m, round_step(48.0 / pixels_a_m)) {
-            let text = number(x);
+        for (x, text) in axis(self.zone.x_m, pixels_a_m, |_| 40.0) {
             picture.line((left as i64 - 5, down(x)), (left as i64 - 1, down(x)), LINE_COLOUR);
             picture.text((left as i64 - 8 - text_width(&text, 1) as i64, down(x) - 4), &text, 1, TEXT_COLOUR);
         }
         let bottom = (top + height) as i64;
-        for y in multiples(self.zone.y_m, round_step(40.0 / pixels_a_m)) {
-            let text = number(y);
+        for (y, text) in axis(self.zone.y_m, pixels_a_m, |text| text_width(text, 1) as f64 + 8.0) {
             picture.line((across(y), bottom), (across(y), bottom + 4), LINE_COLOUR);
             picture.text((across(y) - text_width(&text, 1) as i64 / 2, bottom + 8), &text, 1, TEXT_COLOUR);
         }
-        picture.text((left as i64, bottom + 24), "left  +y, m", 1, TEXT_COLOUR);
-        picture.text((0, top as i64), "+x, m", 1, TEXT_COLOUR);
+        picture.text((left as i64, bottom + 24), "y, m", 1, TEXT_COLOUR);
+        picture.text((left as i64 - 8 - text_width("x, m", 1) as i64, 4), "x, m", 1, TEXT_COLOUR);
         let corners = self.outline.iter().zip(self.outline.iter().cycle().skip(1));
         for (a, b) in corners {
             picture.line((across(a[1]), down(a[0])), (across(b[1]), down(b[0])), VEHICLE);
@@ -118,7 +116,7 @@ impl GroundMap {
             entries.push(Entry::Swatch(VEHICLE, "vehicle".to_owned()));
         }
         entries.push(Entry::Note(format!(
-            "cells of {} m; {:.0} % of them seen; the body's frame, x forward",
+            "cells of {} m; {:.0} % of them seen; the body's frame, x up is forward, y left",
             self.zone.cell_m,
             100.0 * self.share()
         )));
@@ -126,15 +124,28 @@ impl GroundMap {
     }
 }
 
+/// Round numbers for an axis with `scale` units of a drawing for a metre, as close as the texts fit that need `room` units each.
+pub fn axis(range: [f64; 2], scale: f64, room: impl Fn(&str) -> f64) -> Vec<(f64, String)> {
+    let mut step = round_step(room("") / scale);
+    loop {
+        let numbers: Vec<_> = multiples(range, step).into_iter().map(|at| (at, number(at))).collect();
+        // The step grows faster than the texts become longer.
+        if numbers.iter().all(|(_, text)| room(text) <= step * scale * (1.0 + 1e-9)) {
+            return numbers;
+        }
+        step = round_step(1.5 * step);
+    }
+}
+
 /// The multiples of a step in a range.
-pub fn multiples([low, high]: [f64; 2], step: f64) -> Vec<f64> {
+fn multiples([low, high]: [f64; 2], step: f64) -> Vec<f64> {
     const MOST: i64 = 200;
     let (first, last) = ((low / step - 1e-9).ceil() as i64, (high / step + 1e-9).floor() as i64);
     (first..=last.min(first.saturating_add(MOST))).map(|i| i as f64 * step).collect()
 }
 
 /// A number of metres without rounding noise.
-pub fn number(value: f64) -> String {
+fn number(value: f64) -> String {
     let rounded = (value * 1e6).round() / 1e6;
     (rounded + 0.0).to_string()
 }
@@ -289,7 +300,7 @@ mod tests {
         let map = GroundMap { zone, counts: vec![0, 3, 0, 0], sensors: vec![], outline: vec![] };
         let picture = map.picture("map");
         let at = |x: usize, y: usize| {
-            let pixel = 3 * ((24 + 8 + y) * picture.width + 56 + x);
+            let pixel = 3 * ((24 + 24 + y) * picture.width + 56 + x);
             picture.pixels[pixel..pixel + 3].to_vec()
         };
         assert_eq!(at(300, 100), GroundMap::colour(1.0));
@@ -297,5 +308,20 @@ mod tests {
         assert_eq!(map.share(), 0.25);
         assert_eq!(multiples([-1.0, 1.0], 0.5), [-1.0, -0.5, 0.0, 0.5, 1.0]);
         assert_eq!(number(0.1 + 0.2), "0.3");
+    }
+
+    #[test]
+    fn numbers_at_an_axis_are_as_close_as_they_fit() {
+        let words = |range, scale: f64| -> Vec<String> {
+            axis(range, scale, |text| 8.0 * text.len() as f64 + 8.0)
+                .into_iter()
+                .map(|(_, text)| text)
+                .collect()
+        };
+        assert_eq!(words([-4.0, 4.0], 12.0), ["-4", "-2", "0", "2", "4"]);
+        assert_eq!(words([-1.0, 1.0], 100.0), ["-1", "-0.5", "0", "0.5", "1"]);
+        assert_eq!(words([-0.2, 0.2], 1.0), ["0"]);
+        assert_eq!(words([1000.0, 1100.0], 0.5), ["1000", "1100"]);
+        assert_eq!(words([0.1, 0.2], 1.0), Vec::<String>::new());
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::run::Bytes;
 use crate::run::facts::{FileFacts, SceneFacts, SensorSizes};
-use crate::source::suggest::quoted;
+use crate::source::suggest::{on_one_line, quoted};
 
 /// The facts about a file as lines of text.
 pub fn text(facts: &FileFacts) -> String {
@@ -47,10 +47,18 @@ fn write_scene(text: &mut String, scene: &SceneFacts) {
     }
     fact!(text, "instances", "{}", grouped(scene.instances as u64));
     fact!(text, "materials", "{}", grouped(scene.materials as u64));
-    let labels: Vec<String> = scene.labels.iter().take(32).map(u32::to_string).collect();
+    let labels: Vec<String> = scene.labels.iter().take(32).map(|label| named(scene, *label)).collect();
     let more = if scene.labels.len() > 32 { ", …" } else { "" };
     fact!(text, "labels", "{}{more}", labels.join(", "));
     fact!(text, "memory", "about {}", Bytes(scene.memory_bytes));
+}
+
+/// `3 "wall"`, or `3` if nothing tells what the label stands for.
+fn named(scene: &SceneFacts, label: u32) -> String {
+    match scene.label_names.get(&label) {
+        Some(name) => format!("{label} \"{}\"", on_one_line(name)),
+        None => label.to_string(),
+    }
 }
 
 fn write_sensor(text: &mut String, sensor: &SensorSizes) {
@@ -182,6 +190,7 @@ mod tests {
             instances: 3,
             materials: 1,
             labels: vec![3, 7],
+            label_names: [(7, "wall, \n…".to_owned())].into(),
             extent_m: [[0.0, 5.0], [0.0, 1.0], [0.0, 0.0]],
             centre_m: [2.5, 0.5, 0.0],
             rounding_m: 3e-6,
@@ -199,7 +208,7 @@ mod tests {
             "exr 43.2 kB a frame, uncompressed\n",
             "extent        x 0 to 5, y 0 to 1, z 0 to 0 m\n",
             "regions       2, vertices rounded by 0.003 mm at most\n",
-            "labels        3, 7\n",
+            "labels        3, 7 \"wall, \\n…\"\n",
         ] {
             assert!(text.contains(line), "{line:?} in:\n{text}");
         }

@@ -176,26 +176,26 @@ fn plot(title: &str, sensor: &Sensor, frames: u32) -> Result<(Vec<u8>, String), 
         return Err(format!("{total} directions are too many for a plot: at most {MOST_DOTS}"));
     }
     let period = pattern.rate_hz().map_or(0.0, |rate| 1.0 / rate);
-    let end = (period * f64::from(frames - 1) + pattern.last_pulse_s()).max(f64::MIN_POSITIVE);
+    let end = period * f64::from(frames - 1) + pattern.last_pulse_s();
+    // A camera without a shutter's time has all its pixels at once.
+    let part = |time_s: f64| if end > 0.0 { time_s / end } else { 0.5 };
     let mut dots = Vec::with_capacity(total);
     for frame in 0..frames {
         let capture = Capture::at_origin(sensor).with_frame(frame.into());
         for index in 0..rays {
             let Some(pulse) = capture.pulse(index / columns, index % columns) else { continue };
             let (azimuth, elevation) = azimuth_elevation(pulse.direction);
-            dots.push(Dot { azimuth, elevation, colour: colour_of((capture.start_s + pulse.time_s) / end) });
+            dots.push(Dot { azimuth, elevation, colour: colour_of(part(capture.start_s + pulse.time_s)) });
         }
     }
     let picture = scatter(&dots).map_err(|e| e.to_string())?;
     let title = format!("{title}: directions of {}", counted(frames as usize, "frame"));
-    let entries = [
-        Entry::Ramp {
-            name: "time, ms".to_owned(),
-            ticks: ticks(0.0, end * 1e3, false, 5),
-            colour: &colour_of,
-        },
-        Entry::Note("across: azimuth, left is positive; up: elevation; both in degrees".to_owned()),
-    ];
+    let mut entries =
+        vec![Entry::Note("across: azimuth, left is positive; up: elevation; both in degrees".to_owned())];
+    if end > 0.0 {
+        let ticks = ticks(0.0, end * 1e3, false, 5);
+        entries.insert(0, Entry::Ramp { name: "time, ms".to_owned(), ticks, colour: &colour_of });
+    }
     let file = with_legend(picture, &title, &entries).to_png().map_err(|e| e.to_string())?;
     let extent = |of: fn(&Dot) -> f64| {
         let ends =
@@ -203,9 +203,13 @@ fn plot(title: &str, sensor: &Sensor, frames: u32) -> Result<(Vec<u8>, String), 
         format!("{} to {}", tidy(ends.0), tidy(ends.1))
     };
     let said = format!(
-        "{} directions in {} ms, blue first and red last; azimuth {}°, positive to the left, elevation {}°",
+        "{} directions {}; azimuth {}°, positive to the left, elevation {}°",
         grouped(dots.len() as u64),
-        tidy(end * 1e3),
+        if end > 0.0 {
+            format!("in {} ms, blue first and red last", tidy(end * 1e3))
+        } else {
+            "at the same time".to_owned()
+        },
         extent(|dot| dot.azimuth.degrees()),
         extent(|dot| dot.elevation.degrees()),
     );

@@ -176,7 +176,7 @@ impl Terminal {
         self.with_progress_and_files(rays, progress, &Writing::of(0), work)
     }
 
-    /// Works, with a progress bar over `rays` rays if stderr is a terminal. While a file is written, it says which instead.
+    /// Works, with a progress bar over `rays` rays if stderr is a terminal. It says what goes on: casting, or writing which file.
     pub fn with_progress_and_files<T>(
         &self,
         rays: u64,
@@ -188,22 +188,19 @@ impl Terminal {
             return work();
         }
         let bar = ProgressBar::new(rays);
-        let style = |template| ProgressStyle::with_template(template).ok();
-        let casting = style("casting {wide_bar} {percent:>3} % of {human_len} rays, {eta} left");
-        let storing = style("{msg}");
+        if let Ok(style) =
+            ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % of {human_len} rays{prefix}")
+        {
+            bar.set_style(style);
+        }
         let done = AtomicBool::new(false);
         thread::scope(|scope| {
             let draw = || {
-                let mut shown = None;
                 while !done.load(Ordering::Relaxed) {
-                    let words = writing.words();
-                    if shown.as_ref() != Some(&words) {
-                        let style = if words.is_some() { &storing } else { &casting };
-                        style.iter().for_each(|style| bar.set_style(style.clone()));
-                        bar.set_message(words.clone().unwrap_or_default());
-                        shown = Some(words);
-                    }
-                    bar.set_position(progress.rays_done.load(Ordering::Relaxed));
+                    let cast = progress.rays_done.load(Ordering::Relaxed);
+                    bar.set_message(writing.words());
+                    bar.set_prefix(time_left(cast, rays, bar.elapsed()));
+                    bar.set_position(cast);
                     thread::sleep(Duration::from_millis(50));
                 }
                 bar.finish_and_clear();
@@ -213,6 +210,19 @@ impl Terminal {
             let _done = SetOnDrop(&done);
             work()
         })
+    }
+}
+
+/// The time that is left, if so many of all rays took so long with the files that were written meanwhile: `, 12 s left`. Nothing
+/// at the start, when nothing is known, and at the end, when only files may be left to write.
+fn time_left(cast: u64, rays: u64, elapsed: Duration) -> String {
+    if cast == 0 || cast >= rays {
+        return String::new();
+    }
+    let seconds = elapsed.as_secs_f64() * (rays - cast) as f64 / cast as f64;
+    match seconds.ceil() as u64 {
+        seconds if seconds < 120 => format!(", {seconds} s left"),
+        seconds => format!(", {} min left", seconds.div_ceil(60)),
     }
 }
 
@@ -239,10 +249,15 @@ impl Writing {
         written
     }
 
-    /// What to tell while a file is written: `writing 3 of 12 files`.
-    fn words(&self) -> Option<String> {
-        let begun = self.begun.load(Ordering::Relaxed);
-        self.is_writing.load(Ordering::Relaxed).then(|| format!("writing {begun} of {} files", self.files))
+    /// What goes on: `casting`, or `writing 3 of 12 files`. The texts of a run are equally long, so that the bar stands still.
+    fn words(&self) -> String {
+        let text = |begun: u64| format!("writing {begun} of {} files", self.files);
+        let width = if self.files > 0 { text(self.files).len() } else { 0 };
+        let words = match self.is_writing.load(Ordering::Relaxed) {
+            true => text(self.begun.load(Ordering::Relaxed)),
+            false => "casting".to_owned(),
+        };
+        format!("{words:<width$}")
     }
 }
 
@@ -267,9 +282,17 @@ mod tests {
     #[test]
     fn writing_is_told_file_by_file_and_only_while_it_lasts() {
         let writing = Writing::of(12);
-        assert_eq!(writing.words(), None);
-        let told: Vec<_> = (0..3).map(|_| writing.file(|| writing.words()).unwrap()).collect();
-        assert_eq!(told, ["writing 1 of 12 files", "writing 2 of 12 files", "writing 3 of 12 files"]);
-        assert_eq!(writing.words(), None, "casting goes on");
+        assert_eq!(writing.words().trim_end(), "casting");
+        let told: Vec<_> = (0..10).map(|_| writing.file(|| writing.words())).collect();
+        assert_eq!([&told[0], &told[9]], ["writing 1 of 12 files ", "writing 10 of 12 files"]);
+        assert_eq!(writing.words(), "casting               ", "casting goes on");
+        assert_eq!(Writing::of(0).words(), "casting");
+    }
+
+    #[test]
+    fn the_time_left_is_told_when_something_is_known() {
+        let after_10_s = |cast| time_left(cast, 1000, Duration::from_secs(10));
+        assert_eq!([0, 1000, 1001].map(after_10_s), ["", "", ""]);
+        assert_eq!([1, 100, 999].map(after_10_s), [", 167 min left", ", 90 s left", ", 1 s left"]);
     }
 }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use super::id::id_of;
 use super::json::json_ascii;
 use crate::scan::Frame;
-use crate::scene::Object;
+use crate::scene::{Object, label_names};
 
 /// The names that ids and labels of a frame may have. Without names, headers name nothing.
 #[derive(Clone, Copy, Debug, Default)]
@@ -105,6 +105,12 @@ pub(super) fn read_names(text: &str) -> BTreeMap<u32, String> {
     let names: Map<String, Value> = serde_json::from_str(text).unwrap_or_default();
     let name = |(number, name): (String, Value)| Some((number.parse().ok()?, name.as_str()?.to_owned()));
     names.into_iter().filter_map(name).collect()
+}
+
+/// What labels stand for, in words, from the lists of names that a header has for them.
+pub(super) fn words_of_labels(listed: &[(u32, Vec<String>)]) -> BTreeMap<u32, String> {
+    let pairs = listed.iter().flat_map(|(label, names)| names.iter().map(|name| (name.as_str(), *label)));
+    label_names(pairs, std::iter::empty())
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Facts about files: jobs, sensor files and scenes are read, and nothing is cast.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -171,7 +172,7 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
                     let sensors = job.sensors.iter().enumerate().map(sizes).collect();
                     examined.problems.extend(doubts(&job, &scene));
                     problems.extend(label_problem(job.output.formats.iter().copied(), &scene));
-                    let scene = Some(SceneFacts::of(&job.scene_as_written, &scene));
+                    let scene = Some(SceneFacts::of(&job.scene_as_written, &scene, &job.labels));
                     examined.facts.push(FileFacts { path: name.into_owned(), kind: "job", sensors, scene });
                 }
                 Err(error) => {
@@ -235,7 +236,7 @@ fn about_scene(error: SceneError) -> Diagnostic {
 
 impl FileFacts {
     fn of_scene(path: &str, scene: &Scene) -> Self {
-        let scene = Some(SceneFacts::of(path, scene));
+        let scene = Some(SceneFacts::of(path, scene, &BTreeMap::new()));
         Self { path: path.to_owned(), kind: "scene", sensors: vec![], scene }
     }
 }
@@ -257,6 +258,8 @@ pub struct SceneFacts {
     pub materials: usize,
     /// Every semantic label that a surface has, in ascending order.
     pub labels: Vec<u32>,
+    /// What labels stand for, in words: the job's names for them, else the names of the objects that have them.
+    pub label_names: BTreeMap<u32, String>,
     /// The least and the largest x, y and z in the world. Of a mesh that is placed more than once, the corners of its box
     /// count.
     pub extent_m: [[f64; 2]; 3],
@@ -271,7 +274,8 @@ pub struct SceneFacts {
 }
 
 impl SceneFacts {
-    fn of(path: &str, scene: &Scene) -> Self {
+    /// The facts about a scene, whose labels a job has `given` names.
+    fn of(path: &str, scene: &Scene, given: &BTreeMap<String, u32>) -> Self {
         let extent_m = extent(scene);
         Self {
             path: path.to_owned(),
@@ -281,6 +285,7 @@ impl SceneFacts {
             instances: scene.geometry.objects.len(),
             materials: scene.geometry.materials.len(),
             labels: scene.labels(),
+            label_names: scene.geometry.label_names(given),
             extent_m,
             centre_m: extent_m.map(|[low, high]| (low + high) / 2.0),
             rounding_m: scene.geometry.rounding.stored_m,

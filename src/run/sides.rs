@@ -8,7 +8,7 @@ use super::session::Session;
 use crate::check::phrasing;
 use crate::error::Error;
 use crate::output::Image;
-use crate::output::recorded::{Cloud, Recorded};
+use crate::output::recorded::{Cloud, Part, Recorded};
 use crate::scan::Frame;
 
 /// The images and clouds of one side.
@@ -58,7 +58,14 @@ impl Side {
                     return Err(Error::input(path, "has neither EXR images nor PLY clouds"));
                 }
             }
-            single => side.add_recorded("", single),
+            single => {
+                side.labels = match &single {
+                    Recorded::Exr(parts) => parts.iter().flat_map(Part::labels).collect(),
+                    Recorded::Cloud(cloud) => cloud.labels(),
+                    Recorded::Folder(_) => BTreeMap::new(),
+                };
+                side.add_recorded("", single);
+            }
         }
         Ok(side)
     }

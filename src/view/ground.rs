@@ -7,8 +7,7 @@ use serde_json::json;
 use super::html::{escape, script};
 use super::pack;
 use crate::check::phrasing::{counted, digits};
-use crate::check::{GroundMap, multiples, number};
-use crate::output::round_step;
+use crate::check::{GroundMap, axis};
 
 /// Most cells that the page shows.
 const MOST_CELLS: usize = 1_000_000;
@@ -70,8 +69,8 @@ fn drawing(map: &GroundMap, scale: f64, (width, height): (f64, f64)) -> String {
     let down = |at: f64| EDGE + (x[1] - at) * scale;
     let (left, bottom) = (MARGIN.0, height - MARGIN.1);
     let mut svg = format!("<svg viewBox=\"0 0 {width:.0} {height:.0}\" aria-hidden=\"true\">");
-    for at in multiples(x, round_step(100.0 / scale)) {
-        let (to, text) = (down(at), number(at));
+    for (at, text) in axis(x, scale, |_| 100.0) {
+        let to = down(at);
         let _ = write!(
             svg,
             "<path d=\"M{:.1} {to:.1}H{left:.1}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>",
@@ -80,8 +79,9 @@ fn drawing(map: &GroundMap, scale: f64, (width, height): (f64, f64)) -> String {
             to + 9.0
         );
     }
-    for at in multiples(y, round_step(100.0 / scale)) {
-        let (to, text) = (across(at), number(at));
+    // A character of the narrow page's size is 20 units wide.
+    for (at, text) in axis(y, scale, |text| 20.0 * text.len() as f64 + 24.0) {
+        let to = across(at);
         let _ = write!(
             svg,
             "<path d=\"M{to:.1} {bottom:.1}v10\"/><text x=\"{to:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{text}</text>",

@@ -192,7 +192,8 @@ fn statistics(sensors: &[SensorOutcome]) -> String {
                 vec![Cell::Text(sensor.name.clone()), Cell::Code(c.channel.clone()), Cell::Number(what)];
             let unit = output::channel(&c.channel).map_or("", |spec| spec.unit);
             let number = |x: f64| Cell::Number(format!("{} {unit}", digits(x)).trim_end().to_owned());
-            row.extend(match c.statistics {
+            // Below half of the step in which the baseline has its pixels, nothing is known.
+            row.extend(match c.statistics.filter(|s| s.max > c.resolution / 2.0) {
                 Some(s) => [s.max, s.mean, s.rms, s.p99].map(number),
                 None => [(); 4].map(|()| Cell::Number("–".to_owned())),
             });

@@ -147,6 +147,7 @@
             const difference = view.baseline && differ(view, key);
             for (const canvas of pictures) {
                 const picture = canvas.dataset.picture;
+                canvas.parentElement.classList.toggle("missing", picture !== "run" && !difference);
                 if (picture === "difference") {
                     fill(canvas, () => difference, (i) => difference.of(i)[0]);
                 } else {

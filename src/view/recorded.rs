@@ -17,7 +17,7 @@ const MAX_FRAMES: usize = 16;
 #[derive(Default)]
 struct Listed {
     instances: Option<InstanceNames>,
-    labels: BTreeMap<u32, String>,
+    labels: Option<BTreeMap<u32, String>>,
 }
 
 /// Reads the views of an EXR, a PLY or a folder that a scan wrote, with a note about what is left out, which may be empty. The
@@ -61,7 +61,7 @@ fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Er
         return Err(Error::input(folder.path(), problem));
     }
     let manifest = &folder.manifest;
-    let listed = Listed { instances: Some(manifest.scene.instances()), labels: manifest.label_names() };
+    let listed = Listed { instances: Some(manifest.scene.instances()), labels: Some(manifest.label_names()) };
     let mut seen = Vec::new();
     for (&stem, &[has_exr, has_ply]) in frames.iter().take(MAX_FRAMES) {
         let mut read = |extension: &str| -> Result<Recorded, Error> {
@@ -113,7 +113,8 @@ fn of_exr(name: &str, parts: Vec<Part>, cloud: Option<&Cloud>, listed: &Listed) 
             other => other,
         };
         let instances = names_of_seen(&part.image, listed.instances.as_ref(), || part.instances());
-        View { name, image: part.image, points, instances, labels: listed.labels.clone() }
+        let labels = listed.labels.clone().unwrap_or_else(|| part.labels());
+        View { name, image: part.image, points, instances, labels }
     };
     parts.into_iter().enumerate().map(part).collect()
 }
@@ -184,6 +185,6 @@ fn of_cloud(name: &str, cloud: &Cloud, listed: &Listed) -> View {
     let image = Image { rows: 1, columns: positions.len(), channels };
     let points = positions.into_iter().map(|(_, p)| p).collect();
     let instances = names_of_seen(&image, listed.instances.as_ref(), || cloud.instances());
-    let labels = listed.labels.clone();
+    let labels = listed.labels.clone().unwrap_or_else(|| cloud.labels());
     View { name: name.to_owned(), image, points: Ok(points), instances, labels }
 }

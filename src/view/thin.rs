@@ -93,7 +93,8 @@ fn thinned(image: &Image, steps: [usize; 2]) -> Image {
         Samples::F32(values) => Samples::F32(pixels(image, steps).map(|pixel| values[pixel]).collect()),
         Samples::U32(values) => Samples::U32(pixels(image, steps).map(|pixel| values[pixel]).collect()),
     };
-    let channel = |channel: &Channel| Channel { name: channel.name.clone(), samples: samples(&channel.samples) };
+    let channel =
+        |channel: &Channel| Channel { name: channel.name.clone(), samples: samples(&channel.samples) };
     Image {
         rows: image.rows.div_ceil(steps[0]),
         columns: image.columns.div_ceil(steps[1]),
@@ -105,7 +106,8 @@ fn thinned(image: &Image, steps: [usize; 2]) -> Image {
 fn points_of(image: &Image, points: &[[f32; 3]], steps: [usize; 2]) -> Vec<[f32; 3]> {
     let [row_step, column_step] = steps;
     let is_shown = |pixel: usize| {
-        (pixel / image.columns).is_multiple_of(row_step) && (pixel % image.columns).is_multiple_of(column_step)
+        (pixel / image.columns).is_multiple_of(row_step)
+            && (pixel % image.columns).is_multiple_of(column_step)
     };
     let seen = image.mask();
     let returned = (0..seen.len()).filter(|&pixel| seen[pixel]);
@@ -122,7 +124,10 @@ mod tests {
         // Every third pixel has no return, and the others have their numbers as ranges and as points.
         let range = |i: usize| if i.is_multiple_of(3) { f32::INFINITY } else { i as f32 };
         let channels = vec![
-            Channel { name: "id.instance".into(), samples: Samples::U32((0..(rows * columns) as u32).collect()) },
+            Channel {
+                name: "id.instance".into(),
+                samples: Samples::U32((0..(rows * columns) as u32).collect()),
+            },
             Channel { name: "range".into(), samples: Samples::F32((0..rows * columns).map(range).collect()) },
         ];
         let seen = (0..rows * columns).filter(|i| !i.is_multiple_of(3));

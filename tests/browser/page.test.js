@@ -4,7 +4,7 @@
 
 import assert from "node:assert/strict";
 import { execFileSync, spawnSync } from "node:child_process";
-import { mkdtempSync, mkdirSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { mkdtempSync, mkdirSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import path from "node:path";
 import { after, before, test } from "node:test";
@@ -64,6 +64,10 @@ before(async () => {
         pages[name] = path.join(folder, name + ".html");
         run("view", job, "-o", pages[name]);
     }
+    pages.large = path.join(folder, "large.html");
+    const large = readFileSync(path.join(folder, "walls.toml"), "utf8").replace("count = 31", "count = 300").replace("columns = 360", "columns = 15000");
+    writeFileSync(path.join(folder, "large.toml"), large);
+    run("view", "large.toml", "-o", pages.large);
     // A baseline, and a run with the sensor 20 cm nearer to the wall.
     const environment = { ...process.env, CI: "" };
     spawnSync(BEAMCAST, ["check", "--accept", "walls.toml"], { cwd: folder, env: environment });
@@ -261,6 +265,11 @@ test("a check shows verdict, pictures of baseline, run and difference, and table
     await page.getByLabel("cloud coloured by difference").check();
     await settle(page);
     assert.notEqual((await drawn(page, CLOUD)).sum, before.sum);
+    // The baseline keeps no pixels of normals.
+    await choose(page, "normal");
+    assert.equal(await page.locator(".picture.missing").count(), 2);
+    await choose(page, "range");
+    assert.equal(await page.locator(".picture.missing").count(), 0);
     const canvas = page.locator("canvas[data-picture=difference]");
     const box = await canvas.boundingBox();
     await page.mouse.move(box.x + box.width * 180.5 / 360, box.y + box.height * 15.5 / 31);
@@ -293,6 +302,17 @@ test("a frame of 128 × 2048 is small and opens fast", async (t) => {
     // About one second on two idle cores that render in software.
     assert.ok(seconds < 15, `${seconds} s`);
     t.diagnostic(`${statSync(pages.street).size} bytes, shown after ${seconds} s`);
+});
+
+test("of a frame that is too large there are fewer pixels, with their own rows and columns", async (t) => {
+    const { page } = await open(t, pages.large);
+    assert.match(await page.locator("main").innerText(), /300 × 15000 pixels are too many for a page\. It shows one of 2 rows and one of 2 columns\./);
+    assert.equal((await drawn(page, PICTURE)).pixels, 150 * 7500);
+    const canvas = page.locator(PICTURE);
+    const box = await canvas.boundingBox();
+    await page.mouse.move(box.x + box.width * 3750.5 / 7500, box.y + box.height * 75.5 / 150);
+    // Row 150 of 300 is level but for a twentieth of a degree, column 7500 of 15000 looks straight ahead.
+    assert.match(await page.locator("output.values").textContent(), /row 150, column 7500: range 10\.000\d m/);
 });
 
 test("both themes can be read, by the system's wish or the page's switch", async (t) => {

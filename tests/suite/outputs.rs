@@ -448,6 +448,9 @@ fn headers_name_the_instances_and_labels_of_their_frame() {
             assert_eq!((listed.get(4), listed.count()), (Some(objects[3].name.as_str()), 1));
             assert_eq!((listed.get(0), listed.get(1), listed.get(5)), (None, None, None));
         }
+        for words in [part.labels(), cloud.labels()] {
+            assert_eq!(words, BTreeMap::from([(17, "floor, ground".to_owned())]));
+        }
         assert_eq!(part.attributes["beamcast:labels"], "{\"17\": [\"floor\",\"ground\"]}");
         assert!(
             cloud.comments.contains(&"label 17 = [\"floor\",\"ground\"]".to_owned()),

@@ -11,7 +11,7 @@ use exr::prelude::{ReadChannels, ReadLayers};
 
 use super::error::ReadError;
 use super::instances::InstanceNames;
-use crate::output::names::read_names;
+use crate::output::names::{read_names, words_of_labels};
 use crate::output::{Channel, Image, Samples};
 
 /// A part of an EXR file: an image with its attributes.
@@ -30,6 +30,13 @@ impl Part {
     pub fn instances(&self) -> InstanceNames {
         let listed = self.attributes.get("beamcast:instances").map_or("", String::as_str);
         read_names(listed).into_iter().collect()
+    }
+
+    /// What the labels stand for, in words, if the header tells.
+    pub fn labels(&self) -> BTreeMap<u32, String> {
+        let listed = self.attributes.get("beamcast:labels").map_or("", String::as_str);
+        let listed: BTreeMap<u32, Vec<String>> = serde_json::from_str(listed).unwrap_or_default();
+        words_of_labels(&listed.into_iter().collect::<Vec<_>>())
     }
 }
 

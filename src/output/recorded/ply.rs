@@ -1,7 +1,12 @@
 //! Reading of PLY point clouds: binary of either byte order, and text.
 
+use std::collections::BTreeMap;
+
+use serde::de::DeserializeOwned;
+
 use super::error::ReadError;
 use super::instances::InstanceNames;
+use crate::output::names::words_of_labels;
 
 /// A point cloud.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,11 +45,20 @@ impl Cloud {
 impl Cloud {
     /// The names of the instances that the header lists.
     pub fn instances(&self) -> InstanceNames {
-        let listed = self.comments.iter().filter_map(|comment| {
-            let (id, name) = comment.strip_prefix("instance ")?.split_once(" = ")?;
-            Some((id.parse().ok()?, serde_json::from_str(name).ok()?))
-        });
-        listed.collect()
+        self.listed::<String>("instance ").collect()
+    }
+
+    /// What the labels stand for, in words, if the header tells.
+    pub fn labels(&self) -> BTreeMap<u32, String> {
+        words_of_labels(&self.listed("label ").collect::<Vec<_>>())
+    }
+
+    /// The numbers of a kind that comments name, such as `instance 4 = "floor"`.
+    fn listed<T: DeserializeOwned>(&self, kind: &str) -> impl Iterator<Item = (u32, T)> {
+        self.comments.iter().filter_map(move |comment| {
+            let (number, named) = comment.strip_prefix(kind)?.split_once(" = ")?;
+            Some((number.parse().ok()?, serde_json::from_str(named).ok()?))
+        })
     }
 }
 

@@ -29,7 +29,12 @@ fn facts_of_a_scene() {
     let placed = |label, x| SourceInstance {
         mesh: 0,
         world_from_mesh: DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)),
-        object: Object { job_label: Some(label), ..Object::default() },
+        object: Object {
+            name: format!("box_{x}"),
+            job_label: Some(label),
+            file_label: Some(3),
+            ..Object::default()
+        },
     };
     let builder = SceneBuilder {
         meshes: vec![SourceMesh { positions: square, parts: vec![part] }],
@@ -37,9 +42,10 @@ fn facts_of_a_scene() {
         materials: vec![Material::default()],
         files: vec![],
     };
-    let facts = SceneFacts::of("a.glb", &builder.build().unwrap());
+    let facts = SceneFacts::of("a.glb", &builder.build().unwrap(), &[("crate".to_owned(), 7)].into());
     assert_eq!((facts.triangles, facts.stored_triangles, facts.instances), (6, 2, 3));
     assert_eq!(facts.labels, [3, 7]);
+    assert_eq!(facts.label_names, [(3, "box".to_owned()), (7, "crate".to_owned())].into());
     assert_eq!(facts.extent_m, [[0.0, 5.0], [0.0, 1.0], [0.0, 0.0]]);
     // A mesh of two triangles is stored once, and placed three times.
     assert!(facts.memory_bytes > 3 * 600);
