@@ -7,8 +7,9 @@ use super::baseline::{SensorRecord, Snapshot, StoredPixels};
 use super::changes::Changes;
 use super::compare::{ChannelDifference, Confusion, Differing, ImageDifference, Tolerance, compare};
 use super::outcome::{Change, Difference, SensorOutcome};
-use super::phrasing::{self, Region, counted, digits, list, metres};
+use super::phrasing::{self, Region, digits, metres};
 use crate::scan::Cause;
+use crate::source::words::{counted, joined};
 
 /// The settings in a job's `[check]`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,7 +64,7 @@ pub fn judge(
         .cloned()
         .collect();
     if !missing.is_empty() {
-        let sentence = format!("{reason}the run has no {}, the baseline does", list(&missing));
+        let sentence = format!("{reason}the run has no {}, the baseline does", joined(&missing, "and"));
         outcome.differences.push(of_all(sentence));
     }
     if differing.is_empty() {
@@ -355,5 +356,5 @@ fn reason(sensor: &str, changes: &Changes) -> String {
 }
 
 fn names(channels: &[&String]) -> String {
-    list(&channels.iter().map(|c| (*c).clone()).collect::<Vec<_>>())
+    joined(&channels.iter().map(|c| (*c).clone()).collect::<Vec<_>>(), "and")
 }

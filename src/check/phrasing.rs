@@ -110,20 +110,6 @@ pub fn percent(share: f64) -> String {
     format!("{} %", digits(100.0 * share))
 }
 
-/// A count with its noun: `1 return`, `3 returns`.
-pub fn counted(n: usize, noun: &str) -> String {
-    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
-}
-
-/// A list in words: `a`, `a and b`, `a, b and c`.
-pub fn list(words: &[String]) -> String {
-    match words.split_last() {
-        None => String::new(),
-        Some((only, [])) => only.clone(),
-        Some((last, before)) => format!("{} and {last}", before.join(", ")),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,12 +2,12 @@
 
 use super::compare::ChannelDifference;
 use super::expect::{Seen, Zone};
-use super::phrasing::counted;
 use super::vehicle::Vehicle;
 use crate::output::{
     self, Entry, Image, LINE_COLOUR, NO_RETURN_COLOUR, Picture, Rgb, Samples, TEXT_COLOUR, round_step,
     text_width, ticks, with_legend,
 };
+use crate::source::words::counted;
 
 /// The ground that a rig sees, in the body's frame.
 #[derive(Clone, Debug)]

@@ -7,9 +7,8 @@ use serde_json::{Value, json};
 use super::compare::ChannelDifference;
 use super::judge::MOST_REASONS;
 use super::outcome::{ExpectationOutcome, Failure, Outcome, SensorOutcome, Verdict};
-use super::phrasing::counted;
 use crate::source::Place;
-use crate::source::suggest::on_one_line;
+use crate::source::words::{counted, on_one_line};
 
 impl Verdict {
     /// The verdict in a word.

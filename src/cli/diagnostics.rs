@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
 
-use crate::source::suggest::{printable, printable_char};
+use crate::source::words::{printable, printable_char};
 use crate::source::{Diagnostic, Severity};
 
 /// The largest number of lines of a marked text that are shown. A longer text is marked on its first line only.

@@ -22,7 +22,7 @@ use crate::output::{CHANNEL_NAMES, Image, write_file};
 use crate::run::sides::{Content, Side};
 use crate::run::{Holding, Plan, Session, memory};
 use crate::source::is_config;
-use crate::source::suggest::on_one_line;
+use crate::source::words::{counted, joined, on_one_line};
 
 /// The arguments of `beamcast diff`.
 #[derive(Debug, clap::Args)]
@@ -264,21 +264,21 @@ fn image_text(
     let mask = difference.mask;
     if differing.is_empty() && within {
         let size = format!("{} × {}", image.rows, image.columns);
-        let _ = writeln!(text, "{prefix}the same, {size} pixels, {}", phrasing::counted(mask.both, "return"));
+        let _ = writeln!(text, "{prefix}the same, {size} pixels, {}", counted(mask.both, "return"));
         return text;
     }
     let verdict = if within { "within tolerance" } else { "different" };
     let _ = writeln!(
         text,
         "{prefix}{verdict}: {} in both, {} appeared, {} vanished (IoU {:.6})",
-        phrasing::counted(mask.both, "return"),
-        phrasing::counted(mask.appeared, "return"),
-        phrasing::counted(mask.vanished, "return"),
+        counted(mask.both, "return"),
+        counted(mask.appeared, "return"),
+        counted(mask.vanished, "return"),
         mask.iou()
     );
     for (which, names) in [("first", &difference.missing), ("second", &difference.added)] {
         if !names.is_empty() {
-            let _ = writeln!(text, "  only the {which} has {}", on_one_line(&phrasing::list(names)));
+            let _ = writeln!(text, "  only the {which} has {}", on_one_line(&joined(names, "and")));
         }
     }
     if !differing.is_empty() {
@@ -315,7 +315,7 @@ fn image_text(
     }
     for (label, [a, b]) in difference.points_per_label.iter().filter(|(_, [a, b])| a != b) {
         let name = labels.get(label).map_or(String::new(), |name| format!(" {name:?}"));
-        let _ = writeln!(text, "  label {label}{name}: {a} → {}", phrasing::counted(*b, "point"));
+        let _ = writeln!(text, "  label {label}{name}: {a} → {}", counted(*b, "point"));
     }
     text
 }
@@ -333,10 +333,10 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
             let may = (args.pixels * a.points as f64) as usize;
             let within = fields.iter().all(|field| field.differing <= may);
             if fields.iter().all(|field| field.max == 0.0) {
-                let _ = writeln!(text, "{prefix}the same, {}", phrasing::counted(a.points, "point"));
+                let _ = writeln!(text, "{prefix}the same, {}", counted(a.points, "point"));
             } else {
                 let verdict = if within { "within tolerance" } else { "different" };
-                let _ = writeln!(text, "{prefix}{verdict}, {}", phrasing::counted(a.points, "point"));
+                let _ = writeln!(text, "{prefix}{verdict}, {}", counted(a.points, "point"));
             }
             for field in fields.iter().filter(|field| field.max > 0.0) {
                 let _ = writeln!(
@@ -344,7 +344,7 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
                     "  {:<12} {} of {} differ, max {}, mean {}",
                     on_one_line(&field.field),
                     field.differing,
-                    phrasing::counted(a.points, "point"),
+                    counted(a.points, "point"),
                     phrasing::digits(field.max),
                     phrasing::digits(field.mean)
                 );
@@ -358,12 +358,8 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
             Found { within, text, json }
         }
         CloudDifference::Distances(d) => {
-            let _ = writeln!(
-                text,
-                "{prefix}{} and {}",
-                phrasing::counted(a.points, "point"),
-                phrasing::counted(b.points, "point")
-            );
+            let _ =
+                writeln!(text, "{prefix}{} and {}", counted(a.points, "point"), counted(b.points, "point"));
             let way = |name: &str, mean: f64, max: f64| {
                 format!("  {name} {} on average, {} at most\n", phrasing::metres(mean), phrasing::metres(max))
             };

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::run::Bytes;
 use crate::run::facts::{FileFacts, SceneFacts, SensorSizes};
-use crate::source::suggest::{on_one_line, quoted};
+use crate::source::words::{on_one_line, quoted};
 
 /// The facts about a file as lines of text.
 pub fn text(facts: &FileFacts) -> String {

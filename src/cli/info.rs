@@ -18,7 +18,8 @@ use crate::output::recorded::{Cloud, Folder, Part, Recorded, RecordedManifest};
 use crate::run::facts::facts_of;
 use crate::run::{Bytes, memory};
 use crate::scene::gltf;
-use crate::source::suggest::{missing_file_help, on_one_line, quoted};
+use crate::source::suggest::missing_file_help;
+use crate::source::words::{on_one_line, quoted};
 use crate::source::{FileKind, Wanted, is_config, recognise};
 
 /// The arguments of `beamcast info`.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::scene::gltf::Outline;
-use crate::source::suggest::on_one_line;
+use crate::source::words::on_one_line;
 
 /// The most lines of nodes, and the most names of other lists, that are shown.
 const MOST_NODES: usize = 200;

@@ -9,7 +9,6 @@ use super::facts::{grouped, tidy};
 use super::json;
 use super::shell::presets_or;
 use super::terminal::Terminal;
-use crate::check::phrasing::counted;
 use crate::config::{self, SensorFile, presets};
 use crate::error::Error;
 use crate::output::plot::{Dot, colour_of, scatter};
@@ -17,6 +16,7 @@ use crate::output::{Entry, check_file, ticks, with_legend, write_file};
 use crate::run::facts::SensorSizes;
 use crate::sensor::facts::SensorFacts;
 use crate::sensor::{Capture, Sensor, azimuth_elevation};
+use crate::source::words::counted;
 
 /// The arguments of `beamcast presets`.
 #[derive(Debug, clap::Args)]

@@ -18,7 +18,7 @@ use crate::run::{Bytes, Holding, Journal, Plan, Session, Statistics, memory, pat
 use crate::scan::Frame;
 use crate::scene::Scene;
 use crate::source::Diagnostic;
-use crate::source::suggest::on_one_line;
+use crate::source::words::on_one_line;
 use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast scan`.

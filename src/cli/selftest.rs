@@ -18,7 +18,7 @@ use crate::frame::Pose;
 use crate::run::memory;
 use crate::selftest::{self, CASTS, Check, SelftestReport, ShapeResult, Wrong};
 use crate::sensor::Sensor;
-use crate::source::suggest::on_one_line;
+use crate::source::words::on_one_line;
 use crate::trace::methods::Method;
 
 /// The arguments of `beamcast selftest`.

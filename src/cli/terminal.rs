@@ -14,7 +14,7 @@ use super::diagnostics;
 use crate::error::Error;
 use crate::scan::Progress;
 use crate::scene::Notice;
-use crate::source::suggest::{escaped, harmless_json, on_one_line, without_commands};
+use crate::source::words::{escaped, harmless_json, on_one_line, without_commands};
 use crate::source::{Diagnostic, Severity};
 
 /// The flags that every subcommand has.

@@ -33,8 +33,9 @@ mod tests;
 use std::path::Path;
 
 use crate::error::Error;
-use crate::source::suggest::{harmless_json, missing_file_help, quoted};
+use crate::source::suggest::missing_file_help;
 use crate::source::tree::Entries;
+use crate::source::words::{harmless_json, quoted};
 use crate::source::{Diagnostic, FileKind, Layer, Report, Severity, Unreadable, Wanted, recognise};
 
 pub use job::{Config, InputFile, Job, MountedSensor, OutputSettings, Places, SensorFile};

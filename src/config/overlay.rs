@@ -3,8 +3,9 @@
 use super::keys::job::{JOB, SENSOR, SENSORS};
 use super::parse;
 use super::table::{Grammar, Reading};
-use crate::source::suggest::{list, nearest, quoted};
+use crate::source::suggest::nearest;
 use crate::source::tree::{Entries, Entry, Node, Value};
+use crate::source::words::{list, quoted};
 use crate::source::{Report, Span};
 
 /// Reads a `--set`: `a.b.c = value` as TOML would have it, or with a string that lacks its quotes.

@@ -3,8 +3,8 @@
 
 use toml::de::{DeTable, DeValue};
 
-use crate::source::suggest::quoted;
 use crate::source::tree::{Entries, Entry, Node, Value};
+use crate::source::words::quoted;
 use crate::source::{Report, Span};
 
 /// Most syntax errors of a text that are reported: most of them follow from the first.

@@ -10,7 +10,7 @@ use glam::DVec3;
 use crate::frame::Pose;
 use crate::output::Format;
 use crate::source::Doubt;
-use crate::source::suggest::list;
+use crate::source::words::list;
 
 /// Degrees of a radian, as messages write them.
 const DEGREES: &str = "57.2958";

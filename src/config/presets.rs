@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use crate::source::suggest::{nearest, quoted};
+use crate::source::suggest::nearest;
+use crate::source::words::quoted;
 
 macro_rules! built_in {
     ($($name:literal),* $(,)?) => {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::table::{Starter, TableKeys};
-use crate::source::suggest::{printable, without_commands};
+use crate::source::words::{printable, without_commands};
 
 /// The longest line of a comment, in characters.
 const WIDTH: usize = 110;

@@ -9,8 +9,9 @@ use serde_json::{Map, Value as Json};
 
 use super::foreign::{self, Foreign};
 use super::parse;
-use crate::source::suggest::{list, nearest, quoted};
+use crate::source::suggest::nearest;
 use crate::source::tree::{Entries, Node};
+use crate::source::words::{list, quoted};
 use crate::source::{Report, Span, Spanned};
 
 /// The values that a key may have.

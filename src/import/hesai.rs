@@ -15,7 +15,7 @@ use super::lidar::{Lidar, MOST_BEAMS, Turn};
 use super::writer::Toml;
 use crate::config::keys::sensor::rotating::MOST_PHASES;
 use crate::source::csv::Row;
-use crate::source::tree::count;
+use crate::source::words::counted;
 
 /// The longest time in microseconds that lies between two firing times of a column: that of a turn's 90 columns at 10 Hz. A
 /// larger one is in another unit.
@@ -205,7 +205,7 @@ fn angles(file: File<'_>) -> Option<BTreeMap<u32, (f64, f64)>> {
 /// The channel of a row, which must have at least `cells` fields. The first channel is number `first`.
 fn channel(file: File<'_>, row: &Row<'_>, cells: usize, first: u32) -> Option<u32> {
     if row.cells.len() < cells {
-        let message = format!("the line has {}", count(row.cells.len(), "field"));
+        let message = format!("the line has {}", counted(row.cells.len(), "field"));
         return file.fail(row.span, message, format!("expected {cells}"), None);
     }
     row.cells[0].integer(file.report, "Channel", first, MOST_BEAMS)

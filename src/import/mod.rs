@@ -24,7 +24,7 @@ mod writer;
 
 use crate::config;
 use crate::source::csv::rows;
-use crate::source::suggest::quoted;
+use crate::source::words::quoted;
 use crate::source::{Diagnostic, FileKind, Layer, MAX_TEXT_BYTES, Report, Unit};
 use file::File;
 use writer::Toml;

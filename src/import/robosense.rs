@@ -9,7 +9,7 @@
 use super::file::File;
 use super::lidar::{Lidar, MOST_BEAMS};
 use super::writer::Toml;
-use crate::source::tree::count;
+use crate::source::words::counted;
 
 pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
     let (mut elevations, mut offsets) = (Vec::new(), Vec::new());
@@ -22,7 +22,7 @@ pub(super) fn write(file: File<'_>, toml: &mut Toml) -> Option<()> {
             [vertical] => (vertical, None),
             [vertical, horizontal] | [vertical, horizontal, _] => (vertical, Some(horizontal)),
             cells => {
-                let message = format!("the line has {}", count(cells.len(), "field"));
+                let message = format!("the line has {}", counted(cells.len(), "field"));
                 let label = "expected 1 to 3: vertical angle, horizontal angle, ring";
                 file.fail::<()>(row.span, message, label, None);
                 continue;

@@ -242,6 +242,6 @@ fn name_of(hit: &Hit, scene: &Scene) -> String {
     let object = scene.surface(hit.placement, hit.triangle).object;
     match scene.geometry.objects[object as usize].name.as_str() {
         "" => format!("object {object}"),
-        name => crate::source::suggest::quoted(name),
+        name => crate::source::words::quoted(name),
     }
 }

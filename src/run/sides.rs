@@ -5,11 +5,11 @@ use std::path::Path;
 
 use super::plan::Item;
 use super::session::Session;
-use crate::check::phrasing;
 use crate::error::Error;
 use crate::output::Image;
 use crate::output::recorded::{Cloud, Part, Recorded};
 use crate::scan::Frame;
+use crate::source::words::joined;
 
 /// The images and clouds of one side.
 #[derive(Default)]
@@ -138,7 +138,7 @@ impl Side {
         {
             if !lacking.is_empty() {
                 let problem =
-                    format!("has no {}, and {} does", phrasing::list(&lacking), other_path.display());
+                    format!("has no {}, and {} does", joined(&lacking, "and"), other_path.display());
                 return Err(Error::input(path, problem));
             }
         }

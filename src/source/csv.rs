@@ -1,6 +1,6 @@
 //! CSV as tables of rays and calibration files have it: no quotes, one record a line.
 
-use super::suggest::quoted;
+use super::words::quoted;
 use super::{Report, Span};
 
 /// A field without the blanks around it, and where it was written.

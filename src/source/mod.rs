@@ -6,7 +6,8 @@
 //! file_kind    what a file is, by its content, and what to do with it
 //! report       the texts that were read, and every problem found in them
 //! diagnostic   one problem, with the place to point at
-//! suggest      the nearest of the words, or of the files of a folder; the user's own words in messages
+//! suggest      the nearest of the words, or of the files of a folder
+//! words        the user's own words in messages; lists and counts
 //! tree         values with their spans; yaml (and JSON) makes them of a text
 //! csv          fields with their spans
 //! ```
@@ -18,6 +19,7 @@ mod read;
 mod report;
 pub(crate) mod suggest;
 pub(crate) mod tree;
+pub(crate) mod words;
 pub(crate) mod yaml;
 
 use std::path::Path;

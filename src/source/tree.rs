@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::Span;
-use super::suggest::quoted;
+use super::words::{counted, quoted};
 
 /// A value and where it was written. A table with a header is at its header.
 #[derive(Clone, Debug)]
@@ -48,13 +48,8 @@ impl Value {
             Self::Boolean(b) => b.to_string(),
             Self::Datetime(d) => format!("the date or time {d}"),
             Self::Array(a) if a.is_empty() => "an empty list".to_owned(),
-            Self::Array(a) => format!("a list of {}", count(a.len(), "value")),
+            Self::Array(a) => format!("a list of {}", counted(a.len(), "value")),
             Self::Table(_) => "a table".to_owned(),
         }
     }
-}
-
-/// `3 numbers`, `1 number`.
-pub(crate) fn count(n: usize, noun: &str) -> String {
-    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }

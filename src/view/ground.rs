@@ -6,8 +6,9 @@ use serde_json::json;
 
 use super::html::{escape, script};
 use super::pack;
-use crate::check::phrasing::{counted, digits};
+use crate::check::phrasing::digits;
 use crate::check::{GroundMap, axis};
+use crate::source::words::counted;
 
 /// Most cells that the page shows.
 const MOST_CELLS: usize = 1_000_000;

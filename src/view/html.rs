@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::Value;
 
-use crate::source::suggest::escaped;
+use crate::source::words::escaped;
 
 /// A link to a section, which may ask it to show a channel and a pixel.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -17,12 +17,11 @@ use super::html::{escape, script};
 use super::rig::Rig;
 use super::thin::Thinned;
 use super::{ground, pack};
-use crate::check::phrasing::counted;
 use crate::check::{GroundMap, SensorOutcome, colours, difference_scale};
 use crate::output::{
     self, Channel, DEPTH_FOR_OPENCV, Image, NO_RETURN_COLOUR, NO_RETURN_M, Samples, Scale, Values,
 };
-use crate::source::suggest::escaped;
+use crate::source::words::{counted, escaped};
 
 const SCRIPT: &str = concat!(include_str!("values.js"), include_str!("cloud.js"), include_str!("page.js"));
 const STYLE: &str = include_str!("page.css");

@@ -10,9 +10,10 @@ use super::target::Target;
 use super::{points, shares};
 use crate::angle::Angle;
 use crate::check::outcome::ExpectationOutcome;
-use crate::check::phrasing::{digits, list, metres, percent};
+use crate::check::phrasing::{digits, metres, percent};
 use crate::output::SensorFrame;
 use crate::scene::Scene;
+use crate::source::words::joined;
 
 /// One `[[expect]]` of a job.
 #[derive(Clone, Debug, PartialEq)]
@@ -155,7 +156,11 @@ impl Expected {
                 };
                 let limits = [limit(horizontal, "from column to column"), limit(vertical, "from row to row")];
                 let limits: Vec<String> = limits.into_iter().flatten().collect();
-                let words = format!("beams on {} at most {} apart", target.words(seen.labels), list(&limits));
+                let words = format!(
+                    "beams on {} at most {} apart",
+                    target.words(seen.labels),
+                    joined(&limits, "and")
+                );
                 (words, points::resolution(seen, target, *horizontal, *vertical))
             }
             Self::Coverage { zone, at_least } => {

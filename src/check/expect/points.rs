@@ -10,9 +10,10 @@ use super::seen::{Point, Seen, blockers_on, returns_on, sight_of};
 use super::target::Target;
 use crate::angle::Angle;
 use crate::check::outcome::Sight;
-use crate::check::phrasing::{counted, digits, list, metres};
+use crate::check::phrasing::{digits, metres};
 use crate::output::SensorFrame;
 use crate::sensor::Pattern;
+use crate::source::words::{counted, joined};
 
 pub(super) fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bounds) -> Finding {
     if let Some(problem) = target.missing(seen.scene) {
@@ -40,7 +41,7 @@ pub(super) fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bou
     let place = by_sensor.iter().map(|(name, (n, near, far))| {
         format!("sensor {name}: {} at {} to {}", counted(*n, "point"), metres(*near), metres(*far))
     });
-    let place = list(&place.collect::<Vec<_>>());
+    let place = joined(&place.collect::<Vec<_>>(), "and");
     let looked = seen.frames.iter().map(|frame| frame.name);
     let sights = looked.filter(|name| inside == 0 || by_sensor.contains_key(name));
     let channel = if target.object.is_some() { "id.instance" } else { "id.semantic" };
@@ -138,5 +139,5 @@ pub(super) fn resolution(
             }
         }
     }
-    Finding::new(met, list(&found), list(&places)).shown_by(sights)
+    Finding::new(met, joined(&found, "and"), joined(&places, "and")).shown_by(sights)
 }

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::scan::Return;
 use crate::scene::Scene;
-use crate::source::suggest::{self, nearest, quoted};
+use crate::source::suggest::nearest;
+use crate::source::words::{list, quoted};
 
 /// A target that beams should hit.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -52,7 +53,7 @@ impl Target {
             .collect();
         let help = match nearest(object, names.iter().copied()) {
             Some(near) => format!("; did you mean {}?", quoted(near)),
-            None if names.len() <= MAX_LISTED => format!("; it has {}", suggest::list(names, "and")),
+            None if names.len() <= MAX_LISTED => format!("; it has {}", list(names, "and")),
             None => String::new(),
         };
         Some(format!("the scene has no object {}{help}", quoted(object)))

@@ -11,8 +11,8 @@ use super::object::object;
 use super::text::{Choice, either};
 use crate::output::{FORMATS, Format, OptionSpec, OptionValues};
 use crate::source::Spanned;
-use crate::source::suggest::quoted;
 use crate::source::tree::Value;
+use crate::source::words::quoted;
 
 /// A list of formats, each at most once, at least one.
 #[derive(Clone, Copy)]

@@ -7,8 +7,8 @@ use serde_json::{Map, Value as Json, json};
 
 use super::super::table::{Describe, Given, Kind};
 use super::object::object;
-use crate::source::suggest::quoted;
 use crate::source::tree::Value;
+use crate::source::words::quoted;
 
 /// A number within bounds.
 #[derive(Clone, Copy)]

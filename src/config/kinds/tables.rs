@@ -9,8 +9,9 @@ use super::super::{reference, schema};
 use super::number::Number;
 use super::object::object;
 use crate::source::Spanned;
-use crate::source::suggest::{list, nearest, quoted};
+use crate::source::suggest::nearest;
 use crate::source::tree::{Entries, Value};
+use crate::source::words::{list, quoted};
 
 /// A table.
 #[derive(Clone, Copy)]

@@ -4,8 +4,9 @@ use serde_json::{Map, Value as Json, json};
 
 use super::super::table::{Describe, Given, Kind};
 use super::object::object;
-use crate::source::suggest::{nearest, quoted};
+use crate::source::suggest::nearest;
 use crate::source::tree::Value;
+use crate::source::words::quoted;
 
 /// A string that is not empty.
 #[derive(Clone, Copy)]

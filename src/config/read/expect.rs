@@ -10,7 +10,8 @@ use super::super::kinds::{Nested, Number};
 use super::super::table::{Key, Table};
 use crate::angle::Angle;
 use crate::check::expect::{Bounds, Expectation, Expected, Ground, Target, Zone};
-use crate::source::suggest::{list, nearest, quoted};
+use crate::source::suggest::nearest;
+use crate::source::words::{list, quoted};
 use crate::source::{Span, Spanned};
 
 /// Most cells of a zone, and of all zones of a job.

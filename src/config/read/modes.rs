@@ -4,8 +4,9 @@ use super::super::keys::sensor::{MODES, PATTERNS, SENSOR_FILE};
 use super::super::overlay;
 use super::super::table::{Reading, Table};
 use crate::source::Span;
-use crate::source::suggest::{list, nearest, quoted};
+use crate::source::suggest::nearest;
 use crate::source::tree::{Entries, Node, Value};
+use crate::source::words::{list, quoted};
 
 /// The modes of a sensor, by their names, each with the table that is laid over the sensor's.
 pub(super) type Modes = Vec<(String, Node)>;

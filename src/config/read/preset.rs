@@ -10,8 +10,9 @@ use super::super::presets;
 use super::super::table::{Grammar, Reading};
 use super::modes::{Modes, choose_mode, take_modes};
 use super::sensor::is_pattern;
-use crate::source::suggest::{missing_file_help, quoted};
+use crate::source::suggest::missing_file_help;
 use crate::source::tree::{Entries, Entry, Node, Value};
+use crate::source::words::quoted;
 use crate::source::{FileKind, Layer, Report, Span, Unreadable, Wanted, portable, recognise};
 
 /// Most text that a job's sensors take from their files, each counted as often as it is used.

@@ -9,8 +9,9 @@ use super::super::job::InputFile;
 use super::super::keys::sensor::{RAYS, rays};
 use crate::angle::Angle;
 use crate::sensor::{Pulse, RayTable, direction};
-use crate::source::suggest::{list, missing_file_help, nearest, quoted};
+use crate::source::suggest::{missing_file_help, nearest};
 use crate::source::tree::{Entries, Value};
+use crate::source::words::{list, quoted};
 use crate::source::{Layer, Report, Span, Spanned, Unreadable, portable};
 
 /// The largest file that is read, in bytes.

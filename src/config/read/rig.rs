@@ -13,7 +13,7 @@ use super::rays::RayFiles;
 use super::sensor;
 use crate::angle::Angle;
 use crate::frame::Pose;
-use crate::source::suggest::quoted;
+use crate::source::words::quoted;
 use crate::source::{Doubt, Report, Span, Spanned};
 
 /// Most beams of all sensors: a short file can ask for very many.

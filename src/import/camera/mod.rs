@@ -22,8 +22,9 @@ use super::fields::Fields;
 use super::file::File;
 use super::writer::Toml;
 use crate::config::keys::sensor::{FISHEYE, PINHOLE, camera};
-use crate::source::suggest::{list, nearest, quoted};
+use crate::source::suggest::nearest;
 use crate::source::tree::{Node, Value};
+use crate::source::words::{list, quoted};
 use calibration::Calibration;
 
 pub(super) use ros::KEYS;

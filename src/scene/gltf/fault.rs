@@ -77,11 +77,6 @@ pub(super) fn quoted(text: &str) -> String {
     }
 }
 
-/// A count and a noun: `1 node`, `2 nodes`.
-pub(super) fn counted(count: u64, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
-}
-
 /// The error that an element does not exist; the file has `count` of its kind.
 pub(super) fn missing(kind: &str, index: u32, count: usize) -> Fault {
     let problem = match count {

@@ -1,11 +1,12 @@
 //! Materials, of which the colour is read, and the notes on what else a file says that changes nothing here.
 
 use super::document::{Document, GEOMETRY, label};
-use super::fault::{counted, quoted};
+use super::fault::quoted;
 use super::notices::Notices;
 use super::options::Options;
 use super::schema::{Lenient, MaterialJson, SpecularGlossiness};
 use crate::scene::material::Material;
+use crate::source::words::counted;
 
 /// The file's materials. A material that is wrong has the default's values where it is.
 pub(super) fn read(document: &Document, options: &Options, notices: &Notices) -> Vec<Material> {
@@ -102,7 +103,7 @@ fn note_of_extensions(document: &Document, notices: &Notices) {
     }
     let names: Vec<String> = others().take(MOST_NAMES).map(quoted).collect();
     let more = if count > names.len() { ", …" } else { "" };
-    let (count, names) = (counted(count as u64, "extension"), names.join(", "));
+    let (count, names) = (counted(count, "extension"), names.join(", "));
     notices.note(|| "extensionsUsed".to_owned(), format!("{count} not read: {names}{more}"), None);
 }
 

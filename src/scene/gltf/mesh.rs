@@ -7,11 +7,12 @@ use glam::{DAffine3, DMat3, DVec3};
 use super::compressed::DracoPrimitive;
 use super::data::{Data, Elements, Layout};
 use super::document::{DRACO, Document, GEOMETRY, is_harmless};
-use super::fault::{Fault, counted, missing, quoted};
+use super::fault::{Fault, missing, quoted};
 use super::notices::Notices;
 use super::schema::Component::{F32, I8, I16, U8, U16, U32};
 use super::schema::{Kind, Primitive, Skin};
 use crate::scene::source::{SourceMesh, SourcePart};
+use crate::source::words::counted;
 
 const POSITION: Layout = Layout { purpose: "POSITION", kind: Kind::Vec3, components: &[(F32, false)] };
 /// KHR_mesh_quantization.
@@ -505,7 +506,7 @@ impl Vertices<'_> {
                 let matrix = skin.matrices.get(joint as usize).ok_or_else(|| {
                     let problem = format!(
                         "vertex {vertex} hangs on joint {joint}, but the skin has {}",
-                        counted(skin.matrices.len() as u64, "joint")
+                        counted(skin.matrices.len(), "joint")
                     );
                     Fault::new("JOINTS", problem)
                 })?;

@@ -44,7 +44,7 @@ use std::path::Path;
 
 use data::Data;
 use document::Document;
-use fault::{Fault, counted, quoted};
+use fault::{Fault, quoted};
 use files::Folders;
 use nodes::{Hierarchy, PlacedMeshes};
 use notices::Notices;
@@ -58,6 +58,7 @@ use super::notice::Notice;
 use super::source::{SceneBuildError, SceneBuilder};
 use crate::error::SceneError;
 use crate::source::suggest::nearest;
+use crate::source::words::counted;
 use crate::source::{Diagnostic, FileKind, Wanted, read_file};
 
 /// A scene, and what is to be known about how it was read.

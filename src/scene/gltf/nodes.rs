@@ -6,7 +6,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::data::{Data, Layout};
 use super::document::Document;
-use super::fault::{Fault, counted, quoted};
+use super::fault::{Fault, quoted};
 use super::mesh::{LeftOut, MeshReader, Pose, SkinPose};
 use super::notices::Notices;
 use super::options::Options;
@@ -16,6 +16,7 @@ use crate::scene::arrangement::{crushes_to_a_line, is_invertible};
 use crate::scene::geometry::Object;
 use crate::scene::source::{SourceInstance, SourceMesh};
 use crate::source::suggest::nearest;
+use crate::source::words::counted;
 
 const TRANSLATION: Layout = Layout { purpose: "TRANSLATION", kind: Kind::Vec3, components: &[(F32, false)] };
 const ROTATION: Layout =
@@ -233,8 +234,8 @@ pub(super) fn choose_scene(
         let first = (!scenes.is_empty()).then_some(0);
         return match document.scene {
             Some(index) if index as usize >= scenes.len() => {
-                let instead = if first.is_some() { "its first scene" } else { "all of its nodes" };
-                let message = format!("the file's default scene does not exist; {instead} is read");
+                let instead = if first.is_some() { "its first scene is" } else { "all of its nodes are" };
+                let message = format!("the file's default scene does not exist; {instead} read");
                 notices.warn(|| format!("scene {index}"), message);
                 Ok(first)
             }
@@ -249,7 +250,7 @@ pub(super) fn choose_scene(
     let names: Vec<_> = scenes.iter().filter_map(|scene| scene.name.as_deref()).collect();
     let fault = Fault::new("scenes", format!("there is no scene {}", quoted(name)));
     if names.is_empty() {
-        let count = counted(scenes.len() as u64, "scene");
+        let count = counted(scenes.len(), "scene");
         return Err(fault.help(format!("the file has {count}, none with a name; leave the name out")));
     }
     let shown: Vec<_> = names.iter().take(LISTED).map(|name| quoted(name)).collect();

@@ -2,9 +2,9 @@
 
 use std::cell::RefCell;
 
-use super::fault::counted;
 use crate::scene::notice::Notice;
 use crate::source::Severity;
+use crate::source::words::counted;
 
 /// The most kinds of notices of one file, and the most places that a notice names.
 const MOST_KINDS: usize = 60;
@@ -51,7 +51,7 @@ impl Notices {
             None if kinds.len() > MOST_KINDS => MOST_KINDS,
             None => {
                 let is_last = kinds.len() == MOST_KINDS;
-                let message = if is_last { "there is more to say than is told" } else { message };
+                let message = if is_last { "more was found than is listed here" } else { message };
                 let message = message.to_owned();
                 kinds.push(Kind { severity, message, help, places: Vec::new(), count: 0 });
                 kinds.len() - 1

@@ -1,6 +1,6 @@
 //! The kinds of files, in the words of messages: what a file is, what was wanted, and what mends it.
 
-use crate::source::suggest::{list, quoted};
+use crate::source::words::{list, quoted};
 
 /// What a file is.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use super::super::super::table::{AnyKey, Key, Table};
 use super::limit::check_rays;
 use crate::angle::Angle;
 use crate::sensor::{Beam, Phase, Rotating, RotatingError};
-use crate::source::tree::count;
+use crate::source::words::counted;
 use crate::source::{Doubt, Report, Span, Spanned};
 
 /// Numbers, each with its span.
@@ -166,8 +166,11 @@ fn phase(t: &Table<'_>, beams: Option<usize>) -> Option<Phase> {
         let times = t.read(&keys::PHASE_TIMES)?;
         let (beams, found) = (beams?, times.value.len());
         if found != beams {
-            let message =
-                format!("`beam_times_us` has {} for {}", count(found, "value"), count(beams, "elevation"));
+            let message = format!(
+                "`beam_times_us` has {} for {}",
+                counted(found, "value"),
+                counted(beams, "elevation")
+            );
             t.report().error(times.span, message, format!("expected {beams}: one a beam"), None);
             return None;
         }
@@ -179,7 +182,7 @@ fn phase(t: &Table<'_>, beams: Option<usize>) -> Option<Phase> {
     if t.has(&keys::SILENT_BEAMS) {
         let (list, beams) = (t.read(&keys::SILENT_BEAMS)?, beams?);
         if let Some(bad) = list.value.iter().find(|beam| beam.value >= beams) {
-            let message = format!("there is no beam {}: {} count from 0", bad.value, count(beams, "beam"));
+            let message = format!("there is no beam {}: {} count from 0", bad.value, counted(beams, "beam"));
             t.report().error(bad.span, message, format!("expected at most {}", beams - 1), None);
             return None;
         }
@@ -231,13 +234,13 @@ fn check_count(t: &Table<'_>, key: &dyn AnyKey, (values, span): (usize, Span), b
         return Some(());
     }
     let name = key.name();
-    let message = format!("`{name}` has {} for {}", count(values, "value"), count(beams, "elevation"));
+    let message = format!("`{name}` has {} for {}", counted(values, "value"), counted(beams, "elevation"));
     let elevations = t.span_of(&keys::ELEVATIONS);
     if t.report().later(span, elevations) == span {
         t.report().error(span, message, format!("expected {beams}: one a beam"), None);
     } else {
         let help = format!("`{name}` stays as it was given before: give one that fits here too");
-        t.report().error(elevations, message, count(beams, "elevation"), Some(help));
+        t.report().error(elevations, message, counted(beams, "elevation"), Some(help));
     }
     None
 }

@@ -104,7 +104,7 @@ fn a_default_scene_that_does_not_exist_is_the_first() {
     asset.json["scene"] = json!(3);
     assert_eq!(
         warnings(&asset),
-        ["scene 3: the file's default scene does not exist; all of its nodes is read"]
+        ["scene 3: the file's default scene does not exist; all of its nodes are read"]
     );
     asset.json["scenes"] = json!([{ "nodes": [0] }]);
     assert_eq!(
