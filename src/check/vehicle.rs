@@ -1,7 +1,5 @@
 //! The vehicle that carries a rig, as far as the scene has it.
 
-use std::ops::Range;
-
 use glam::DVec3;
 
 use super::expect::Target;
@@ -21,13 +19,14 @@ pub const MOST_TRIANGLES: usize = 20_000;
 impl Vehicle {
     /// What `body` names in a scene. `None` if nothing goes by that name.
     pub fn find(scene: &Scene, body: &Target, world_from_body: &Pose) -> Option<Self> {
-        let runs = runs_of(scene, body);
+        let runs = scene.triangles_of(|surface| {
+            body.is_of(&scene.geometry.objects[surface.object as usize].name, scene.label(surface))
+        });
         let count: usize = runs.iter().map(|(_, triangles)| triangles.len()).sum();
         let step = count.div_ceil(MOST_TRIANGLES).max(1);
         let body_from_world = world_from_body.inverse();
         let mut triangles = Vec::new();
         for (placement, run) in runs {
-            let placement = &scene.arrangement.placements[placement];
             let mesh = &scene.geometry.meshes[placement.mesh as usize];
             let corner = |vertex: u32| {
                 let p = DVec3::from_array(mesh.positions[vertex as usize].map(f64::from));
@@ -66,23 +65,6 @@ impl Vehicle {
         hull.extend(half(&mut points.iter().rev().copied()));
         hull
     }
-}
-
-/// The triangles of a scene that a target means: the index of the placement, and a range in its mesh.
-fn runs_of(scene: &Scene, target: &Target) -> Vec<(usize, Range<usize>)> {
-    let mut runs = Vec::new();
-    for (index, placement) in scene.arrangement.placements.iter().enumerate() {
-        let mesh = &scene.geometry.meshes[placement.mesh as usize];
-        let ends = mesh.parts.iter().skip(1).map(|next| next.first_triangle as usize);
-        for (part, end) in mesh.parts.iter().zip(ends.chain([mesh.triangles.len()])) {
-            let surface = scene.surface(index as u32, part.first_triangle);
-            let name = &scene.geometry.objects[surface.object as usize].name;
-            if target.is_of(name, scene.label(surface)) {
-                runs.push((index, part.first_triangle as usize..end));
-            }
-        }
-    }
-    runs
 }
 
 #[cfg(test)]

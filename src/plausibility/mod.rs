@@ -14,11 +14,10 @@ mod size;
 mod stance;
 
 use crate::config::Job;
-use crate::scene::Scene;
+use crate::scene::{Extent, Scene};
 use crate::source::{Diagnostic, Doubt, Place};
 use crate::trace::Cast;
 
-pub use size::Extent;
 pub use stance::Stance;
 
 /// The warnings about a scene alone.
@@ -41,7 +40,8 @@ fn of_formats(job: &Job) -> Vec<Diagnostic> {
 }
 
 /// The warnings about a job in its scene, which the tracer casts at: sensor by sensor, then the expectations.
-pub fn of_job(job: &Job, scene: &Scene, extent: Extent, tracer: &impl Cast) -> Vec<Diagnostic> {
+pub fn of_job(job: &Job, scene: &Scene, tracer: &impl Cast) -> Vec<Diagnostic> {
+    let extent = scene.extent();
     let mut found = of_scene(extent, &job.places.scene);
     for (mounted, place) in job.sensors.iter().zip(&job.places.sensors) {
         let doubts = sight::doubts(mounted, &job.trajectory, scene, extent, tracer);

@@ -2,11 +2,10 @@
 
 use glam::DVec3;
 
-use super::size::Extent;
 use super::stance::looks;
 use crate::config::MountedSensor;
 use crate::motion::Trajectory;
-use crate::scene::Scene;
+use crate::scene::{Extent, Scene};
 use crate::sensor::{Capture, Sensor};
 use crate::source::Doubt;
 use crate::trace::{Cast, Hit, Origins, Rays};
@@ -155,19 +154,12 @@ fn inside(origin: DVec3, scene: &Scene, extent: Extent, tracer: &impl Cast) -> O
 /// The least and the largest coordinates of an object's vertices in the world.
 fn object_extent(scene: &Scene, object: u32) -> Option<Extent> {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for placement in &scene.arrangement.placements {
+    for (placement, triangles) in scene.triangles_of(|surface| surface.object == object) {
         let mesh = &scene.geometry.meshes[placement.mesh as usize];
-        let ends =
-            mesh.parts.iter().skip(1).map(|part| part.first_triangle as usize).chain([mesh.triangles.len()]);
-        for (part, end) in mesh.parts.iter().zip(ends) {
-            if placement.first_object + part.object != object {
-                continue;
-            }
-            for &vertex in mesh.triangles[part.first_triangle as usize..end].iter().flatten() {
-                let p = DVec3::from_array(mesh.positions[vertex as usize].map(f64::from));
-                let p = placement.scene_from_mesh().transform_point3(p) + scene.geometry.centre;
-                (low, high) = (low.min(p), high.max(p));
-            }
+        for &vertex in mesh.triangles[triangles].iter().flatten() {
+            let p = DVec3::from_array(mesh.positions[vertex as usize].map(f64::from));
+            let p = placement.scene_from_mesh().transform_point3(p) + scene.geometry.centre;
+            (low, high) = (low.min(p), high.max(p));
         }
     }
     low.is_finite().then(|| [0, 1, 2].map(|axis| [low[axis], high[axis]]))

@@ -1,9 +1,7 @@
 //! Scenes that are probably of another unit than metres, or that lie on their side.
 
+use crate::scene::Extent;
 use crate::source::Doubt;
-
-/// The least and the largest x, y and z of a scene in the world, in metres.
-pub type Extent = [[f64; 2]; 3];
 
 /// Scenes this far across are of millimetres rather than metres: single precision is 1 mm there.
 const TOO_WIDE_M: f64 = 10_000.0;

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::extent::extent;
 use super::paths::configs_in;
 use super::plan::{format_problems, label_problem};
 use super::{memory, session};
@@ -147,7 +146,7 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
             Ok(scene) => {
                 let facts = FileFacts::of_scene(&name, &scene);
                 let place = Place { path: path.to_path_buf(), ..Place::default() };
-                examined.problems.extend(plausibility::of_scene(extent(&scene), &place));
+                examined.problems.extend(plausibility::of_scene(scene.extent(), &place));
                 examined.facts.push(facts);
             }
             Err(error) => examined.problems.push(about_scene(error)),
@@ -200,7 +199,7 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
 /// Warnings about a job in its scene. Where no tracer of the scene would fit into memory, there are none.
 fn doubts(job: &Job, scene: &Scene) -> Vec<Diagnostic> {
     match memory::check("the scene", memory::of_scene(scene)) {
-        Ok(()) => plausibility::of_job(job, scene, extent(scene), &Tracer::build(scene)),
+        Ok(()) => plausibility::of_job(job, scene, &Tracer::build(scene)),
         Err(_) => Vec::new(),
     }
 }
@@ -276,7 +275,7 @@ pub struct SceneFacts {
 impl SceneFacts {
     /// The facts about a scene, whose labels a job has `given` names.
     fn of(path: &str, scene: &Scene, given: &BTreeMap<String, u32>) -> Self {
-        let extent_m = extent(scene);
+        let extent_m = scene.extent();
         Self {
             path: path.to_owned(),
             triangles: scene.triangle_count(),

@@ -9,7 +9,6 @@
 //! checking    jobs that have something to be checked, and the outcome of each
 //! baseline    the folder of a job's baseline: compared and accepted
 //! sides       the two sides that a comparison has: recorded files, or the frames of a job
-//! extent      how far a scene reaches
 //! facts       facts about jobs, sensor files and scenes that are only read
 //! paths       paths as people write them
 //! ```
@@ -19,7 +18,6 @@
 
 pub mod baseline;
 pub mod checking;
-mod extent;
 pub mod facts;
 pub mod journal;
 pub mod memory;

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::extent::extent;
 use super::paths::tidy;
 use super::plan::{Item, Output};
 use crate::config::{Job, MountedSensor, OutputSettings};
@@ -76,7 +75,7 @@ impl Session {
 
     /// Warnings about the job in its scene: it can be run, and is probably not what was meant.
     pub fn doubts(&self) -> Vec<Diagnostic> {
-        plausibility::of_job(&self.job, self.scene(), extent(self.scene()), &self.tracer)
+        plausibility::of_job(&self.job, self.scene(), &self.tracer)
     }
 
     /// What the labels of the scene stand for, in words.

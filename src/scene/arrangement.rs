@@ -1,6 +1,7 @@
 //! The half of a scene that time changes, which says where its meshes are; and the scene, which is a geometry so arranged.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
@@ -85,7 +86,22 @@ impl Scene {
         let placement = &self.arrangement.placements[placement as usize];
         let parts = &self.geometry.meshes[placement.mesh as usize].parts;
         let part = parts[parts.partition_point(|p| p.first_triangle <= triangle) - 1];
-        Surface { object: placement.first_object + part.object, material: part.material }
+        placement.surface(&part)
+    }
+
+    /// The triangles whose surface is meant: for each run of them the placement, and their range in its mesh.
+    pub fn triangles_of(&self, is_meant: impl Fn(Surface) -> bool) -> Vec<(&Placement, Range<usize>)> {
+        let mut found = Vec::new();
+        for placement in &self.arrangement.placements {
+            let mesh = &self.geometry.meshes[placement.mesh as usize];
+            let ends = mesh.parts.iter().skip(1).map(|next| next.first_triangle as usize);
+            for (part, end) in mesh.parts.iter().zip(ends.chain([mesh.triangles.len()])) {
+                if is_meant(placement.surface(part)) {
+                    found.push((placement, part.first_triangle as usize..end));
+                }
+            }
+        }
+        found
     }
 
     /// The semantic label of a surface: the job's label of the object, else the job's label of the material, else the
@@ -111,17 +127,18 @@ impl Scene {
             {
                 continue;
             }
-            let surface = |part: &Part| Surface {
-                object: placement.first_object + part.object,
-                material: part.material,
-            };
-            labels.extend(meshes[mesh].parts.iter().map(|part| self.label(surface(part))));
+            labels.extend(meshes[mesh].parts.iter().map(|part| self.label(placement.surface(part))));
         }
         labels.into_iter().collect()
     }
 }
 
 impl Placement {
+    /// The surface of a part of the mesh.
+    fn surface(&self, part: &Part) -> Surface {
+        Surface { object: self.first_object + part.object, material: part.material }
+    }
+
     /// Mesh 0 as it stands, in the scene's space: placement 0 of every arrangement. (The placements of other regions are made by
     /// the [`SceneBuilder`](super::SceneBuilder).)
     pub const FIXED: Self = Self {

@@ -17,6 +17,7 @@
 mod arrangement;
 pub(crate) mod bounds;
 mod build;
+mod extent;
 mod flatten;
 mod geometry;
 pub mod gltf;
@@ -28,6 +29,7 @@ mod source;
 mod steps;
 
 pub use arrangement::{Arrangement, Placement, Scene, Surface};
+pub use extent::Extent;
 pub use geometry::{Geometry, Mesh, Object, Part, SourceFile, label_names};
 pub use material::Material;
 pub use notice::Notice;

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::compressed::DracoPrimitive;
 use super::data::{Data, Elements, Layout};
 use super::document::{DRACO, Document, GEOMETRY, is_harmless};
+use super::draco_primitive::DracoPrimitive;
 use super::fault::{Fault, missing, quoted};
 use super::notices::Notices;
 use super::schema::Component::{F32, I8, I16, U8, U16, U32};

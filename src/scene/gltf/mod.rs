@@ -8,7 +8,7 @@
 //! document   the JSON; versions and extensions
 //! data       buffers, views and accessors, with every size checked
 //! meshopt    compressed views
-//! draco      streams of Draco         compressed  primitives that get their elements from one
+//! draco      streams of Draco; draco_primitive: primitives that get their elements from one
 //! mesh       primitives, morph targets and skins to triangles
 //! nodes      the hierarchy to instances and labels
 //! materials  colours, and notes on what is not read
@@ -20,10 +20,10 @@
 //! Files are treated as hostile: nothing outside the scene's folder is opened, nothing is allocated or iterated on the word
 //! of the file alone, and every index is checked where it is used.
 
-mod compressed;
 mod data;
 mod document;
 mod draco;
+mod draco_primitive;
 mod fault;
 mod files;
 mod materials;

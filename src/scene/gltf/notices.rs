@@ -115,6 +115,6 @@ mod tests {
         }
         let list = notices.into_list();
         assert_eq!(list.len(), MOST_KINDS + 1);
-        assert!(list[MOST_KINDS].to_string().contains("more to say"), "{}", list[MOST_KINDS]);
+        assert!(list[MOST_KINDS].to_string().contains("more was found"), "{}", list[MOST_KINDS]);
     }
 }

@@ -1,5 +1,5 @@
 //! Files that violate glTF and leave no doubt where the geometry is: they are read, with a warning that names the place.
-//! Each test names the case of the field that it is about, if there is one.
+//! A test that is about a case names it.
 
 use super::*;
 use crate::source::Severity;
