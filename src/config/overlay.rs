@@ -154,10 +154,11 @@ fn lay_node_over(reading: Reading<'_>, name: &str, base: &mut Node, over: Node) 
     }
 }
 
-/// Whether the keys of a table address the elements of an array, so that the table does not replace the array.
+/// Whether the keys of a table address the elements of an array, so that the table does not replace the array. A table without
+/// keys addresses none, and so is reported as a table where an array belongs.
 fn is_addressed(elements: &[Node], over: &Entries) -> bool {
-    elements.iter().any(|e| matches!(e.value, Value::Table(_)))
-        || over.keys().all(|key| key.parse::<usize>().is_ok())
+    let has_tables = || elements.iter().any(|e| matches!(e.value, Value::Table(_)));
+    !over.is_empty() && (has_tables() || over.keys().all(|key| key.parse::<usize>().is_ok()))
 }
 
 fn name_of(element: &Node) -> Option<&str> {

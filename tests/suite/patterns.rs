@@ -531,4 +531,9 @@ fn a_job_takes_a_built_in_sensor_in_one_of_its_modes() {
         message("preset = 'ideal/camera'\nmode = 'fast'"),
         "the sensor has no mode `fast` | this sensor has no modes: leave it out"
     );
+    // A table without keys addresses no element of a list, and so is no list.
+    for key in ["beam_times_us", "cycle"] {
+        let found = message(&format!("preset = 'hesai/pandar128'\n[sensor.rotating]\n{key} = {{}}"));
+        assert!(found.starts_with(&format!("`{key}` is a table")), "{found}");
+    }
 }
