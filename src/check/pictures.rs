@@ -69,40 +69,43 @@ impl GroundMap {
         let (width, height) = (ny * scale, nx * scale);
         let log_most = libm::log(f64::from(self.most()));
         let part = |count: u32| if log_most > 0.0 { libm::log(f64::from(count)) / log_most } else { 1.0 };
-        let (left, top) = (56, 24);
-        let mut picture = Picture::new(width + left + 24, height + top + 36, NO_RETURN_COLOUR);
-        for down in 0..nx {
-            for across in 0..ny {
+        let pixels_a_m = scale as f64 / self.zone.cell_m;
+        let across = |y: f64| ((self.zone.y_m[1] - y) * pixels_a_m).round() as i64;
+        let down = |x: f64| ((self.zone.x_m[1] - x) * pixels_a_m).round() as i64;
+        // What is outside of the zone is not drawn, be it a part of the vehicle.
+        let mut map = Picture::new(width, height, Self::UNSEEN);
+        for row in 0..nx {
+            for column in 0..ny {
                 // +x is up and +y is left.
-                let count = self.counts[(ny - 1 - across) * nx + (nx - 1 - down)];
-                let colour = if count == 0 { Self::UNSEEN } else { Self::colour(part(count)) };
-                let corner = ((left + across * scale) as i64, (top + down * scale) as i64);
-                picture.fill(corner, (scale, scale), colour);
+                let count = self.counts[(ny - 1 - column) * nx + (nx - 1 - row)];
+                if count > 0 {
+                    let corner = ((column * scale) as i64, (row * scale) as i64);
+                    map.fill(corner, (scale, scale), Self::colour(part(count)));
+                }
             }
         }
-        let across =
-            |y: f64| left as i64 + ((self.zone.y_m[1] - y) / self.zone.cell_m * scale as f64).round() as i64;
-        let down =
-            |x: f64| top as i64 + ((self.zone.x_m[1] - x) / self.zone.cell_m * scale as f64).round() as i64;
-        let pixels_a_m = scale as f64 / self.zone.cell_m;
-        for (x, text) in axis(self.zone.x_m, pixels_a_m, |_| 40.0) {
-            picture.line((left as i64 - 5, down(x)), (left as i64 - 1, down(x)), LINE_COLOUR);
-            picture.text((left as i64 - 8 - text_width(&text, 1) as i64, down(x) - 4), &text, 1, TEXT_COLOUR);
-        }
-        let bottom = (top + height) as i64;
-        for (y, text) in axis(self.zone.y_m, pixels_a_m, |text| text_width(text, 1) as f64 + 8.0) {
-            picture.line((across(y), bottom), (across(y), bottom + 4), LINE_COLOUR);
-            picture.text((across(y) - text_width(&text, 1) as i64 / 2, bottom + 8), &text, 1, TEXT_COLOUR);
-        }
-        picture.text((left as i64, bottom + 24), "y, m", 1, TEXT_COLOUR);
-        picture.text((left as i64 - 8 - text_width("x, m", 1) as i64, 4), "x, m", 1, TEXT_COLOUR);
-        let corners = self.outline.iter().zip(self.outline.iter().cycle().skip(1));
-        for (a, b) in corners {
-            picture.line((across(a[1]), down(a[0])), (across(b[1]), down(b[0])), VEHICLE);
+        for (a, b) in self.outline.iter().zip(self.outline.iter().cycle().skip(1)) {
+            map.line((across(a[1]), down(a[0])), (across(b[1]), down(b[0])), VEHICLE);
         }
         for (_, [x, y]) in &self.sensors {
-            picture.fill((across(*y) - 2, down(*x) - 2), (5, 5), SENSOR);
+            map.fill((across(*y) - 2, down(*x) - 2), (5, 5), SENSOR);
         }
+        let (left, top) = (56, 24);
+        let mut picture = Picture::new(width + left + 24, height + top + 36, NO_RETURN_COLOUR);
+        picture.paste((left, top), &map);
+        let (left, top, bottom) = (left as i64, top as i64, (top + height) as i64);
+        for (x, text) in axis(self.zone.x_m, pixels_a_m, |_| 40.0) {
+            let at = top + down(x);
+            picture.line((left - 5, at), (left - 1, at), LINE_COLOUR);
+            picture.text((left - 8 - text_width(&text, 1) as i64, at - 4), &text, 1, TEXT_COLOUR);
+        }
+        for (y, text) in axis(self.zone.y_m, pixels_a_m, |text| text_width(text, 1) as f64 + 8.0) {
+            let at = left + across(y);
+            picture.line((at, bottom), (at, bottom + 4), LINE_COLOUR);
+            picture.text((at - text_width(&text, 1) as i64 / 2, bottom + 8), &text, 1, TEXT_COLOUR);
+        }
+        picture.text((left, bottom + 24), "y, m", 1, TEXT_COLOUR);
+        picture.text((left - 8 - text_width("x, m", 1) as i64, 4), "x, m", 1, TEXT_COLOUR);
         let mut entries = vec![
             Entry::Ramp {
                 name: "returns a cell".to_owned(),
@@ -306,6 +309,12 @@ mod tests {
         assert_eq!(at(300, 100), GroundMap::colour(1.0));
         assert_eq!([at(100, 100), at(100, 300), at(300, 300)], [GroundMap::UNSEEN; 3]);
         assert_eq!(map.share(), 0.25);
+        // A vehicle that is larger than the zone is not drawn over the numbers at its sides.
+        let far = [[-0.1, -0.1], [-0.1, 2.1], [2.1, 2.1], [2.1, -0.1]];
+        let with_vehicle = GroundMap { outline: far.to_vec(), ..map.clone() }.picture("map");
+        let rows = |picture: &Picture| picture.pixels[..3 * picture.width * 440].to_vec();
+        assert_eq!(with_vehicle.width, picture.width);
+        assert_eq!(rows(&with_vehicle), rows(&picture));
         assert_eq!(multiples([-1.0, 1.0], 0.5), [-1.0, -0.5, 0.0, 0.5, 1.0]);
         assert_eq!(number(0.1 + 0.2), "0.3");
     }

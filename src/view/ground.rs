@@ -97,7 +97,13 @@ fn drawing(map: &GroundMap, scale: f64, (width, height): (f64, f64)) -> String {
     if !map.outline.is_empty() {
         let points = map.outline.iter().map(|[x, y]| format!("{:.1},{:.1}", across(*y), down(*x)));
         let points = points.collect::<Vec<_>>().join(" ");
-        let _ = write!(svg, "<polygon class=\"vehicle\" points=\"{points}\"/>");
+        // A drawing in the drawing cuts off what is outside of the zone.
+        let (wide, high) = ((y[1] - y[0]) * scale, (x[1] - x[0]) * scale);
+        let _ = write!(
+            svg,
+            "<svg x=\"{left:.1}\" y=\"{EDGE:.1}\" width=\"{wide:.1}\" height=\"{high:.1}\" \
+             viewBox=\"{left:.1} {EDGE:.1} {wide:.1} {high:.1}\"><polygon class=\"vehicle\" points=\"{points}\"/></svg>"
+        );
     }
     let is_inside = |at: &[f64; 2]| (x[0]..=x[1]).contains(&at[0]) && (y[0]..=y[1]).contains(&at[1]);
     let mut sensors: Vec<_> = map.sensors.iter().filter(|(_, at)| is_inside(at)).collect();
