@@ -230,7 +230,10 @@ impl CloudFacts {
         for f in &self.fields {
             let _ = writeln!(text, "    {:<14}{:<7}{}", on_one_line(&f.name), f.kind, span(f.min, f.max));
         }
-        for comment in self.comments.iter().take(MOST_COMMENTS) {
+        // Instances may be many, and would leave no room for the rest.
+        let mut comments: Vec<&String> = self.comments.iter().collect();
+        comments.sort_by_key(|comment| comment.starts_with("instance "));
+        for comment in comments.into_iter().take(MOST_COMMENTS) {
             let _ = writeln!(text, "    {}", on_one_line(&shortened(comment)));
         }
         if self.comments.len() > MOST_COMMENTS {
@@ -313,6 +316,15 @@ mod tests {
         let channels =
             channels.into_iter().map(|(name, samples)| Channel { name: name.into(), samples }).collect();
         Part { name: String::new(), image: Image { rows: 1, columns: 3, channels }, attributes: [].into() }
+    }
+
+    #[test]
+    fn very_many_instances_do_not_hide_the_names_of_labels() {
+        let instances = (1..100).map(|id| format!("instance {id} = \"leaf\""));
+        let comments = instances.chain(["label 4 = [\"tree\"]".to_owned()]).collect();
+        let text = CloudFacts::of(&Cloud { comments, ..Cloud::default() }).to_text();
+        assert!(text.contains("    label 4 = [\"tree\"]\n    instance 1 = \"leaf\"\n"), "{text}");
+        assert!(text.ends_with("    and 76 more comments\n"), "{text}");
     }
 
     #[test]
