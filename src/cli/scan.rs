@@ -18,7 +18,7 @@ use crate::run::{Bytes, Holding, Journal, Plan, Session, Statistics, memory, pat
 use crate::scan::Frame;
 use crate::scene::Scene;
 use crate::source::Diagnostic;
-use crate::source::words::on_one_line;
+use crate::source::words::{counted, on_one_line};
 use crate::trace::AnyTracer;
 
 /// The arguments of `beamcast scan`.
@@ -89,9 +89,6 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Value, Error> {
     let job = load_job(args, path, terminal)?;
     let plan = Plan::of(&job, Holding::Files)?;
-    for warning in &plan.warnings {
-        terminal.warn(warning);
-    }
     let mut journal = Journal::check(&job, &plan, args.overwrite)?;
 
     let (scene, load) = timed(|| load_scene(&job, &args.job.scenes, terminal));
@@ -332,7 +329,12 @@ fn print_plan(
         let _ = writeln!(text, "{}: {rows} × {columns} = {} rays", s.name, pattern.rays());
     }
     let triangles = scene.triangle_count();
-    let _ = writeln!(text, "scene: {triangles} triangles, {} instances", scene.geometry.objects.len());
+    let _ = writeln!(
+        text,
+        "scene: {}, {}",
+        counted(triangles, "triangle"),
+        counted(scene.geometry.objects.len() as u64, "instance")
+    );
     let _ = writeln!(text, "memory for frames: at most {}", Bytes(plan.bytes));
     let _ = writeln!(text, "memory for the scene: about {}", Bytes(memory::of_scene(scene)));
     let _ = writeln!(text, "would write:");

@@ -10,7 +10,7 @@ use glam::DVec3;
 use crate::frame::Pose;
 use crate::output::Format;
 use crate::source::Doubt;
-use crate::source::words::list;
+use crate::source::words::{list, number};
 
 /// Degrees of a radian, as messages write them.
 const DEGREES: &str = "57.2958";
@@ -86,10 +86,10 @@ pub(super) fn focal_length(key: &str, focal_px: f64, side_px: f64) -> Option<Dou
         let doubt = Doubt::new(
             "focal-length-unit",
             key,
-            format!("`{key}` is {focal_px} pixels in an image of {side_px}: nearly half the world"),
+            format!("`{key}` is {} pixels in an image of {side_px}: nearly half the world", number(focal_px)),
         );
         let help = if focal_px < 3.0 {
-            format!("if it is a part of the image's side, write `{key} = {}`", focal_px * side_px)
+            format!("if it is a part of the image's side, write `{key} = {}`", number(focal_px * side_px))
         } else {
             "a focal length in millimetres is to be divided by the size of a pixel".to_owned()
         };

@@ -14,7 +14,10 @@ mod size;
 mod stance;
 
 use crate::config::Job;
+use crate::frame::Pose;
+use crate::output::{CloudFrame, Content};
 use crate::scene::{Extent, Scene};
+use crate::sensor::Capture;
 use crate::source::{Diagnostic, Doubt, Place};
 use crate::trace::Cast;
 
@@ -39,6 +42,33 @@ fn of_formats(job: &Job) -> Vec<Diagnostic> {
     found
 }
 
+/// The warning about points in 32-bit coordinates, if they come in steps of more than a millimetre.
+fn of_clouds(job: &Job) -> Option<Diagnostic> {
+    const COARSE_M: f32 = 1e-3;
+    let mut formats = job.output.formats.iter().zip(&job.places.formats);
+    let (format, place) = formats.find(|(format, _)| matches!(format.spec.content, Content::Points(_)))?;
+    let poses = job.sensors.iter().map(|mounted| match job.output.cloud_frame {
+        CloudFrame::Sensor => Pose::IDENTITY,
+        CloudFrame::Body => mounted.body_from_sensor,
+        CloudFrame::World => {
+            Capture::new(&mounted.sensor, mounted.body_from_sensor, &job.trajectory, 0, job.seed)
+                .world_from_sensor(0.0)
+        }
+    });
+    let farthest = poses.map(|pose| pose.translation.abs().max_element()).fold(0.0, f64::max) as f32;
+    let step = farthest.next_up() - farthest;
+    (step > COARSE_M).then(|| {
+        let message = format!(
+            "points of {} lie {farthest} m from the origin, where 32-bit coordinates come in steps of {} mm",
+            format.name(),
+            step * 1e3
+        );
+        Doubt::new("coarse-cloud", "output.frame", message)
+            .help("`frame = \"sensor\"` in `[output]` keeps them exact")
+            .at(place)
+    })
+}
+
 /// The warnings about a job in its scene, which the tracer casts at: sensor by sensor, then the expectations.
 pub fn of_job(job: &Job, scene: &Scene, tracer: &impl Cast) -> Vec<Diagnostic> {
     let extent = scene.extent();
@@ -48,6 +78,7 @@ pub fn of_job(job: &Job, scene: &Scene, tracer: &impl Cast) -> Vec<Diagnostic> {
         found.extend(doubts.into_iter().map(|doubt| doubt.at(place)));
     }
     found.extend(of_formats(job));
+    found.extend(of_clouds(job));
     for (expectation, place) in job.expectations.iter().zip(&job.places.expectations) {
         if let Some(problem) = expectation.what.missing(scene) {
             let message = format!("`{}` expects something of what is not there: {problem}", expectation.name);

@@ -1,7 +1,6 @@
 //! Memory: how much this process may have, and estimates of how much a run needs.
 
 use std::fmt;
-use std::fs;
 
 use crate::config::MountedSensor;
 use crate::error::Error;
@@ -9,6 +8,8 @@ use crate::output::Format;
 use crate::scan::Frame;
 use crate::scene::Scene;
 use crate::sensor::{Pattern, Pulse, RayTable, Sensor};
+use crate::source::memory::kilobytes_of;
+pub use crate::source::memory::of_machine;
 
 /// The frames, and the things made of them, that a run holds in memory at the same time. They decide how much it needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -168,15 +169,6 @@ fn check_against(what: &str, needed: u64, memory: Option<u64>) -> Result<(), Err
     }
 }
 
-/// Bytes of memory that this process may have, where the system says so.
-pub fn of_machine() -> Option<u64> {
-    let machine = proc_kilobytes("/proc/meminfo", "MemTotal:");
-    // A container's limit may be less.
-    let limit =
-        fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());
-    [machine, limit].into_iter().flatten().min()
-}
-
 /// Bytes that the numbers of recorded files may take where images are made, compared or shown of them: that takes about five
 /// times as much, which was measured on an image of 16384 × 16384 pixels.
 pub fn for_recordings() -> u64 {
@@ -186,14 +178,7 @@ pub fn for_recordings() -> u64 {
 
 /// The most memory that this process held at any time, in bytes, where the system says so.
 pub fn peak() -> Option<u64> {
-    proc_kilobytes("/proc/self/status", "VmHWM:")
-}
-
-/// Reads a line such as `MemTotal:  1024 kB`, in bytes.
-fn proc_kilobytes(file: &str, key: &str) -> Option<u64> {
-    let text = fs::read_to_string(file).ok()?;
-    let value = text.lines().find_map(|line| line.strip_prefix(key))?;
-    value.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+    kilobytes_of("/proc/self/status", "VmHWM:")
 }
 
 /// Shows a number of bytes in a decimal unit that suits it.
@@ -288,7 +273,7 @@ mod tests {
     fn linux_tells_of_its_memory() {
         assert!(of_machine().unwrap() > 1 << 20);
         assert!(peak().unwrap() > 1 << 16);
-        assert_eq!(proc_kilobytes("/proc/self/status", "NoSuchKey:"), None);
-        assert_eq!(proc_kilobytes("/nowhere", "MemTotal:"), None);
+        assert_eq!(kilobytes_of("/proc/self/status", "NoSuchKey:"), None);
+        assert_eq!(kilobytes_of("/nowhere", "MemTotal:"), None);
     }
 }

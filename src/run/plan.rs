@@ -3,8 +3,7 @@
 use super::memory::{self, Holding};
 use crate::config::{Job, MountedSensor};
 use crate::error::Error;
-use crate::frame::Pose;
-use crate::output::{CloudFrame, Content, Format, Kind, Manifest};
+use crate::output::{Format, Kind, Manifest};
 use crate::scene::Scene;
 use crate::sensor::Capture;
 
@@ -20,8 +19,6 @@ pub struct Plan {
     /// An upper estimate of the memory that the frames take with everything that is made of them, in bytes. The memory of
     /// the scene comes on top.
     pub bytes: u64,
-    /// Sentences about outputs that are probably not what was meant.
-    pub warnings: Vec<String>,
 }
 
 /// A frame of a sensor.
@@ -61,8 +58,7 @@ impl Plan {
         if let Some(problem) = format_problems(job).into_iter().next() {
             return Err(Error::Usage(problem));
         }
-        let mut plan =
-            Self { items: Vec::new(), streams: Vec::new(), rays: 0, bytes: 0, warnings: Vec::new() };
+        let mut plan = Self { items: Vec::new(), streams: Vec::new(), rays: 0, bytes: 0 };
         for (index, MountedSensor { name, sensor, .. }) in job.sensors.iter().enumerate() {
             let (rows, columns) = (sensor.pattern.rows() as u64, sensor.pattern.columns() as u64);
             let rays = rows.checked_mul(columns).and_then(|rays| plan.rays.checked_add(rays));
@@ -86,7 +82,6 @@ impl Plan {
             holding,
         ));
         memory::check("the rig", plan.bytes)?;
-        plan.warnings.extend(precision_warning(job, &plan.items));
         Ok(plan)
     }
 
@@ -134,25 +129,4 @@ pub fn label_problem(formats: impl Iterator<Item = Format>, scene: &Scene) -> Op
     let problem = |format: Format| Some((format, check(format).err()?));
     let (format, problem) = formats.into_iter().find_map(problem)?;
     Some(format!("the scene has no {}: {problem}", format.name()))
-}
-
-/// The loss of a cloud in 32-bit coordinates, if it is more than a millimetre.
-fn precision_warning(job: &Job, items: &[Item]) -> Option<String> {
-    let pose = |item: &Item| match job.output.cloud_frame {
-        CloudFrame::Sensor => Pose::IDENTITY,
-        CloudFrame::Body => job.sensors[item.sensor].body_from_sensor,
-        CloudFrame::World => item.capture(job).world_from_sensor(0.0),
-    };
-    let coordinates = items.iter().map(|item| pose(item).translation.abs().max_element());
-    let farthest = coordinates.fold(0.0, f64::max) as f32;
-    let step = farthest.next_up() - farthest;
-    let has_points =
-        job.output.formats.iter().any(|format| matches!(format.spec.content, Content::Points(_)));
-    (has_points && step > 1e-3).then(|| {
-        format!(
-            "points {farthest} m from the origin come in steps of {} mm, the spacing of 32-bit floats there; \
-             output.frame = \"sensor\" keeps them exact",
-            step * 1e3
-        )
-    })
 }

@@ -3,6 +3,7 @@
 //!
 //! ```text
 //! read         the one way to read a file
+//! memory       the memory of the machine, which bounds what is read
 //! file_kind    what a file is, by its content, and what to do with it
 //! report       the texts that were read, and every problem found in them
 //! diagnostic   one problem, with the place to point at
@@ -15,6 +16,7 @@
 pub(crate) mod csv;
 mod diagnostic;
 mod file_kind;
+pub(crate) mod memory;
 mod read;
 mod report;
 pub(crate) mod suggest;

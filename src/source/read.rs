@@ -6,6 +6,7 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use super::file_kind::{FileKind, HEAD_BYTES};
+use super::memory;
 
 /// Why a file can't be read.
 #[derive(Debug)]
@@ -65,6 +66,9 @@ impl From<io::Error> for Unreadable {
     }
 }
 
+/// A file of so many bytes is read without asking for the machine's memory.
+const ALWAYS_FITS: u64 = 64 << 20;
+
 /// Reads a regular file of at most `limit` bytes.
 ///
 /// A pipe, a device or a socket is never opened, since opening or reading one could wait for ever, and no more than `limit`
@@ -76,6 +80,10 @@ pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, Unreadable> 
     let (file, length) = open_regular(path)?;
     if length > limit {
         return Err(Unreadable::TooLarge { bytes: length, limit });
+    }
+    // Something is made of the content beside it.
+    if length > ALWAYS_FITS && memory::of_machine().is_some_and(|memory| length > memory / 2) {
+        return Err(Unreadable::OutOfMemory(length));
     }
     let mut bytes = Vec::new();
     // With one byte more than the length, the read that finds the end does not make the buffer grow.
@@ -197,5 +205,14 @@ mod tests {
         let refused = Unreadable::from(io::Error::from(io::ErrorKind::PermissionDenied));
         assert!(std::error::Error::source(&refused).is_some());
         assert_eq!(refused.to_string(), "reading the file is not permitted");
+    }
+
+    #[test]
+    fn a_file_larger_than_the_machine_is_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sparse.glb");
+        // The file has no block of the disk.
+        fs::File::create(&path).unwrap().set_len(1 << 42).unwrap();
+        assert!(matches!(read_file(&path, u64::MAX), Err(Unreadable::OutOfMemory(_))));
     }
 }

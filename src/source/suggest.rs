@@ -1,6 +1,6 @@
 //! "Did you mean": the nearest of the words, or of the files of a folder.
 
-use std::path::Path;
+use std::path::{Component, Path};
 
 use super::words::{list, quoted};
 
@@ -59,11 +59,18 @@ pub(crate) fn missing_file_help(as_written: &str, path: &Path) -> Option<String>
     let extension = path.extension();
     names.retain(|name| Path::new(name).extension() == extension);
     let shown = quoted(&shown.to_string_lossy());
-    if names.is_empty() || names.len() > 12 {
+    // A job may be a stranger's, and name any folder: its report does not list what lies there.
+    let written = Path::new(as_written);
+    let ups = written.components().filter(|part| *part == Component::ParentDir).count();
+    let is_near = !written.has_root() && ups <= 1;
+    if names.is_empty() || names.len() > MOST_LISTED || extension.is_none() || !is_near {
         return Some(format!("looked in the folder {shown}"));
     }
     Some(format!("the folder {shown} has {}", list(names.iter().map(String::as_str), "and")))
 }
+
+/// Most names of a folder that are listed.
+const MOST_LISTED: usize = 12;
 
 /// Most names of a folder that are compared.
 const MOST_NAMES: usize = 10_000;
@@ -92,6 +99,13 @@ mod tests {
             |name: &str| missing_file_help(&format!("sensors/{name}"), &folder.path().join(name)).unwrap();
         assert_eq!(help("velodyn_vlp16.toml"), "did you mean `sensors/velodyne_vlp16.toml`?");
         assert!(help("os1.toml").ends_with("has `velodyne_vlp16.toml`"), "{}", help("os1.toml"));
+        // A folder far away, or of keys without an extension, is not listed.
+        for far in ["../../../root/os1.toml", "a/../../b/../os1.toml", "/root/os1.toml"] {
+            let help = missing_file_help(far, &folder.path().join("os1.toml")).unwrap();
+            assert!(help.starts_with("looked in the folder"), "{help}");
+        }
+        std::fs::write(folder.path().join("id_rsa"), "").unwrap();
+        assert!(help("known").starts_with("looked in the folder"), "{}", help("known"));
         assert!(help("deeper/os1.toml").starts_with("there is no folder"), "{}", help("deeper/os1.toml"));
     }
 }

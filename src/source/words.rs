@@ -116,6 +116,16 @@ pub(crate) fn joined(words: &[String], conjunction: &str) -> String {
     }
 }
 
+/// A number in a message: without an exponent, unless it has more zeros than anyone would count.
+pub(crate) fn number(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || !size.is_finite() || (1e-9..1e12).contains(&size) {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
+}
+
 /// A count with its noun: `1 return`, `3 returns`.
 pub(crate) fn counted<N: Display + PartialEq + From<u8>>(count: N, noun: &str) -> String {
     let s = if count == N::from(1) { "" } else { "s" };
@@ -125,6 +135,12 @@ pub(crate) fn counted<N: Display + PartialEq + From<u8>>(count: N, noun: &str) -
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_of_any_size_are_short() {
+        let shown: Vec<_> = [0.0, 0.3, 36.5, -2e6, 1e-300, 64e-300, 1e300].map(number).into();
+        assert_eq!(shown, ["0", "0.3", "36.5", "-2000000", "1e-300", "6.4e-299", "1e300"]);
+    }
 
     #[test]
     fn user_text_is_harmless_in_a_message() {

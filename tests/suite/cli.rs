@@ -368,6 +368,8 @@ fn coordinates_that_a_cloud_cannot_resolve_are_warned_of() {
     let output = work.scan(&["--set", far, "--set", "output.frame=world"]);
     assert_eq!(code(&output), 0);
     assert!(stderr(&output).contains("in steps of 500 mm"), "{}", stderr(&output));
+    let strict = work.scan(&["--set", far, "--set", "output.frame=world", "--overwrite", "--strict"]);
+    assert_eq!(code(&strict), 2, "{}", stderr(&strict));
     assert!(!stderr(&work.scan(&["--set", far, "--overwrite"])).contains("steps"));
 }
 

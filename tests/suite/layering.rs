@@ -24,7 +24,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("selftest", &["angle", "frame", "motion", "output", "scan", "scene", "sensor", "trace"]),
     ("kernels", &["angle", "error", "frame", "motion", "rng", "scan", "scene", "sensor", "trace"]),
     ("config", &["angle", "check", "error", "frame", "motion", "output", "sensor", "source", "trace"]),
-    ("plausibility", &["config", "frame", "motion", "scene", "sensor", "source", "trace"]),
+    ("plausibility", &["config", "frame", "motion", "output", "scene", "sensor", "source", "trace"]),
     (
         "run",
         &[

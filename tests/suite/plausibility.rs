@@ -146,6 +146,7 @@ fn keys_of_other_programs_have_an_answer() {
         ("[output]", "[imu]\nrate_hz = 100\n[output]", "imu", "not supported yet"),
         ("[output]", "[weather]\nrain_mm_h = 10\n[output]", "weather", "not supported yet"),
         ("columns = 36", "columns = 36.0", "columns", "write 36"),
+        // The case blender_dot_names.
         ("[output]", "[labels]\nCube.001 = 3\n[output]", "Cube", "\"Cube.001\" = 3"),
         ("[output]", "[labels]\na.b.c = 3\n[output]", "a", "\"a.b.c\" = 3"),
         ("scene = \"room.glb\"", "scene = \"C:\\Users\\me\\room.glb\"", "", "in single quotes"),
@@ -329,6 +330,27 @@ fn sensors_that_do_not_fit_their_scene() {
             )],
             "unknown-object",
             "did you mean `person`?",
+        ),
+        (
+            1.0,
+            upright,
+            vec![(
+                "[output]",
+                "[[expect]]\nname = \"e\"\npoints = { label = 77, at_least = 1 }\n[output]".to_owned(),
+            )],
+            "unknown-object",
+            "no surface of the scene has label 77",
+        ),
+        (
+            1.0,
+            upright,
+            vec![(
+                "[output]",
+                "[trajectory.pose]\nposition_m = [451000.0, 0.0, 0.0]\n[output]\nframe = \"world\""
+                    .to_owned(),
+            )],
+            "coarse-cloud",
+            "in steps of 31.25 mm",
         ),
     ] {
         let changes: Vec<(&str, &str)> = changes

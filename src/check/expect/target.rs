@@ -37,8 +37,27 @@ impl Target {
             && (self.object.is_none() || self.names(&scene.geometry.objects[hit.instance as usize].name))
     }
 
-    /// The problem that the scene has nothing of the target's name, if that is so.
+    /// The problem that the scene has nothing of the target's name or label, if that is so.
     pub(super) fn missing(&self, scene: &Scene) -> Option<String> {
+        self.missing_object(scene).or_else(|| self.missing_label(scene))
+    }
+
+    fn missing_label(&self, scene: &Scene) -> Option<String> {
+        let label = self.label?;
+        let labels = scene.labels();
+        if labels.contains(&label) {
+            return None;
+        }
+        let labels: Vec<String> = labels.iter().filter(|label| **label > 0).map(u32::to_string).collect();
+        let help = match labels.len() {
+            0 => "; it has none, and `[labels]` of the job gives them".to_owned(),
+            1..=MAX_LISTED => format!("; it has {}", labels.join(", ")),
+            _ => String::new(),
+        };
+        Some(format!("no surface of the scene has label {label}{help}"))
+    }
+
+    fn missing_object(&self, scene: &Scene) -> Option<String> {
         let object = self.object.as_ref()?;
         if scene.geometry.objects.iter().any(|instance| self.names(&instance.name)) {
             return None;

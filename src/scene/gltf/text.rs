@@ -3,7 +3,8 @@
 //!
 //! Serialisers write `null` where a value is absent, and `inf` or `NaN` where a number is none. Neither is glTF, the second is
 //! not even JSON, and both stand mostly where no geometry is concerned. A `null` is taken out of the text, and a number that is
-//! none becomes an empty text, which the parser passes over where it needs no number.
+//! none becomes an empty text, which the parser passes over where it needs no number. Programs that number elements from 0 also
+//! write -1 for no element, which is taken out as `null` is.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -167,6 +168,12 @@ impl<'t> Scanner<'t> {
         keys.next().is_some_and(|key| WHOLE_NUMBERS.contains(&key)) || keys.next() == Some(b"attributes")
     }
 
+    /// Whether a number here is that of an element, which may be left out.
+    fn wants_element(&self) -> bool {
+        let in_object = self.levels.last().filter(|level| level.is_object);
+        self.is_gltf() && in_object.is_some_and(|level| OPTIONAL_ELEMENTS.contains(&self.key(level)))
+    }
+
     /// Whether a `null` here stands for a value that is absent, and not for something that glTF leaves to others.
     fn is_gltf(&self) -> bool {
         let mut keys = self.keys();
@@ -209,6 +216,19 @@ const WHOLE_NUMBERS: [&[u8]; 22] = [
     b"TRANSLATION",
     b"ROTATION",
     b"SCALE",
+];
+
+/// The members whose value is the number of an element that need not be there.
+const OPTIONAL_ELEMENTS: [&[u8]; 9] = [
+    b"bufferView",
+    b"camera",
+    b"indices",
+    b"inverseBindMatrices",
+    b"material",
+    b"mesh",
+    b"scene",
+    b"skeleton",
+    b"skin",
 ];
 
 /// `node` for `nodes`.
@@ -321,15 +341,16 @@ fn mended_values(text: &[u8], notices: &Notices) -> Option<Vec<u8>> {
                 }
                 let mend = match &text[at.clone()] {
                     b"null" => mend_of_null(&scanner),
+                    b"-1" => scanner.wants_element().then_some(Mend::TakeOut),
                     value if is_no_number(value) => Some(Mend::Replace(b"\"\"")),
                     _ => None,
                 };
                 let Some(mend) = mend else { continue };
-                let is_null = &text[at.clone()] == b"null";
                 let bytes = mended.get_or_insert_with(|| text.to_vec());
-                let message = match is_null {
-                    true => "null is read as if it was not there",
-                    false => "inf or NaN is neither JSON nor a number of glTF, and is passed over",
+                let message = match &text[at.clone()] {
+                    b"null" => "null is read as if it was not there",
+                    b"-1" => "-1 is no element, and is read as if it was not there",
+                    _ => "inf or NaN is neither JSON nor a number of glTF, and is passed over",
                 };
                 notices.warn(|| scanner.place(), message);
                 match mend {

@@ -158,6 +158,9 @@ impl FileKind {
         let message = match self {
             Self::Empty => "the file is empty".to_owned(),
             Self::Text | Self::Unknown => format!("this is not {words}"),
+            Self::Gltf1 if wanted == Wanted::Scene => {
+                format!("this is {}, and glTF 2.0 is read", self.name())
+            }
             Self::Calibration(Unit::HesaiMirrors) => format!("this is {}, which is not read", self.name()),
             _ => format!("this is {}, not {words}", self.name()),
         };

@@ -29,6 +29,13 @@ pub(super) fn kind_of(text: &str) -> FileKind {
     if text.starts_with('<') {
         return kind_of_markup(text);
     }
+    if is_path(text) {
+        return Wrapped(
+            "the text of a link",
+            "a link was checked out or copied as a text that names a file: copy the file itself, or let git make links \
+             (`git config core.symlinks true`, then check out again)",
+        );
+    }
     let lines = || text.lines().take(MOST_LINES).map(str::trim).filter(|line| !line.is_empty());
     let begins = |words: &[&str]| lines().any(|line| words.contains(&first_word(line)));
     let numbers = |line: &str| line.split([' ', '\t', ';']).filter(|cell| !cell.is_empty()).all(is_number);
@@ -52,6 +59,17 @@ pub(super) fn kind_of(text: &str) -> FileKind {
         }
         () => kind_of_keys(text),
     }
+}
+
+/// Whether all of a text is a relative path with a folder, as git writes links where the system has none.
+fn is_path(text: &str) -> bool {
+    const LONGEST: usize = 1024;
+    let is_part = |part: &str| !part.is_empty() && !part.contains(char::is_whitespace);
+    text.len() <= LONGEST
+        && !text.contains([':', '=', ',', ';', '"', '#', '{', '['])
+        && text.contains('/')
+        && text.split('/').all(is_part)
+        && text.rsplit('/').next().is_some_and(|name| name.contains('.') && !is_number(name))
 }
 
 const STL: &str = "Blender, or `assimp export FILE scene.glb`, makes glTF of it";

@@ -12,6 +12,7 @@ use super::super::table::{Key, Table};
 use super::rays::RayFiles;
 use crate::sensor::{Capture, Limited, Pattern, RangeLimits, Ranging, Sensor};
 use crate::source::Doubt;
+use crate::source::words::number;
 
 /// The reader of a pattern's table.
 type Read = fn(&Table<'_>, &RayFiles) -> Option<Pattern>;
@@ -81,7 +82,7 @@ fn warn_of_ambiguity(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) {
     if period_s > 0.0 && range.max_m.is_finite() && range.max_m > unambiguous {
         let message = format!(
             "the sensor sees {} m far, and a beam pulses every {:.3} µs: the unambiguous range is {unambiguous:.1} m",
-            range.max_m,
+            number(range.max_m),
             period_s * 1e6
         );
         let label = "farther than light comes back from in time";

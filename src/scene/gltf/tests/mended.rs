@@ -375,6 +375,33 @@ fn null_is_as_if_it_was_not_there() {
     assert_eq!(warnings(&asset), ["node 0 \"Car\", children: null is read as if it was not there"]);
 }
 
+/// Programs that number elements from 0 write -1 for none.
+#[test]
+fn minus_one_is_no_element() {
+    let asset = Asset::triangle();
+    for (element, key) in
+        [("/nodes/0", "skin"), ("/nodes/0", "camera"), ("/meshes/0/primitives/0", "material"), ("", "scene")]
+    {
+        let mut asset = Asset { json: asset.json.clone(), data: asset.data.clone() };
+        asset.json.pointer_mut(element).unwrap()[key] = json!(-1);
+        let loaded = asset.load();
+        close(&world(&loaded), &[UNIT], 0.0);
+        let told = warned(&loaded);
+        assert!(
+            told.len() == 1
+                && told[0].ends_with(&format!("{key}: -1 is no element, and is read as if it was not there")),
+            "{told:?}"
+        );
+    }
+    // An index of a list and a coordinate may not be left out, and `extras` are the user's.
+    let mut asset = Asset { json: asset.json.clone(), data: asset.data.clone() };
+    asset.json["nodes"][0]["extras"] = json!({ "mesh": -1 });
+    asset.json["nodes"][0]["translation"] = json!([-1, 0, 0]);
+    assert_eq!(warnings(&asset), Vec::<String>::new());
+    asset.json["nodes"][0]["children"] = json!([-1]);
+    assert!(asset.error().contains("children"));
+}
+
 #[test]
 fn null_among_elements_keeps_the_numbers_of_the_others() {
     let mut asset = Asset::triangle();
