@@ -112,9 +112,9 @@ impl Expectation {
 }
 
 impl Expected {
-    /// The problem that the scene has nothing of the name that the expectation is about, if that is so.
+    /// The problem that the scene has nothing of the name or of the label that the expectation is about, if that is so.
     pub fn missing(&self, scene: &Scene) -> Option<String> {
-        match self {
+        let target = match self {
             Self::Points { target, .. } | Self::Plane { target, .. } | Self::Resolution { target, .. } => {
                 target
             }
@@ -122,8 +122,8 @@ impl Expected {
             Self::BlindZone { ground, .. } => &ground.target,
             Self::Unobstructed { body, .. } => body,
             Self::Returns(_) | Self::PointsPerSecond(_) | Self::Speed { .. } => return None,
-        }
-        .missing(scene)
+        };
+        target.missing(scene).or_else(|| target.missing_label(scene))
     }
 
     /// The expectation in words, and the finding.

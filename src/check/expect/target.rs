@@ -37,12 +37,9 @@ impl Target {
             && (self.object.is_none() || self.names(&scene.geometry.objects[hit.instance as usize].name))
     }
 
-    /// The problem that the scene has nothing of the target's name or label, if that is so.
-    pub(super) fn missing(&self, scene: &Scene) -> Option<String> {
-        self.missing_object(scene).or_else(|| self.missing_label(scene))
-    }
-
-    fn missing_label(&self, scene: &Scene) -> Option<String> {
+    /// The problem that no surface of the scene has the target's label, if that is so. An expectation of nothing of a label is
+    /// met then, so that this is no more than odd.
+    pub(super) fn missing_label(&self, scene: &Scene) -> Option<String> {
         let label = self.label?;
         let labels = scene.labels();
         if labels.contains(&label) {
@@ -57,7 +54,8 @@ impl Target {
         Some(format!("no surface of the scene has label {label}{help}"))
     }
 
-    fn missing_object(&self, scene: &Scene) -> Option<String> {
+    /// The problem that the scene has nothing of the target's name, if that is so.
+    pub(super) fn missing(&self, scene: &Scene) -> Option<String> {
         let object = self.object.as_ref()?;
         if scene.geometry.objects.iter().any(|instance| self.names(&instance.name)) {
             return None;
