@@ -166,10 +166,10 @@ fn documented<'s>(
     }
 }
 
-/// Whether a key is the documented one, whose `*` stands for any name.
+/// Whether a key is the documented one, whose `*` stands for any name. Of a table without names, only its own key is seen.
 fn is_meant(documented: &str, key: &str) -> bool {
-    match documented.strip_suffix('*') {
-        Some(start) => key.starts_with(start),
+    match documented.strip_suffix(".*") {
+        Some(table) => key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.')),
         None => key == documented,
     }
 }
