@@ -6,6 +6,8 @@ use std::path::Path;
 use beamcast::config;
 use beamcast::source::Diagnostic;
 
+use crate::shapes::cuboid;
+
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// A good job, whose parts the tests replace.
@@ -241,28 +243,12 @@ fn write_scene(path: &Path, objects: &[(&str, [f32; 3], [f32; 3])]) {
     let (mut bytes, mut meshes, mut nodes, mut views, mut accessors) =
         (Vec::new(), vec![], vec![], vec![], vec![]);
     for (index, (name, low, high)) in objects.iter().enumerate() {
-        let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] });
-        let triangles: Vec<[u8; 3]> = if low[1] == high[1] {
-            vec![[0, 4, 1], [1, 4, 5]]
-        } else {
-            vec![
-                [0, 2, 1],
-                [1, 2, 3],
-                [4, 5, 6],
-                [5, 7, 6],
-                [0, 1, 4],
-                [1, 5, 4],
-                [2, 6, 3],
-                [3, 6, 7],
-                [0, 4, 2],
-                [2, 4, 6],
-                [1, 3, 5],
-                [3, 7, 5],
-            ]
-        };
+        let mut solid = cuboid(*low, *high);
+        let triangles =
+            if low[1] == high[1] { vec![[0, 4, 1], [1, 4, 5]] } else { solid.parts.swap_remove(0).triangles };
         let start = bytes.len();
-        let positions: Vec<u8> = (0..8).flat_map(corner).flat_map(f32::to_le_bytes).collect();
-        let indices: Vec<u8> = triangles.concat();
+        let positions: Vec<u8> = solid.positions.into_iter().flatten().flat_map(f32::to_le_bytes).collect();
+        let indices: Vec<u8> = triangles.concat().into_iter().map(|index| index as u8).collect();
         bytes.extend(&positions);
         bytes.extend(&indices);
         while bytes.len() % 4 != 0 {

@@ -103,8 +103,9 @@ fn note_of_extensions(document: &Document, notices: &Notices) {
     }
     let names: Vec<String> = others().take(MOST_NAMES).map(quoted).collect();
     let more = if count > names.len() { ", …" } else { "" };
-    let (count, names) = (counted(count, "extension"), names.join(", "));
-    notices.note(|| "extensionsUsed".to_owned(), format!("{count} not read: {names}{more}"), None);
+    let (are, names) = (if count == 1 { "is" } else { "are" }, names.join(", "));
+    let message = format!("{} {are} not read: {names}{more}", counted(count, "extension"));
+    notices.note(|| "extensionsUsed".to_owned(), message, None);
 }
 
 fn note_of_material(material: &MaterialJson, place: &impl Fn() -> String, notices: &Notices) {

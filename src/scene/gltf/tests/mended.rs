@@ -638,7 +638,7 @@ fn what_is_not_read_is_counted_and_named() {
              them",
             "node 1 \"Camera\": cameras of the file are not used: a job places its own sensors (`beamcast info` lists \
              cameras)",
-            "extensionsUsed: 2 extensions not read: \"KHR_texture_transform\", \"MSFT_lod\"",
+            "extensionsUsed: 2 extensions are not read: \"KHR_texture_transform\", \"MSFT_lod\"",
         ]
     );
     assert!(warnings(&asset).is_empty());
