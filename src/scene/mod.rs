@@ -13,6 +13,18 @@
 //!
 //! In a scene so large that this rounding would be felt (some kilometres), the meshes that are placed once are shared out to
 //! several [regions](Geometry::regions) with centres of their own; `regions` says how, and why rays find no seam between them.
+//!
+//! ```text
+//! source       what a scene is made of before it is one: meshes, and where they are placed
+//! build        from these to a scene: one space, one numbering
+//! flatten      the meshes that are placed once; regions and steps: how large scenes are split, and why they agree
+//! rounding     what it costs that vertices have 32 bits
+//! geometry     the half that no time changes; material: what surfaces are like
+//! arrangement  the half that says where meshes are, and the scene as both
+//! extent       how far a scene reaches; bounds: boxes
+//! notice       what is to be known of a scene though it can be used
+//! gltf/        reading glTF
+//! ```
 
 mod arrangement;
 pub(crate) mod bounds;

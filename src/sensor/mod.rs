@@ -1,4 +1,11 @@
 //! Sensors as pure geometry: the pattern of a sensor yields pulses. This room reads no files and knows no scene.
+//!
+//! ```text
+//! rotating raster mirror risley rays   the patterns of LiDARs, one file each
+//! camera     the directions of a camera's pixels; lens: models of distortion; polynomial: where a model folds
+//! capture    one frame of one sensor: the only door to pulses
+//! facts      what follows from a pattern: fields of view, steps, points a second
+//! ```
 
 mod camera;
 mod capture;

@@ -6,6 +6,18 @@
 //! same hits, bit for bit, with bounding volume hierarchies. [`AnyTracer`] casts with it or, for comparison, with one of the
 //! published [`methods`].
 //!
+//! ```text
+//! exact        the definition; dyadic: its arithmetic; adversary: inputs that are hard for it
+//! brute        every triangle, by the definition
+//! tracer       the hierarchies of a scene: top, over its placements, and bvh/, over a mesh
+//! packet/      neighbouring rays together; policy: how many of them
+//! single       rays alone; stream: many of them in turns
+//! simd/        eight lanes: portable, AVX2, AVX-512; rounding: the constants of f32 bounds
+//! rays batch   rays and hits as callers and as traversals have them; hit_attributes: what a hit's triangle tells
+//! methods/     the published methods; any: the tracer that a job casts with
+//! scratch      the memory of casting; stats: counters of its work
+//! ```
+//!
 //! Rays come in batches of neighbours, such as a tile of an image or the beams of a firing. They are fast if they share an origin.
 //! Where one ray has several hits to give (cut-outs, glass, further returns), [`Rays::after`] asks for the next one.
 
