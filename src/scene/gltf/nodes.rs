@@ -184,9 +184,8 @@ fn local_transform(node: &Node, place: &impl Fn() -> String, notices: &Notices) 
         if row != right {
             if row.iter().zip(right).any(|(found, right)| (found - right).abs() > LAST_ROW_TOLERANCE) {
                 let problem = format!("the last row of its matrix is {row:?}");
-                return Err(
-                    Fault::new("", problem).help("[0, 0, 0, 1]; matrices are written column by column")
-                );
+                return Err(Fault::new("", problem)
+                    .help("it is [0, 0, 0, 1] in glTF, whose matrices are written column by column"));
             }
             notices.warn(place, "the last row of its matrix is nearly, and taken as, [0, 0, 0, 1]");
         }
