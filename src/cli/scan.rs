@@ -101,9 +101,6 @@ fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal)
         strictly(&diagnostics)?;
     }
     plan.check_scene(&scene)?;
-    if args.dry_run {
-        return print_plan(args, terminal, &job, &plan, &scene, &diagnostics, &journal);
-    }
     let (tracer, build) = timed(|| AnyTracer::build(&scene, job.kernel));
     interrupt.check()?;
 
@@ -111,6 +108,9 @@ fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal)
     let doubts = session.doubts();
     heed(&doubts, args.strict, terminal)?;
     diagnostics.extend(doubts);
+    if args.dry_run {
+        return print_plan(args, terminal, &session.job, &plan, session.scene(), &diagnostics, &journal);
+    }
     interrupt.uncut(|| journal.begin(&plan))?;
     let writing = Writing::of(plan.output_names().len() as u64);
     let casting = || {

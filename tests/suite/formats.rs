@@ -439,7 +439,11 @@ fn coarse_coordinates_are_told_of_all_clouds() {
         let room = Room::with(&format!("formats = [\"{formats}\"]\nframe = \"world\""));
         let far = "trajectory.pose.position_m=[5e5, 5e6, 0.0]";
         let (_, text) = room.run(&["scan", "job.toml", "--dry-run", "--set", far]);
-        assert_eq!(text.contains("the spacing of 32-bit floats there"), is_told, "{formats}: {text}");
+        assert_eq!(
+            text.contains("where 32-bit coordinates come in steps of 500 mm"),
+            is_told,
+            "{formats}: {text}"
+        );
     }
 }
 
