@@ -438,6 +438,14 @@ fn a_full_disk_leaves_no_partial_file() {
     assert!(files(&work.path("out")).is_empty());
 }
 
+/// Whether this process, and so what it starts, ignores a signal. Where the system does not tell, it does not.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    ignored.is_some_and(|set| u64::from_str_radix(set.trim(), 16).unwrap() >> (signal - 1) & 1 != 0)
+}
+
 #[cfg(unix)]
 #[test]
 fn a_signal_stops_a_scan_with_nothing_half_written() {
@@ -453,6 +461,9 @@ fn a_signal_stops_a_scan_with_nothing_half_written() {
     };
     let work = Workplace::with_sensors(&(0..64).map(sensor).collect::<String>());
     for (name, number) in [("INT", 2), ("TERM", 15), ("HUP", 1)] {
+        if is_ignored(number) {
+            continue; // A run goes on after a signal that whoever started it ignores, as `nohup` does with SIGHUP.
+        }
         let out = work.path(name);
         let mut child = work
             .command("scan", &["--out", out.to_str().unwrap()])
@@ -469,9 +480,8 @@ fn a_signal_stops_a_scan_with_nothing_half_written() {
         assert!(kill.success());
         let signalled = Instant::now();
         let output = child.wait_with_output().unwrap();
-        // Users are promised 2 s of the program's own time. A file that is being flushed to a busy disk, as after a build, holds
-        // the process up until the disk is done, so only a hang fails.
-        assert!(signalled.elapsed() < Duration::from_secs(60));
+        // Users are promised 2 s. A busy machine gets more before the test fails.
+        assert!(signalled.elapsed() < Duration::from_secs(10));
         assert_eq!(code(&output), 128 + number);
         assert!(stderr(&output).contains(&format!("stopped by signal {number}")), "{}", stderr(&output));
         let files = files(&out);
