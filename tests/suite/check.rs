@@ -5,7 +5,7 @@ mod expectations;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 
 use beamcast::check::{Baseline, Changes, Settings, Snapshot, StoredPixels, judge};
 use beamcast::config;
@@ -87,11 +87,8 @@ impl Copy {
     }
 
     fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
-        command.args(args).current_dir(self.0.path()).stdin(Stdio::null());
-        for variable in ["CI", "GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY", "NO_COLOR"] {
-            command.env_remove(variable);
-        }
+        let mut command = super::cli::program();
+        command.args(args).current_dir(self.0.path());
         command
     }
 

@@ -18,8 +18,18 @@ pub(super) fn beamcast(args: &[&str]) -> Output {
 }
 
 pub(super) fn command(args: &[&str]) -> Command {
+    let mut command = program();
+    command.args(args);
+    command
+}
+
+/// The binary, in an environment that says nothing of where the tests run: a CI server's variables change what it does.
+pub(super) fn program() -> Command {
     let mut command = Command::new(BINARY);
-    command.args(args).env_remove("NO_COLOR").stdin(Stdio::null());
+    command.stdin(Stdio::null());
+    for variable in ["CI", "GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY", "NO_COLOR"] {
+        command.env_remove(variable);
+    }
     command
 }
 

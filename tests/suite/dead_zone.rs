@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 
 use beamcast::output::Image;
 use beamcast::output::recorded::read_exr;
@@ -71,8 +71,8 @@ impl Place {
     }
 
     fn run(&self, args: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
-        command.args(args).current_dir(self.0.path()).env_remove("CI").stdin(Stdio::null());
+        let mut command = super::cli::program();
+        command.args(args).current_dir(self.0.path());
         command.output().unwrap()
     }
 

@@ -3,15 +3,15 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 
 use serde_json::Value;
 use tempfile::TempDir;
 
 /// Runs beamcast in a folder.
 fn beamcast(folder: &Path, args: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
-    command.args(args).current_dir(folder).stdin(Stdio::null()).output().unwrap()
+    let mut command = super::cli::program();
+    command.args(args).current_dir(folder).output().unwrap()
 }
 
 fn ok(folder: &Path, args: &[&str]) -> String {

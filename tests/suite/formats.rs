@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
-use std::process::Command;
 
 use beamcast::angle::Angle;
 use beamcast::config::{Job, load_job};
@@ -353,7 +352,7 @@ impl Room {
     }
 
     fn run(&self, args: &[&str]) -> (i32, String) {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
+        let mut command = super::cli::program();
         let output = command.args(args).current_dir(self.0.path()).output().unwrap();
         (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
     }

@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use serde_json::Value;
 
@@ -11,8 +10,8 @@ const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Runs the program, and returns what it prints.
 fn stdout_of(folder: &Path, args: &[&str]) -> String {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
-    let output = command.args(args).current_dir(folder).env_remove("CI").output().unwrap();
+    let mut command = super::cli::program();
+    let output = command.args(args).current_dir(folder).output().unwrap();
     assert!(
         matches!(output.status.code(), Some(0..=2)),
         "{args:?}: {}",

@@ -1,7 +1,7 @@
 //! The published intersection methods: every test runs over the whole registry.
 
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 
 use beamcast::angle::Angle;
 use beamcast::config::load_job;
@@ -576,8 +576,8 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
 }
 
 fn beamcast(args: &[&str], threads: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
-    command.args(args).env("RAYON_NUM_THREADS", threads).env_remove("NO_COLOR").stdin(Stdio::null());
+    let mut command = super::cli::program();
+    command.args(args).env("RAYON_NUM_THREADS", threads);
     command.output().unwrap()
 }
 

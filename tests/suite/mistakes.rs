@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use tempfile::TempDir;
 
@@ -33,7 +32,7 @@ impl Copy {
 
     /// Runs the program in the folder. Returns its exit code and its output.
     fn run(&self, args: &[&str]) -> (i32, String) {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
+        let mut command = super::cli::program();
         let output = command.args(args).current_dir(self.0.path()).output().unwrap();
         assert!(output.stdout.is_empty(), "{output:?}");
         (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())

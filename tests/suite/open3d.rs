@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
 
@@ -59,7 +58,7 @@ fn shipped_jobs_see_what_open3d_sees() {
         let name = job.file_stem().unwrap().to_str().unwrap();
         let sensors = tables.remove(name).unwrap_or_else(|| panic!("no table in tests/open3d for {name}"));
         let folder = out.path().join(name);
-        let run = Command::new(env!("CARGO_BIN_EXE_beamcast"))
+        let run = super::cli::program()
             .args(["scan", "-q", "--set", "output.formats=[\"exr\"]"])
             .args([&job, Path::new("--out"), &folder])
             .output()

@@ -223,7 +223,7 @@ fn nothing_shipped_is_doubted() {
 
 /// Runs beamcast in a folder. Returns its exit code and its output.
 fn beamcast(folder: &Path, args: &[&str]) -> (i32, String, String) {
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_beamcast"));
+    let mut command = super::cli::program();
     let output = command.args(args).current_dir(folder).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
@@ -381,12 +381,8 @@ fn frames_without_a_return_are_not_accepted() {
     let pose = "pose = { position_m = [0.0, 0.0, 1.2], rpy_deg = [0.0, 0.0, 0.0] }";
     let folder = folder_with(&[(pose, "pose = { position_m = [0.0, 0.0, 900.0] }")]);
     let accept = |more: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_beamcast"));
-        command
-            .args(["check", "--accept", "job.toml"])
-            .args(more)
-            .current_dir(folder.path())
-            .env_remove("CI");
+        let mut command = super::cli::program();
+        command.args(["check", "--accept", "job.toml"]).args(more).current_dir(folder.path());
         let output = command.output().unwrap();
         (output.status.code().unwrap(), String::from_utf8_lossy(&output.stdout).into_owned())
     };

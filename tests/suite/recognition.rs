@@ -3,7 +3,6 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 /// A file's content, the words that must name it, and the words of what mends it.
 const FILES: &[(&[u8], &str, &str)] = &[
@@ -35,8 +34,7 @@ const FILES: &[(&[u8], &str, &str)] = &[
 
 /// Runs beamcast in a folder. Returns its exit code and what it said.
 fn beamcast(folder: &Path, args: &[&str]) -> (i32, String) {
-    let output =
-        Command::new(env!("CARGO_BIN_EXE_beamcast")).args(args).current_dir(folder).output().unwrap();
+    let output = super::cli::program().args(args).current_dir(folder).output().unwrap();
     let said = [output.stdout, output.stderr].concat();
     (output.status.code().unwrap(), String::from_utf8_lossy(&said).into_owned())
 }

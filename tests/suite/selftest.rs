@@ -1,12 +1,12 @@
 //! `beamcast selftest` as users run it: a right sensor passes, and a wrong one fails with the place of the error.
 
 use std::fs;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::Value;
 
 fn selftest(args: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamcast"));
+    let mut command = super::cli::program();
     command.arg("selftest").args(args).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap()
 }
 

@@ -2,14 +2,14 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::Value;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 fn beamcast(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_beamcast")).args(args).current_dir(folder).output().unwrap()
+    super::cli::program().args(args).current_dir(folder).output().unwrap()
 }
 
 fn good(folder: &Path, args: &[&str]) -> String {
