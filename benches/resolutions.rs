@@ -10,7 +10,7 @@ use std::path::Path;
 
 use beamcast::frame::UpAxis;
 use beamcast::rng::Rng;
-use beamcast::scene::{Material, Object, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart, gltf};
+use beamcast::scene::{Material, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart, gltf};
 use beamcast::trace::{Cast, Hit, Origins, Rays, Tracer};
 use glam::{DAffine3, DVec3};
 
@@ -275,7 +275,7 @@ fn shipped(path: &str) -> Scene {
 fn flattened(scene: &Scene) -> Scene {
     let mut mesh = Mesh::default();
     for placement in &scene.arrangement.placements {
-        let stored = &scene.geometry.meshes[placement.mesh as usize];
+        let stored = scene.mesh(placement.mesh);
         for triangle in &stored.triangles {
             mesh.triangle(triangle.map(|v| {
                 let position = stored.positions[v as usize].map(f64::from);
@@ -304,8 +304,10 @@ impl Mesh {
         let parts = vec![SourcePart { triangles, material: 0 }];
         let mesh = SourceMesh { positions: self.positions, parts };
         let world_from_mesh = DAffine3::IDENTITY;
-        let instances = vec![SourceInstance { mesh: 0, world_from_mesh, object: Object::default() }];
+        let instances = vec![SourceInstance { mesh: 0, world_from_mesh, ..SourceInstance::default() }];
         let materials = vec![Material::default()];
-        SceneBuilder { meshes: vec![mesh], instances, materials, files: vec![] }.build().expect("a scene")
+        SceneBuilder { meshes: vec![mesh], instances, materials, files: vec![], groups: vec![] }
+            .build()
+            .expect("a scene")
     }
 }

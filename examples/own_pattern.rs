@@ -18,13 +18,13 @@ pub fn main() -> Result<(), Box<dyn Error>> {
         positions: vec![[10.0, -10.0, -10.0], [10.0, 10.0, -10.0], [10.0, 10.0, 10.0], [10.0, -10.0, 10.0]],
         parts: vec![SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3]], material: 0 }],
     };
-    let instance =
-        SourceInstance { mesh: 0, world_from_mesh: DAffine3::IDENTITY, object: Default::default() };
+    let instance = SourceInstance { mesh: 0, world_from_mesh: DAffine3::IDENTITY, ..Default::default() };
     let scene = SceneBuilder {
         meshes: vec![wall],
         instances: vec![instance],
         materials: vec![Material::default()],
         files: vec![],
+        groups: vec![],
     }
     .build()?;
 

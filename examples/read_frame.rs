@@ -13,8 +13,8 @@ use beamcast::{Format, Progress, Session, load_job};
 /// Runs the example.
 pub fn main() -> Result<(), Box<dyn Error>> {
     // A job and its scene, as `beamcast scan configs/room_vlp16.toml` reads them.
-    let job = load_job(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/room_vlp16.toml"), &[])?;
-    let scene = load_scene(&job, &[])?.scene;
+    let mut job = load_job(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/room_vlp16.toml"), &[])?;
+    let scene = load_scene(&mut job, &[])?.scene;
     let session = Session::open(job, &scene);
 
     // The first frame of its first sensor, and the files that a scan would write for it.

@@ -44,9 +44,9 @@
 //!     positions: vec![[10.0, -5.0, -5.0], [10.0, 5.0, -5.0], [10.0, 0.0, 5.0]],
 //!     parts: vec![SourcePart { triangles: vec![[0, 1, 2]], material: 0 }],
 //! };
-//! let instance = SourceInstance { mesh: 0, world_from_mesh: DAffine3::IDENTITY, object: Default::default() };
+//! let instance = SourceInstance { mesh: 0, world_from_mesh: DAffine3::IDENTITY, ..Default::default() };
 //! let materials = vec![Material::default()];
-//! let scene = SceneBuilder { meshes: vec![wall], instances: vec![instance], materials, files: vec![] }.build()?;
+//! let scene = SceneBuilder { meshes: vec![wall], instances: vec![instance], materials, files: vec![], groups: vec![] }.build()?;
 //!
 //! let beam = Beam { elevation: Angle::deg(0.0), azimuth_offset: Angle::deg(0.0), time_s: 0.0, file_index: 0 };
 //! let full_turn = (Angle::deg(180.0), Angle::deg(-180.0));
@@ -80,6 +80,7 @@ pub mod selftest;
 pub mod sensor;
 pub mod source;
 pub mod trace;
+pub mod truth;
 pub mod view;
 
 // The nouns of a scan, so that most programs need no path below the crate.

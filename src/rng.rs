@@ -80,6 +80,19 @@ impl Rng {
         FrameStreams { key: words(seed) }.stream(0, 0, 0)
     }
 
+    /// The stream of a quantity of a frame, by the quantity's name, for draws that belong to no sensor.
+    ///
+    /// The key is 64 of the 128 bits that Philox gives for the counter of the frame and 64 bits of the name's BLAKE3, under the
+    /// seed. Two of n pairs of name and frame share a key with a probability of n²/2⁶⁵, as those of [`FrameStreams::new`].
+    pub fn named(seed: u64, frame: u64, name: &str) -> Self {
+        let hash = blake3::hash(name.as_bytes());
+        let [a, b] = [0, 4].map(|at| {
+            hash.as_bytes()[at..at + 4].iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte))
+        });
+        let [k0, k1, ..] = philox([a, b, frame as u32, (frame >> 32) as u32], words(seed));
+        FrameStreams { key: [k0, k1] }.stream(0, 0, 0)
+    }
+
     /// A number that is uniform over all 32-bit numbers.
     pub fn u32(&mut self) -> u32 {
         if self.used == self.block.len() {
@@ -193,6 +206,21 @@ mod tests {
         seen.sort_unstable();
         seen.dedup();
         assert_eq!(seen.len(), count);
+    }
+
+    #[test]
+    fn every_part_of_a_name_makes_another_stream() {
+        let first = |seed, frame, name: &str| Rng::named(seed, frame, name).u64();
+        let mut seen = vec![first(0, 0, "")];
+        seen.extend((0..64).flat_map(|bit| [first(1 << bit, 0, ""), first(0, 1 << bit, "")]));
+        seen.extend(["a", "b", "aa", "pose.rpy_deg[0]", "pose.rpy_deg[1]"].map(|name| first(0, 0, name)));
+        let count = seen.len();
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), count);
+        // BLAKE3 of no bytes begins with af1349b9 f5f9a1a6 (test_vectors.json of its authors): two little-endian words.
+        let [k0, k1, ..] = philox([0xb949_13af, 0xa6a1_f9f5, 7, 0], [5, 0]);
+        assert_eq!(first(5, 7, ""), FrameStreams { key: [k0, k1] }.stream(0, 0, 0).u64());
     }
 
     /// Checks the moments of a million draws. Each lies within six standard errors of the moment of the distribution.

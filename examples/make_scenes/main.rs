@@ -1,4 +1,5 @@
-//! Generates the scenes that ship in `scenes/`: `cargo run --release --example make_scenes`.
+//! Generates the scenes that ship in `scenes/`, and the tables of poses of the jobs in `configs/` that move in them:
+//! `cargo run --release --example make_scenes`.
 //!
 //! With `-- --check` nothing is written. The committed files are compared with newly generated ones instead.
 
@@ -17,30 +18,37 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut stale = false;
-    for scene in world::all() {
-        let path = folder.join(scene.file);
+    let mut put = |path: &Path, content: &[u8], about: &str| {
+        let shown = path.strip_prefix(root).unwrap_or(path).display();
         if check {
-            let same = std::fs::read(&path).is_ok_and(|committed| committed == scene.glb);
-            println!(
-                "{}: {}",
-                scene.file,
-                if same { "up to date" } else { "differs from a fresh generation" }
-            );
+            let same = std::fs::read(path).is_ok_and(|committed| committed == content);
+            println!("{shown}: {}", if same { "up to date" } else { "differs from a fresh generation" });
             stale |= !same;
-        } else if let Err(error) = std::fs::write(&path, &scene.glb) {
-            eprintln!("{}: {error}", path.display());
-            return ExitCode::from(4);
-        } else {
-            println!(
-                "{}: {} triangles placed, {} stored, {} bytes",
-                scene.file,
-                scene.placed_triangles,
-                scene.stored_triangles,
-                scene.glb.len()
-            );
+            return Ok::<(), ExitCode>(());
         }
+        let folder = path.parent().unwrap_or(root);
+        std::fs::create_dir_all(folder).and_then(|()| std::fs::write(path, content)).map_err(|error| {
+            eprintln!("{shown}: {error}");
+            ExitCode::from(4)
+        })?;
+        println!("{shown}: {about}{} bytes", content.len());
+        Ok(())
+    };
+    let mut all = || -> Result<(), ExitCode> {
+        for scene in world::all() {
+            let (placed, stored) = (scene.placed_triangles, scene.stored_triangles);
+            let about = format!("{placed} triangles placed, {stored} stored, ");
+            put(&root.join("scenes").join(scene.file), &scene.glb, &about)?;
+        }
+        for (path, table) in world::tables() {
+            put(&root.join("configs").join(path), table.as_bytes(), "")?;
+        }
+        Ok(())
+    };
+    match all() {
+        Err(code) => code,
+        Ok(()) => ExitCode::from(u8::from(stale)),
     }
-    ExitCode::from(u8::from(stale))
 }

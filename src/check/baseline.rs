@@ -5,22 +5,29 @@
 //! are all that an unchanged job needs. The pixel files serve to describe differences and to apply tolerances. They hold a
 //! hash for each row of every channel and for each column of the range, and the pixels of some channels: ids exactly, the
 //! range and the channels with a tolerance rounded.
+//!
+//! Of a sequence, a baseline has chosen frames only: a record and a file of pixels for each of them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::compare::Tolerance;
+use super::outcome::title;
 use super::pixels;
 use crate::output::{
     Channel, Image, Samples, SensorFrame, index_of, is_of_all_pixels, json_lines, no_return,
 };
 use crate::scene::Scene;
-use crate::sensor::Pattern;
+use crate::sensor::{Pattern, Sensor};
 
-/// The version of the format. A baseline of another version has to be accepted again.
+/// The version of the format of a baseline that has the first frame of each sensor and no other.
 const FORMAT: u32 = 2;
+
+/// The version of the format of a baseline of several frames. A program that reads only the first format would take the first
+/// record of a sensor for the only one.
+const FORMAT_OF_FRAMES: u32 = 3;
 
 /// The record of an accepted job, without the pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,7 +39,7 @@ pub struct Baseline {
     pub job: Value,
     /// The scene that was scanned.
     pub scene: SceneRecord,
-    /// One record for each sensor, in the job's order.
+    /// One record for each frame that is kept, by number and then in the job's order of sensors.
     pub sensors: Vec<SensorRecord>,
 }
 
@@ -50,6 +57,9 @@ pub struct SceneRecord {
 pub struct SensorRecord {
     /// The sensor's name.
     pub name: String,
+    /// The frame's number.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub frame: u64,
     /// Rows of the image.
     pub rows: usize,
     /// Columns of the image.
@@ -64,8 +74,13 @@ pub struct SensorRecord {
     /// The names of the instances that are visible in the frame, by id.
     pub instances: BTreeMap<u32, String>,
     /// The elevation and the azimuth offset in degrees and the time in microseconds of each beam, row by row. It is empty
-    /// for a camera.
+    /// for a camera, and for all but the first record of a sensor in a baseline.
     pub beams: Vec<[f64; 3]>,
+}
+
+/// Whether a frame is a sensor's first one, whose number is not written.
+fn is_first(frame: &u64) -> bool {
+    *frame == 0
 }
 
 /// A sensor's frame in the form in which it is compared or recorded.
@@ -75,8 +90,9 @@ pub struct Snapshot {
     pub record: SensorRecord,
     /// The channels of the frame.
     pub image: Image,
-    /// What labels stand for, in words.
+    /// The meaning of labels, in words.
     pub labels: BTreeMap<u32, String>,
+    is_of_sequence: bool,
     hashes: Hashes,
 }
 
@@ -106,7 +122,7 @@ pub enum BaselineError {
     #[error("is not valid JSON: {0}")]
     Json(#[source] serde_json::Error),
     /// The file has the format of another version.
-    #[error("has format {0}, and this version reads {FORMAT}")]
+    #[error("has format {0}, and this version reads {FORMAT} and {FORMAT_OF_FRAMES}")]
     Format(u64),
     /// The file does not say which format it has.
     #[error("is no baseline: it has no `format`")]
@@ -121,7 +137,14 @@ impl Baseline {
     pub const NAME: &'static str = "baseline.json";
 
     /// Makes a baseline of a finished job. `job` is the resolved job.
-    pub fn of(job: &Value, scene: &Scene, sensors: Vec<SensorRecord>) -> Self {
+    pub fn of(job: &Value, scene: &Scene, mut sensors: Vec<SensorRecord>) -> Self {
+        let format = if sensors.iter().all(|record| record.frame == 0) { FORMAT } else { FORMAT_OF_FRAMES };
+        let mut known = BTreeSet::new();
+        for record in &mut sensors {
+            if !known.insert(record.name.clone()) {
+                record.beams.clear();
+            }
+        }
         let mut job = job.clone();
         if let Some(keys) = job.as_object_mut() {
             // The expectations and the output settings do not change a frame.
@@ -129,12 +152,15 @@ impl Baseline {
         }
         let files = scene.geometry.files.iter().map(|f| (f.name.clone(), f.blake3.clone())).collect();
         let scene = SceneRecord { files, triangles: scene.triangle_count() };
-        Self { format: FORMAT, tool: env!("CARGO_PKG_VERSION").to_owned(), job, scene, sensors }
+        Self { format, tool: env!("CARGO_PKG_VERSION").to_owned(), job, scene, sensors }
     }
 
-    /// The name of the file of a sensor's pixels, in the baseline's folder.
-    pub fn pixels_name(sensor: &str) -> String {
-        format!("{sensor}.pixels")
+    /// The name of the file of a frame's pixels, in the baseline's folder. No sensor's name has an `@`.
+    pub fn pixels_name(record: &SensorRecord) -> String {
+        match record {
+            SensorRecord { name, frame: 0, .. } => format!("{name}.pixels"),
+            SensorRecord { name, frame, .. } => format!("{name}@{frame:06}.pixels"),
+        }
     }
 
     /// The content of [`Baseline::NAME`].
@@ -159,7 +185,7 @@ impl Baseline {
             Err(error) => return Err(BaselineError::Json(error)),
         };
         match head {
-            Some(format) if format == u64::from(FORMAT) => {}
+            Some(format) if [FORMAT, FORMAT_OF_FRAMES].map(u64::from).contains(&format) => {}
             Some(format) => return Err(BaselineError::Format(format)),
             None => return Err(BaselineError::NoFormat),
         }
@@ -168,6 +194,12 @@ impl Baseline {
 }
 
 impl SensorRecord {
+    /// The part of a record that no frame changes.
+    pub fn of_sensor(name: &str, sensor: &Sensor) -> Self {
+        let (rows, columns) = (sensor.pattern.rows(), sensor.pattern.columns());
+        Self { name: name.to_owned(), rows, columns, beams: beams(&sensor.pattern), ..Self::default() }
+    }
+
     /// The number of pixels of the image.
     pub fn pixels(&self) -> usize {
         self.rows * self.columns
@@ -210,16 +242,29 @@ impl Snapshot {
             None => BTreeMap::new(),
         };
         let record = SensorRecord {
-            name: frame.name.to_owned(),
-            rows: image.rows,
-            columns: image.columns,
+            frame: frame.capture.frame,
             returns: frame.frame.return_count(),
             channels,
-            kept: BTreeMap::new(),
             instances,
-            beams: beams(&frame.capture.sensor.pattern),
+            ..SensorRecord::of_sensor(frame.name, frame.capture.sensor)
         };
-        Self { record, image, labels: labels.clone(), hashes }
+        Self { record, image, labels: labels.clone(), is_of_sequence: false, hashes }
+    }
+
+    /// The same as a frame of a sequence, whose number is told.
+    #[must_use]
+    pub fn in_sequence(self, is_of_sequence: bool) -> Self {
+        Self { is_of_sequence, ..self }
+    }
+
+    /// The frame in words: `sensor roof`, or `sensor roof, frame 50` in a sequence.
+    pub fn title(&self) -> String {
+        title(&self.record.name, self.number())
+    }
+
+    /// The frame's number, if it is one of several.
+    pub fn number(&self) -> Option<u64> {
+        self.is_of_sequence.then_some(self.record.frame)
     }
 
     /// The hashes of rows and columns.

@@ -119,7 +119,7 @@ impl Differing {
         !matches!(self, Self::AtLeastPixels(_))
     }
 
-    /// What is counted: `pixels` or `rows`.
+    /// The unit of the counts: `pixels` or `rows`.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Pixels(_) | Self::AtLeastPixels(_) => "pixels",

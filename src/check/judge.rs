@@ -18,9 +18,22 @@ pub struct Settings {
     pub channels: Option<Vec<String>>,
     /// The tolerances by channel. A channel without an entry tolerates no difference.
     pub tolerances: BTreeMap<String, Tolerance>,
+    /// The numbers of the frames that are compared with the baseline. Of a sequence, these are the first, the middle and the last
+    /// frame of each sensor if absent.
+    pub frames: Option<Vec<u64>>,
 }
 
 impl Settings {
+    /// The frames that are compared with the baseline, of a sensor that has so many: in ascending order, each once.
+    pub fn frames_of(&self, all: u64) -> Vec<u64> {
+        let last = all.saturating_sub(1);
+        let mut frames = self.frames.clone().unwrap_or_else(|| vec![0, last / 2, last]);
+        frames.retain(|frame| *frame < all);
+        frames.sort_unstable();
+        frames.dedup();
+        frames
+    }
+
     fn holds(&self, channel: &str) -> bool {
         self.channels.as_ref().is_none_or(|channels| channels.iter().any(|c| c == channel))
     }
@@ -43,8 +56,10 @@ pub fn judge(
 ) -> SensorOutcome {
     let now = &current.record;
     let (rows, columns) = (now.rows, now.columns);
-    let mut outcome = SensorOutcome { name: now.name.clone(), rows, columns, ..SensorOutcome::default() };
-    let reason = reason(&now.name, changes);
+    let (name, frame) = (now.name.clone(), current.number());
+    let mut outcome = SensorOutcome { name, frame, rows, columns, ..SensorOutcome::default() };
+    let title = current.title();
+    let reason = reason(&title, &now.name, changes);
     if (now.rows, now.columns) != (accepted.rows, accepted.columns) {
         let size = |r: &SensorRecord| format!("{} × {}", r.rows, r.columns);
         outcome.differences.push(of_all(format!(
@@ -88,7 +103,7 @@ pub fn judge(
     }
     let sentences = judgement.sentences(&outcome.channels);
     // Only the first sentence names the reason.
-    let own = format!("sensor {}: ", now.name);
+    let own = format!("{title}: ");
     let prefixes = std::iter::once(reason).chain(std::iter::repeat(own));
     outcome.differences.extend(prefixes.zip(sentences).map(|(prefix, difference)| Difference {
         sentence: format!("{prefix}{}", difference.sentence),
@@ -341,10 +356,10 @@ pub fn confusion_words(found: &Confusion, names: &BTreeMap<u32, String>) -> Stri
 pub const MOST_REASONS: usize = 3;
 
 /// The probable reason of the difference, as the beginning of the sentence that reports it.
-fn reason(sensor: &str, changes: &Changes) -> String {
+fn reason(title: &str, sensor: &str, changes: &Changes) -> String {
     let own = changes.of_sensor.get(sensor).map_or(&[][..], Vec::as_slice);
     let all: Vec<&Change> = own.iter().chain(&changes.of_job).collect();
-    let prefix = format!("sensor {sensor}: ");
+    let prefix = format!("{title}: ");
     if all.is_empty() {
         return format!("{prefix}neither the job nor the scene nor the version changed, and yet ");
     }

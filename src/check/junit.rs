@@ -5,7 +5,7 @@ use std::io;
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesText, Event};
 
-use super::outcome::{Failure, Outcome, SensorOutcome, Verdict};
+use super::outcome::{Failure, Outcome, Verdict};
 
 /// The elements of JUnit for a case that did not pass.
 const FAILURE: &str = "failure";
@@ -36,10 +36,10 @@ fn cases(outcome: &Outcome) -> Vec<Case> {
             reasons: outcome.problems.iter().map(Failure::located).collect(),
         });
     }
-    cases.extend(outcome.sensors.iter().map(|SensorOutcome { name, differences, .. }| Case {
-        name: format!("sensor {name} is as in its baseline"),
+    cases.extend(outcome.sensors.iter().map(|sensor| Case {
+        name: format!("{} is as in its baseline", sensor.title()),
         element: FAILURE,
-        reasons: differences.iter().map(|difference| difference.sentence.clone()).collect(),
+        reasons: sensor.differences.iter().map(|difference| difference.sentence.clone()).collect(),
     }));
     cases.extend(outcome.expectations.iter().map(|expectation| Case {
         name: expectation.name.clone(),
@@ -113,7 +113,7 @@ fn xml_text(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Difference, ExpectationOutcome};
+    use super::super::{Difference, ExpectationOutcome, SensorOutcome};
     use super::*;
 
     fn difference(sentence: &str) -> Difference {

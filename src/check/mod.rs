@@ -33,6 +33,8 @@ pub use baseline::{
 pub use changes::Changes;
 pub use compare::Tolerance;
 pub use judge::{Settings, confusion_words, judge};
-pub use outcome::{Change, Difference, ExpectationOutcome, Failure, Outcome, SensorOutcome, Sight, Verdict};
+pub use outcome::{
+    Change, Difference, ExpectationOutcome, Failure, FrameCounts, Outcome, SensorOutcome, Sight, Verdict,
+};
 pub use pictures::{GroundMap, axis, colours, difference_picture, difference_scale};
 pub use vehicle::Vehicle;

@@ -20,8 +20,8 @@ pub struct Outcome {
     pub warnings: Vec<Diagnostic>,
     /// The changes since the baseline was accepted, whether or not they led to a difference.
     pub changes: Vec<Change>,
-    /// One outcome for each sensor, in the job's order. It is empty if the job could not be run, or if there is no
-    /// baseline.
+    /// One outcome for each frame that was compared, by number and then in the job's order of sensors. It is empty if the job
+    /// could not be run, or if there is no baseline.
     pub sensors: Vec<SensorOutcome>,
     /// One outcome for each `[[expect]]`, in the job's order.
     pub expectations: Vec<ExpectationOutcome>,
@@ -62,9 +62,11 @@ pub enum Verdict {
 pub struct SensorOutcome {
     /// The sensor's name.
     pub name: String,
+    /// The number of the frame. `None` if each sensor of the job has one frame.
+    pub frame: Option<u64>,
     /// The table of the sensor in the job.
     pub written_at: Option<Place>,
-    /// What differs, where and why. It is empty if no channel differs beyond its tolerance.
+    /// The differences, where and why. It is empty if no channel differs beyond its tolerance.
     pub differences: Vec<Difference>,
     /// The channels that were compared. Channels that the baseline keeps only as hashes have no statistics.
     pub channels: Vec<ChannelDifference>,
@@ -88,13 +90,15 @@ pub struct Difference {
     pub pixel: Option<[usize; 2]>,
 }
 
-/// What shows the finding of an expectation.
+/// The evidence for the finding of an expectation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Sight {
     /// The frame of a sensor.
     Frame {
         /// The sensor's name.
         sensor: String,
+        /// The frame's number.
+        frame: u64,
         /// The channel that shows it best. `None` for the main one.
         channel: Option<&'static str>,
         /// The row and the column of the pixel that decides.
@@ -161,8 +165,39 @@ pub struct ExpectationOutcome {
     pub found: String,
     /// The sensor, pixel, place or direction that decides. It is empty if there is none.
     pub place: String,
-    /// What shows the finding, such as the frame of the sensor that decides.
+    /// The evidence for the finding, such as the frame of the sensor that decides.
     pub sights: Vec<Sight>,
+    /// In how many frames it is met.
+    pub counts: FrameCounts,
     /// The table of the expectation in the job.
     pub written_at: Option<Place>,
+}
+
+/// In how many frames an expectation is met.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameCounts {
+    /// The frames that it looks at.
+    pub looked_at: u64,
+    /// The frames in which it is met.
+    pub met: u64,
+    /// The time from the start of the first frame that it looks at to the start of the first frame in which it is met, in
+    /// seconds.
+    pub first_met_s: Option<f64>,
+    /// The changes from a frame in which it is met to the next in which it is not, and back.
+    pub changes: u64,
+}
+
+impl SensorOutcome {
+    /// The frame in words: `sensor roof`, or `sensor roof, frame 50` in a sequence.
+    pub fn title(&self) -> String {
+        title(&self.name, self.frame)
+    }
+}
+
+/// A sensor's frame in words: `sensor roof`, or `sensor roof, frame 50` in a sequence.
+pub fn title(sensor: &str, frame: Option<u64>) -> String {
+    match frame {
+        Some(frame) => format!("sensor {sensor}, frame {frame}"),
+        None => format!("sensor {sensor}"),
+    }
 }

@@ -30,17 +30,27 @@ impl GroundMap {
     /// The colour of a cell that no beam hits.
     pub const UNSEEN: Rgb = [0x2a, 0x2a, 0x32];
 
-    /// The map of a zone.
-    pub fn of(seen: &Seen, zone: Zone, vehicle: Option<&Vehicle>) -> Self {
-        let at = |frame: &output::SensorFrame| {
-            let at = frame.capture.body_from_sensor.translation;
-            (frame.name.to_owned(), [at.x, at.y])
-        };
+    /// The map of a zone of which nothing is seen yet.
+    pub fn empty(zone: Zone, vehicle: Option<&Vehicle>) -> Self {
+        let (nx, ny) = zone.cells();
         Self {
-            counts: zone.count(seen),
+            counts: vec![0; nx * ny],
             zone,
-            sensors: seen.frames.iter().map(at).collect(),
+            sensors: Vec::new(),
             outline: vehicle.map_or(Vec::new(), Vehicle::outline),
+        }
+    }
+
+    /// Adds what frames see of the zone, which goes with the vehicle.
+    pub fn add(&mut self, seen: &Seen) {
+        for (sum, count) in self.counts.iter_mut().zip(self.zone.count(seen)) {
+            *sum = sum.saturating_add(count);
+        }
+        for frame in seen.frames {
+            let at = frame.capture.body_from_sensor.translation;
+            if !self.sensors.iter().any(|(name, _)| name == frame.name) {
+                self.sensors.push((frame.name.to_owned(), [at.x, at.y]));
+            }
         }
     }
 
@@ -72,7 +82,7 @@ impl GroundMap {
         let pixels_a_m = scale as f64 / self.zone.cell_m;
         let across = |y: f64| ((self.zone.y_m[1] - y) * pixels_a_m).round() as i64;
         let down = |x: f64| ((self.zone.x_m[1] - x) * pixels_a_m).round() as i64;
-        // What is outside of the zone is not drawn, be it a part of the vehicle.
+        // Nothing outside of the zone is drawn, not even a part of the vehicle.
         let mut map = Picture::new(width, height, Self::UNSEEN);
         for row in 0..nx {
             for column in 0..ny {

@@ -156,7 +156,7 @@ pub fn github(outcomes: &[Outcome], name_of: &dyn Fn(&str) -> String) -> String 
     let mut text = String::new();
     for outcome in outcomes {
         for Failure { sentence, place } in outcome.failures() {
-            // What `--set` changed is in no file, and so the annotation is at the job's.
+            // A change by `--set` is in no file, and so its annotation is at the job's.
             let in_file = place.as_ref().filter(|place| !place.path.starts_with("--set"));
             let path = in_file.map_or(outcome.job.as_str().into(), |place| place.path.to_string_lossy());
             let file = property(&name_of(&path));
@@ -181,6 +181,10 @@ pub fn json(outcomes: &[Outcome]) -> Value {
                 "expected": e.expected,
                 "found": e.found,
                 "place": e.place,
+                "frames": e.counts.looked_at,
+                "frames_met": e.counts.met,
+                "first_met_s": e.counts.first_met_s,
+                "changes": e.counts.changes,
                 "line": at.0,
                 "column": at.1,
             })
@@ -189,6 +193,7 @@ pub fn json(outcomes: &[Outcome]) -> Value {
             let at = line_and_column(s.written_at.as_ref());
             json!({
                 "name": s.name,
+                "frame": s.frame.unwrap_or(0),
                 "line": at.0,
                 "column": at.1,
                 "rows": s.rows,

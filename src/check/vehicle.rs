@@ -17,7 +17,7 @@ pub struct Vehicle {
 pub const MOST_TRIANGLES: usize = 20_000;
 
 impl Vehicle {
-    /// What `body` names in a scene. `None` if nothing goes by that name.
+    /// The vehicle that `body` names in a scene. `None` if nothing goes by that name.
     pub fn find(scene: &Scene, body: &Target, world_from_body: &Pose) -> Option<Self> {
         let runs = scene.triangles_of(|surface| {
             body.is_of(&scene.geometry.objects[surface.object as usize].name, scene.label(surface))
@@ -27,7 +27,7 @@ impl Vehicle {
         let body_from_world = world_from_body.inverse();
         let mut triangles = Vec::new();
         for (placement, run) in runs {
-            let mesh = &scene.geometry.meshes[placement.mesh as usize];
+            let mesh = scene.mesh(placement.mesh);
             let corner = |vertex: u32| {
                 let p = DVec3::from_array(mesh.positions[vertex as usize].map(f64::from));
                 let in_world = placement.scene_from_mesh().transform_point3(p) + scene.geometry.centre;

@@ -11,7 +11,7 @@ use super::json;
 use super::terminal::Terminal;
 use super::threads;
 use crate::error::Error;
-use crate::run::{Bytes, Holding, Plan, Session, memory};
+use crate::run::{Bytes, Holding, Plan, Selection, Session, memory};
 use crate::scan::{Frame, Progress};
 use crate::trace::AnyTracer;
 use crate::trace::{Cast, Hit, Rays, TraversalStats};
@@ -41,10 +41,11 @@ impl Args {
 /// # Errors
 /// The errors of the job and the scene; [`Error::Usage`] if they do not fit into the machine's memory.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
-    let job = Arc::new(args.job.load(terminal)?);
-    let plan = Plan::of(&job, Holding::Frame)?;
+    let mut job = args.job.load(terminal)?;
+    let plan = Plan::of(&job, &Selection::FIRST, Holding::Frame)?;
     let start = Instant::now();
-    let scene = load_scene(&job, &args.job.scenes, terminal)?.scene;
+    let scene = load_scene(&mut job, &args.job.scenes, terminal)?.scene;
+    let job = Arc::new(job);
     let load_s = start.elapsed().as_secs_f64();
     plan.check_scene(&scene)?;
 
@@ -62,16 +63,18 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             tracer_bytes = tracer.bytes();
             let session = Session::new(Arc::clone(&job), tracer.clone());
             let start = Instant::now();
-            for item in &plan.items {
-                session.cast_into(&mut frame, item, &progress);
+            for item in plan.items(&job) {
+                session.cast_into(&mut frame, &item, &progress);
             }
             casts.push(start.elapsed().as_secs_f64());
             if effort.is_none() {
-                let counting = Counting { tracer: &tracer, effort: Mutex::default() };
-                for item in &plan.items {
-                    session.cast_with(&counting, item, &Progress::default());
+                let sum = Mutex::default();
+                for item in plan.items(&job) {
+                    let tracer = session.frame_tracer(&item);
+                    let counting = Counting { tracer: &tracer, effort: &sum };
+                    session.cast_with(tracer.scene(), &counting, &item, &Progress::default());
                 }
-                effort = counting.effort.into_inner().ok().flatten();
+                effort = sum.into_inner().ok().flatten();
             }
         }
     });
@@ -129,7 +132,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 /// Adds up the statistics of a tracer's casts, if it counts any.
 struct Counting<'t> {
     tracer: &'t AnyTracer,
-    effort: Mutex<Option<TraversalStats>>,
+    effort: &'t Mutex<Option<TraversalStats>>,
 }
 
 impl Cast for Counting<'_> {

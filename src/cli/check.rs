@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::fs;
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::interrupt::Interrupt;
 use super::job::{SceneArgs, load_scene, strictly};
@@ -14,8 +14,8 @@ use super::threads;
 use crate::check::{Failure, Outcome, Verdict, junit, report};
 use crate::error::Error;
 use crate::output::write_file;
-use crate::run::checking::{self, Checked, Found, Run, State};
-use crate::run::{Plan, Session, paths};
+use crate::run::checking::{self, Checked, Found, Purpose, Run, State};
+use crate::run::{Session, paths};
 use crate::trace::AnyTracer;
 use crate::view::{Shown, of_outcomes};
 
@@ -89,7 +89,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
                 .to_owned(),
         ));
     }
-    let rays = jobs.iter().filter_map(Checked::plan).map(|plan| plan.rays).sum();
+    let rays = jobs.iter().map(|job| job.rays).fold(0, u64::saturating_add);
     let check_all = || check_all(args, &mut jobs, terminal, &interrupt);
     terminal.with_progress(rays, interrupt.progress(), check_all)?;
 
@@ -141,7 +141,7 @@ fn check_all(
 ) -> Result<(), Error> {
     let mut groups = VecDeque::from(checking::by_scene(jobs));
     while let Some(mut group) = groups.pop_front() {
-        let Some(State::Ready(job, _)) = group.first().map(|first| &jobs[*first].state) else { continue };
+        let Some(State::Ready(job, _)) = group.first().map(|first| &mut jobs[*first].state) else { continue };
         let scene = load_scene(job, &args.scenes, terminal);
         interrupt.check()?;
         let (scene, of_scene) = match scene {
@@ -185,7 +185,7 @@ fn check_all(
             }
             terminal.warn_of(&doubts);
             checked.outcome.warnings = warnings;
-            checked.shown = check_job(args, &session, &plan, &mut checked.outcome, terminal, interrupt)?;
+            checked.shown = check_job(args, &session, &mut checked.outcome, terminal, interrupt)?;
         }
     }
     Ok(())
@@ -195,48 +195,52 @@ fn check_all(
 fn check_job(
     args: &Args,
     session: &Session,
-    plan: &Plan,
     outcome: &mut Outcome,
     terminal: &Terminal,
     interrupt: &Interrupt,
 ) -> Result<Shown, Error> {
-    let start = Instant::now();
-    let mut frames = Vec::new();
-    for item in &plan.items {
-        frames.extend(session.cast(item, interrupt.progress()));
-        interrupt.check()?;
-    }
-    let run = Run::new(session, plan, &frames, start.elapsed().as_secs_f64());
     let name = session.job.path.file_stem().unwrap_or_default().to_string_lossy();
-    if args.accept.as_ref().is_some_and(|only| only.as_ref().is_none_or(|only| *only == name)) {
-        let blank = if args.allow_empty { Vec::new() } else { run.without_returns() };
+    let accepts = args.accept.as_ref().is_some_and(|only| only.as_ref().is_none_or(|only| *only == name));
+    let purpose = Purpose { accepts, page: args.html.is_some(), ground: args.coverage.is_some() };
+    let mut run = Run::new(session, outcome, purpose);
+    let mut casting = Duration::ZERO;
+    while let Some(items) = run.next_items() {
+        let start = Instant::now();
+        let mut frames = Vec::new();
+        for item in &items {
+            frames.extend(session.cast(item, interrupt.progress()));
+            interrupt.check()?;
+        }
+        casting += start.elapsed();
+        run.take(&items, &frames);
+    }
+    let taken = run.finish(casting.as_secs_f64());
+    if let Some(acceptance) = taken.acceptance {
+        let blank = if args.allow_empty { Vec::new() } else { taken.blank };
         if blank.is_empty() {
-            let acceptance = run.accept(outcome);
             acceptance.warnings().iter().for_each(|warning| terminal.warn(warning));
             if !acceptance.is_there() {
                 interrupt.uncut(|| acceptance.write())?;
             }
         } else {
             outcome.verdict = Verdict::Failed;
-            let problem = |name: &&str| {
+            let problem = |frame: &String| {
                 let sentence = format!(
-                    "sensor {name} sees nothing, which is not accepted; --allow-empty accepts it all the same"
+                    "{frame} sees nothing, which is not accepted; --allow-empty accepts it all the same"
                 );
                 Failure::from(sentence)
             };
             outcome.problems.extend(blank.iter().map(problem));
         }
-    } else {
-        run.judge(outcome);
     }
-    if let Some(folder) = &args.coverage {
-        let map = run.ground().picture(&format!("{name}: the ground that the rig sees"));
+    if let (Some(folder), Some(ground)) = (&args.coverage, taken.ground) {
+        let map = ground.picture(&format!("{name}: the ground that the rig sees"));
         let path = folder.join(format!("{name}.png"));
         let file = map.to_png().map_err(|e| Error::output(&path, e))?;
         interrupt.uncut(|| write_file(&path, &file))?;
         terminal.detail(format_args!("wrote {}", path.display()));
     }
-    Ok(if args.html.is_some() { run.shown() } else { Shown::default() })
+    Ok(taken.shown)
 }
 
 fn write_reports(args: &Args, terminal: &Terminal, outcomes: &[Outcome]) -> Result<(), Error> {

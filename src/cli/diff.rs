@@ -1,12 +1,13 @@
 //! `beamcast diff`: compares two outputs, channel by channel.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::builder::StringValueParser;
 use serde_json::{Value, json};
 
+use super::frames::FrameArgs;
 use super::interrupt::Interrupt;
 use super::job::{SceneArgs, load_job, load_scene};
 use super::json;
@@ -17,10 +18,10 @@ use crate::check::cloud::{CloudDifference, compare_clouds};
 use crate::check::compare::{ChannelDifference, ImageDifference, compare};
 use crate::check::{Tolerance, confusion_words, difference_picture, phrasing, report};
 use crate::error::Error;
-use crate::output::recorded::Cloud;
+use crate::output::recorded::{Cloud, FrameKey};
 use crate::output::{CHANNEL_NAMES, Image, write_file};
-use crate::run::sides::{Content, Side};
-use crate::run::{Holding, Plan, Session, memory};
+use crate::run::sides::{Content, Pairing, Side, frames_in_words};
+use crate::run::{Holding, Plan, Selection, Session, memory};
 use crate::source::is_config;
 use crate::source::words::{counted, joined, on_one_line};
 
@@ -48,6 +49,8 @@ pub struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    frames: FrameArgs,
     #[command(flatten)]
     scenes: SceneArgs,
     #[command(flatten)]
@@ -87,31 +90,69 @@ fn parse_share(text: &str) -> Result<f64, String> {
 /// read or run.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
-    let a = side(&args.a, args, 0, terminal, &interrupt)?;
-    let b = side(&args.b, args, a.memory(), terminal, &interrupt)?;
+    let (mut a, of_a) = side(&args.a, args, terminal, &interrupt)?;
+    let (mut b, of_b) = side(&args.b, args, terminal, &interrupt)?;
+    let Pairing { pairs, only } = a.pair(&b, [&args.a, &args.b])?;
+    let mut labels = a.labels.clone();
+    labels.extend(b.labels.clone());
+    let is_sequence = pairs.iter().any(|(_, keys)| keys[0].frame().is_some_and(|frame| frame > 0));
+    let mut told =
+        Told { fields: CHANNEL_NAMES.iter().map(|name| (*name).to_owned()).collect(), ..Told::default() };
+    let compare_all = || -> Result<(), Error> {
+        for (name, [key_a, key_b]) in &pairs {
+            let contents = (a.read(key_a, interrupt.progress())?, b.read(key_b, interrupt.progress())?);
+            interrupt.check()?;
+            let (Some(of_a), Some(of_b)) = contents else { continue };
+            let lacks =
+                |side: &[(String, Content)], other: &[(String, Content)], path: &Path, whole: &Path| {
+                    let lacking = other.iter().find(|(part, _)| !side.iter().any(|(own, _)| own == part));
+                    lacking.map(|(part, _)| {
+                        Error::input(path, format!("has no {name}{part}, and {} does", whole.display()))
+                    })
+                };
+            if let Some(error) =
+                lacks(&of_a, &of_b, &args.a, &args.b).or_else(|| lacks(&of_b, &of_a, &args.b, &args.a))
+            {
+                return Err(error);
+            }
+            for (part, content) in &of_a {
+                let Some((_, other)) = of_b.iter().find(|(own, _)| own == part) else { continue };
+                told.fields.extend(fields_of(content).chain(fields_of(other)).map(str::to_owned));
+                let place = Place { name: &format!("{name}{part}"), key: key_a, is_sequence };
+                told.add(compare_items(args, &place, content, other, &labels)?);
+            }
+        }
+        Ok(())
+    };
+    terminal.with_progress(of_a.saturating_add(of_b), interrupt.progress(), compare_all)?;
     for (name, _) in &args.tolerances {
-        let known = CHANNEL_NAMES.contains(&name.as_str()) || a.has(name) || b.has(name);
-        if !known {
+        if !told.fields.contains(name) {
             return Err(Error::Usage(format!(
                 "there is no channel or field {name:?}: they are {}",
                 CHANNEL_NAMES.join(", ")
             )));
         }
     }
-    let pairs = a.pairs(&b, [&args.a, &args.b])?;
-    // The newer side's words for a label come first.
-    let labels: BTreeMap<u32, String> =
-        a.labels.iter().chain(&b.labels).map(|(n, l)| (*n, l.clone())).collect();
-    let mut found = Vec::new();
-    for (name, a, b) in pairs {
-        found.push(compare_items(args, &name, a, b, &labels)?);
-    }
-    let is_same = found.iter().all(|pair| pair.within);
+    let is_same = told.found.iter().all(|found| found.within) && only.iter().all(Vec::is_empty);
     if args.json {
-        let pairs: Vec<&Value> = found.iter().map(|pair| &pair.json).collect();
-        terminal.json(&json::DIFF.of(json!({ "same": is_same, "pairs": pairs })))?;
+        let names = |keys: &[FrameKey]| keys.iter().map(FrameKey::to_string).collect::<Vec<_>>();
+        terminal.json(&json::DIFF.of(json!({
+            "same": is_same,
+            "only_a": names(&only[0]),
+            "only_b": names(&only[1]),
+            "totals": told.totals(),
+            "pairs": told.found.into_iter().map(|found| found.json).collect::<Vec<_>>(),
+        })))?;
     } else {
-        terminal.print(&found.iter().map(|pair| pair.text.as_str()).collect::<String>())?;
+        let mut text = told.text();
+        for (keys, path) in only.iter().zip([&args.a, &args.b]) {
+            if !keys.is_empty() {
+                let count = counted(keys.len(), "frame");
+                let path = on_one_line(&path.to_string_lossy());
+                let _ = writeln!(text, "only {path} has {}: {count}", on_one_line(&frames_in_words(keys)));
+            }
+        }
+        terminal.print(&text)?;
     }
     if is_same {
         return Ok(());
@@ -119,53 +160,127 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     Err(Error::Difference(format!("{} differs from {}", args.b.display(), args.a.display())))
 }
 
-/// Reads a side, or runs it if it is a job. `held` are the bytes that the other side takes already.
-fn side(
-    path: &Path,
-    args: &Args,
-    held: u64,
-    terminal: &Terminal,
-    interrupt: &Interrupt,
-) -> Result<Side, Error> {
+/// Opens a side, or prepares to run it if it is a job. Gives the rays that it casts.
+fn side(path: &Path, args: &Args, terminal: &Terminal, interrupt: &Interrupt) -> Result<(Side, u64), Error> {
+    let frames = args.frames.range();
     if !is_config(path) {
-        return Side::of_recording(path, memory::for_recordings());
+        return Ok((Side::of_recording(path, &frames, memory::for_recordings())?, 0));
     }
-    let job = load_job(path, &[], terminal)?;
-    let plan = Plan::of(&job, Holding::Images)?;
-    memory::check("the rig, beside what it is compared with,", plan.bytes.saturating_add(held))?;
-    let scene = load_scene(&job, &args.scenes, terminal)?.scene;
+    let mut job = load_job(path, &[], terminal)?;
+    let plan = Plan::of(&job, &Selection { frames, ..Selection::ALL }, Holding::Image)?;
+    let scene = load_scene(&mut job, &args.scenes, terminal)?.scene;
     interrupt.check()?;
     plan.check_scene(&scene)?;
-    let session = Session::open(job, &scene);
-    terminal.with_progress(plan.rays, interrupt.progress(), || {
-        let mut side = Side::of_session(&session);
-        for item in &plan.items {
-            let frame = session.cast(item, interrupt.progress());
-            interrupt.check()?;
-            if let Some(frame) = frame {
-                side.add_frame(&session, item, &frame);
+    Ok((Side::of_session(Session::open(job, &scene), &plan), plan.rays))
+}
+
+/// The names of a content's channels or fields.
+fn fields_of(content: &Content) -> Box<dyn Iterator<Item = &str> + '_> {
+    match content {
+        Content::Image(image) => Box::new(image.channels.iter().map(|channel| channel.name.as_str())),
+        Content::Cloud(cloud) => Box::new(cloud.fields.iter().map(|field| field.name.as_str())),
+    }
+}
+
+/// What is compared: an image or a cloud of a frame.
+struct Place<'a> {
+    name: &'a str,
+    key: &'a FrameKey,
+    /// Whether there are other frames of the same sensor.
+    is_sequence: bool,
+}
+
+/// The most pairs of which each has its line, though nothing differs.
+const MOST_LINES: usize = 16;
+
+/// What is told of all pairs.
+#[derive(Default)]
+struct Told {
+    found: Vec<Found>,
+    /// The names of all channels and fields.
+    fields: BTreeSet<String>,
+    /// Of each channel of images: the pixels that differ by more than their tolerance in all of them, the largest difference, and
+    /// the image that has it.
+    channels: BTreeMap<String, (usize, f64, String)>,
+}
+
+impl Told {
+    fn add(&mut self, found: Found) {
+        for (channel, differing, max) in &found.channels {
+            let sum = self.channels.entry(channel.clone()).or_default();
+            sum.0 += differing;
+            if *max > sum.1 || sum.2.is_empty() {
+                (sum.1, sum.2) = (*max, found.name.clone());
             }
         }
-        Ok(side)
-    })
+        self.found.push(found);
+    }
+
+    fn count(&self, which: fn(&Found) -> bool) -> usize {
+        self.found.iter().filter(|found| which(found)).count()
+    }
+
+    fn totals(&self) -> Value {
+        let channels = self.channels.iter().map(|(channel, (differing, max, worst))| {
+            json!({ "channel": channel, "differing": differing, "max": max, "worst": worst })
+        });
+        json!({
+            "pairs": self.found.len(),
+            "same": self.count(|found| found.is_same),
+            "within_tolerance": self.count(|found| found.within),
+            "channels": channels.collect::<Vec<_>>(),
+        })
+    }
+
+    /// The text of all pairs. Of very many, only those that differ have theirs, and then there is a sum.
+    fn text(&self) -> String {
+        let is_many = self.found.len() > MOST_LINES;
+        let shown = self.found.iter().filter(|found| !is_many || !found.is_same);
+        let mut text: String = shown.map(|found| found.text.as_str()).collect();
+        if is_many {
+            let [same, within] = [self.count(|found| found.is_same), self.count(|found| found.within)];
+            let others =
+                if within > same { format!(", {} within tolerance", within - same) } else { String::new() };
+            let different = self.found.len() - within;
+            let _ =
+                writeln!(text, "{} pairs: {same} the same{others}, {different} different", self.found.len());
+            for (channel, (differing, max, worst)) in &self.channels {
+                if *differing > 0 {
+                    let channel = on_one_line(channel);
+                    let most = if *max > 0.0 {
+                        format!(", max {} ({})", phrasing::digits(*max), on_one_line(worst))
+                    } else {
+                        String::new()
+                    };
+                    let _ = writeln!(text, "  {channel:<12} {} differ{most}", counted(*differing, "pixel"));
+                }
+            }
+        }
+        text
+    }
 }
 
 struct Found {
+    name: String,
     within: bool,
+    /// Whether nothing differs at all.
+    is_same: bool,
+    /// Of each channel of an image: the pixels that differ by more than their tolerance, and the largest difference.
+    channels: Vec<(String, usize, f64)>,
     text: String,
     json: Value,
 }
 
 fn compare_items(
     args: &Args,
-    name: &str,
+    place: &Place,
     a: &Content,
     b: &Content,
     labels: &BTreeMap<u32, String>,
 ) -> Result<Found, Error> {
     match (a, b) {
-        (Content::Image(a), Content::Image(b)) => compare_images(args, name, a, b, labels),
-        (Content::Cloud(a), Content::Cloud(b)) => compare_two_clouds(args, name, a, b),
+        (Content::Image(a), Content::Image(b)) => compare_images(args, place, a, b, labels),
+        (Content::Cloud(a), Content::Cloud(b)) => compare_two_clouds(args, place.name, a, b),
         _ => Err(Error::Usage(format!(
             "{} and {}: an image and a cloud can't be compared",
             args.a.display(),
@@ -176,16 +291,18 @@ fn compare_items(
 
 fn compare_images(
     args: &Args,
-    name: &str,
+    place: &Place,
     a: &Image,
     b: &Image,
     labels: &BTreeMap<u32, String>,
 ) -> Result<Found, Error> {
+    let name = place.name;
     let prefix = if name.is_empty() { String::new() } else { format!("{}: ", on_one_line(name)) };
     if (a.rows, a.columns) != (b.rows, b.columns) {
         let text = format!("{prefix}{} × {} and {} × {} pixels\n", a.rows, a.columns, b.rows, b.columns);
         let sizes = json!({ "name": name, "sizes": [[a.rows, a.columns], [b.rows, b.columns]] });
-        return Ok(Found { within: false, text, json: sizes });
+        let name = name.to_owned();
+        return Ok(Found { name, within: false, is_same: false, channels: Vec::new(), text, json: sizes });
     }
     let tolerance = |channel: &str| {
         let given = args.tolerances.iter().rev().find(|(name, _)| name == channel);
@@ -194,15 +311,18 @@ fn compare_images(
     let difference = compare(a, b, &tolerance, &|_| 0.0);
     let found = difference.channels.iter().find(|c| c.channel == args.channel);
     if let (Some(path), Some(channel)) = (&args.png, found) {
-        // Each of several images has a picture of its own.
+        // Each of several images has a picture of its own. Of very many, only those that differ do.
         let path = match name.split('/').next() {
             Some(sensor) if !sensor.is_empty() => {
                 let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-                path.with_file_name(format!("{stem}.{sensor}.png"))
+                let frame = place.key.frame().filter(|_| place.is_sequence);
+                let frame = frame.map_or(String::new(), |frame| format!(".{frame:06}"));
+                path.with_file_name(format!("{stem}.{sensor}{frame}.png"))
             }
             _ => path.clone(),
         };
-        if let Some(picture) = difference_picture(&prefix, a, b, channel) {
+        let is_wanted = !place.is_sequence || !channel.pixels.is_empty();
+        if is_wanted && let Some(picture) = difference_picture(&prefix, a, b, channel) {
             write_file(&path, &picture.to_png().map_err(|e| Error::output(&path, e))?)?;
         }
     }
@@ -245,7 +365,15 @@ fn compare_images(
         "label_confusion": confusion,
         "points_per_label": points,
     });
-    Ok(Found { within, text, json })
+    let is_same = within
+        && difference
+            .channels
+            .iter()
+            .all(|c| c.differing.count() == 0 && c.statistics.is_none_or(|s| s.max == 0.0));
+    let of_channel =
+        |c: &ChannelDifference| (c.channel.clone(), c.pixels.len(), c.statistics.map_or(0.0, |s| s.max));
+    let channels = difference.channels.iter().map(of_channel).collect();
+    Ok(Found { name: name.to_owned(), within, is_same, channels, text, json })
 }
 
 fn image_text(
@@ -353,9 +481,10 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
                 .iter()
                 .map(|f| json!({ "field": f.field, "differing": f.differing, "max": f.max, "mean": f.mean }))
                 .collect();
+            let is_same = fields.iter().all(|field| field["max"] == 0.0);
             let json =
                 json!({ "name": name, "points": a.points, "within_tolerance": within, "fields": fields });
-            Found { within, text, json }
+            Found { name: name.to_owned(), within, is_same, channels: Vec::new(), text, json }
         }
         CloudDifference::Distances(d) => {
             let _ =
@@ -380,7 +509,7 @@ fn compare_two_clouds(args: &Args, name: &str, a: &Cloud, b: &Cloud) -> Result<F
                 "chamfer_m": d.chamfer_m,
                 "density_aware_chamfer": d.density_aware,
             });
-            Found { within: false, text, json }
+            Found { name: name.to_owned(), within: false, is_same: false, channels: Vec::new(), text, json }
         }
     })
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::run::Bytes;
-use crate::run::facts::{FileFacts, SceneFacts, SensorSizes};
+use crate::run::facts::{FileFacts, SceneFacts, SensorSizes, SequenceFacts, WayFacts};
 use crate::source::words::{on_one_line, quoted};
 
 /// The facts about a file as lines of text.
@@ -14,6 +14,9 @@ pub fn text(facts: &FileFacts) -> String {
     }
     for sensor in &facts.sensors {
         write_sensor(&mut text, sensor);
+    }
+    if let Some(sequence) = &facts.sequence {
+        write_sequence(&mut text, sequence);
     }
     text
 }
@@ -125,6 +128,20 @@ fn write_sensor(text: &mut String, sensor: &SensorSizes) {
     fact!(text, "output", "{} a frame, uncompressed", files.join(", "));
 }
 
+fn write_sequence(text: &mut String, sequence: &SequenceFacts) {
+    let SequenceFacts { frames, start_s, duration_s, rays, output_bytes, way } = sequence;
+    let _ = writeln!(text, "  sequence");
+    let frames: Vec<String> =
+        frames.iter().map(|(sensor, count)| format!("{} of {sensor}", grouped(*count))).collect();
+    fact!(text, "frames", "{}", frames.join(", "));
+    fact!(text, "time", "{} s to {} s", tidy(*start_s), tidy(start_s + duration_s));
+    fact!(text, "rays", "{}", grouped(*rays));
+    fact!(text, "output", "at most {}: all files before compression", Bytes(*output_bytes));
+    if let Some(WayFacts { length_m, speed_m_s: [least, most] }) = way {
+        fact!(text, "way", "{} m at {} to {} m/s", tidy(*length_m), tidy(*least), tidy(*most));
+    }
+}
+
 /// Rounds a number to four decimals, for display.
 pub fn tidy(x: f64) -> f64 {
     let rounded = (x * 1e4).round() / 1e4;
@@ -197,8 +214,21 @@ mod tests {
             regions: 2,
             memory_bytes: 200,
         };
-        let file =
-            FileFacts { path: "a.toml".to_owned(), kind: "job", sensors: vec![sensor], scene: Some(scene) };
+        let sequence = SequenceFacts {
+            frames: [("top".to_owned(), 1200)].into(),
+            start_s: 0.5,
+            duration_s: 120.0,
+            rays: 1_296_000,
+            output_bytes: 51_840_000,
+            way: Some(WayFacts { length_m: 1800.0, speed_m_s: [14.0, 16.0] }),
+        };
+        let file = FileFacts {
+            path: "a.toml".to_owned(),
+            kind: "job",
+            sensors: vec![sensor],
+            sequence: Some(sequence),
+            scene: Some(scene),
+        };
         let text = text(&file);
         for line in [
             "a.toml: job\n",
@@ -208,6 +238,8 @@ mod tests {
             "exr 43.2 kB a frame, uncompressed\n",
             "extent        x 0 to 5, y 0 to 1, z 0 to 0 m\n",
             "regions       2, vertices rounded by 0.003 mm at most\n",
+            "  sequence\n    frames        1,200 of top\n    time          0.5 s to 120.5 s\n",
+            "output        at most 51.8 MB: all files before compression\n    way           1800 m at 14 to 16 m/s\n",
             "labels        3, 7 \"wall, \\n…\"\n",
         ] {
             assert!(text.contains(line), "{line:?} in:\n{text}");

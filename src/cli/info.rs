@@ -1,6 +1,6 @@
 //! `beamcast info`: shows the content of a file at a glance.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use super::outline;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::output::Samples;
-use crate::output::recorded::{Cloud, Folder, Part, Recorded, RecordedManifest};
+use crate::output::recorded::{Cloud, Folder, FrameKey, Part, Recorded, RecordedManifest};
 use crate::run::facts::facts_of;
 use crate::run::{Bytes, memory};
 use crate::scene::gltf;
@@ -249,6 +249,17 @@ fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
     let sensors: Vec<&str> =
         job.sensor.iter().map(|sensor| sensor.name.as_deref().unwrap_or("sensor")).collect();
     let instances = scene.instances().count();
+    let mut frames: BTreeMap<&str, BTreeSet<u64>> = BTreeMap::new();
+    let keys = outputs.iter().filter_map(|file| file.path.rsplit_once('.')).map(|(stem, _)| stem);
+    // An ending may have several parts, such as `depth16.png`.
+    let keys: Vec<FrameKey> =
+        keys.map(|stem| FrameKey::of_stem(stem.split_once('.').map_or(stem, |s| s.0))).collect();
+    for key in &keys {
+        if let Some(frame) = key.frame() {
+            frames.entry(key.sensor()).or_default().insert(frame);
+        }
+    }
+    let bytes = outputs.iter().filter_map(|file| file.bytes).fold(0, u64::saturating_add);
     let json = json!({
         "path": name,
         "kind": "scan",
@@ -259,6 +270,8 @@ fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
         "instances": instances,
         "materials": scene.materials(),
         "sensors": sensors,
+        "frames": frames.iter().map(|(sensor, frames)| (*sensor, frames.len())).collect::<BTreeMap<_, _>>(),
+        "bytes": bytes,
         "inputs": inputs,
         "outputs": outputs,
     });
@@ -275,15 +288,34 @@ fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
         scene.materials()
     );
     let _ = writeln!(text, "    sensors       {}", on_one_line(&sensors.join(", ")));
+    if frames.values().any(|frames| frames.len() > 1) {
+        for (sensor, frames) in &frames {
+            let (first, last) = (frames.first().copied().unwrap_or(0), frames.last().copied().unwrap_or(0));
+            let missing = (last - first).saturating_add(1).saturating_sub(frames.len() as u64);
+            let gaps = if missing > 0 { format!(", {missing} between them missing") } else { String::new() };
+            let count = frames.len();
+            let _ =
+                writeln!(text, "    frames        {}: {count}, {first} to {last}{gaps}", on_one_line(sensor));
+        }
+    }
+    let _ = writeln!(text, "    outputs       {} files, {}", outputs.len(), Bytes(bytes));
+    let more = outputs.len().saturating_sub(MOST_OUTPUTS);
     let inputs = inputs.iter().map(|file| ("input", &file.name, file.bytes, &file.blake3));
-    let outputs = outputs.iter().map(|file| ("output", &file.path, file.bytes, &file.blake3));
+    let outputs =
+        outputs.iter().take(MOST_OUTPUTS).map(|file| ("output", &file.path, file.bytes, &file.blake3));
     for (label, name, bytes, hash) in inputs.chain(outputs) {
         let (name, bytes) = (on_one_line(name), Bytes(bytes.unwrap_or(0)));
         let hash: String = say(hash).chars().take(16).collect();
         let _ = writeln!(text, "    {label:<14}{name} ({bytes}, BLAKE3 {hash}…)");
     }
+    if more > 0 {
+        let _ = writeln!(text, "    and {more} more outputs, which --json lists");
+    }
     (json, text)
 }
+
+/// The most outputs of a folder that are listed in words.
+const MOST_OUTPUTS: usize = 40;
 
 /// The least and the largest of the values that are finite.
 fn bounds(values: impl Iterator<Item = f64>) -> (Option<f64>, Option<f64>) {

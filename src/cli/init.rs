@@ -1,4 +1,4 @@
-//! `beamcast init`: writes a job to start from.
+//! `beamcast init`: writes a job to start from, or a whole drive.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use super::shell::presets_or;
 use super::terminal::Terminal;
 use clap::builder::StringValueParser;
 
-use crate::config::{load_preset, load_sensor, starter_job};
+use crate::config::{DRIVE_JOB, load_preset, load_sensor, starter_drive, starter_job};
 use crate::error::Error;
 use crate::output::{check_file, write_file};
 use crate::run::paths::seen_from;
@@ -24,7 +24,12 @@ pub struct Args {
     /// Write the job here
     #[arg(short, long, visible_alias = "out", value_name = "JOB.toml", default_value = "job.toml")]
     output: PathBuf,
-    /// Replace the job if it is there already
+    /// Write a complete drive to this folder instead: a job of ten seconds through a street with moving cars, a cyclist and a
+    /// walker, and their scenes
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "drive",
+          conflicts_with_all = ["preset", "scene", "output"])]
+    drive: Option<PathBuf>,
+    /// Replace what is there already
     #[arg(long)]
     overwrite: bool,
 }
@@ -34,6 +39,9 @@ pub struct Args {
 /// # Errors
 /// [`Error::Config`] if there is no such sensor, [`Error::Output`] if the job is there already or can't be written.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
+    if let Some(folder) = &args.drive {
+        return drive(folder, args.overwrite, terminal);
+    }
     check_file(&args.output, args.overwrite)?;
     let folder = args.output.parent().unwrap_or(Path::new(""));
     let scene = seen_from(folder, &args.scene);
@@ -55,6 +63,24 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     if !args.scene.exists() {
         terminal.warn(format_args!("there is no scene {} yet", args.scene.display()));
     }
+    Ok(())
+}
+
+/// Writes the files of a drive, and shows the next commands.
+fn drive(folder: &Path, overwrite: bool, terminal: &Terminal) -> Result<(), Error> {
+    let files = starter_drive();
+    for (name, _) in &files {
+        check_file(&folder.join(name), overwrite)?;
+    }
+    for (name, content) in &files {
+        write_file(&folder.join(name), content)?;
+    }
+    let (job, out) = (folder.join(DRIVE_JOB), folder.join("out"));
+    let (job, out, count) = (job.display(), out.display(), files.len() - 1);
+    terminal.say(format_args!(
+        "wrote {job} and {count} files beside it; next: beamcast scan {job}, then beamcast view {out} for a page, and beamcast film \
+         {out} for an animated picture"
+    ));
     Ok(())
 }
 

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicI32, Ordering};
-use std::sync::{Arc, Mutex, PoisonError, TryLockError};
+use std::sync::{Arc, PoisonError, RwLock, TryLockError};
 use std::thread;
 use std::time::Duration;
 
@@ -24,7 +24,8 @@ struct Shared {
     /// The first signal that came, or 0.
     signal: AtomicI32,
     progress: Progress,
-    uncut: Mutex<()>,
+    /// Read while files are written, of which several can be at a time.
+    uncut: RwLock<()>,
 }
 
 impl Interrupt {
@@ -57,7 +58,7 @@ impl Interrupt {
 
     /// Does work during which the process should not end: a signal waits for it, but not for ever.
     pub fn uncut<T>(&self, work: impl FnOnce() -> T) -> T {
-        let _held = self.shared.uncut.lock().unwrap_or_else(PoisonError::into_inner);
+        let _held = self.shared.uncut.read().unwrap_or_else(PoisonError::into_inner);
         work()
     }
 }
@@ -79,7 +80,7 @@ fn spawn(shared: Arc<Shared>, next: impl FnOnce() -> Option<i32> + Send + 'stati
         // A file that is being written is finished first. One that takes longer, such as a pipe that nobody reads, is given up;
         // it has no name yet.
         for _ in 0..PATIENCE {
-            match shared.uncut.try_lock() {
+            match shared.uncut.try_write() {
                 Err(TryLockError::WouldBlock) => thread::sleep(STEP),
                 _ => break,
             }

@@ -39,12 +39,20 @@ impl JobArgs {
         &self.job
     }
 
-    /// Reads a job with these flags, and shows its warnings, or takes them for errors.
+    /// Reads a job with these flags and, if one is given, another seed. Shows its warnings, or takes them for errors.
     ///
     /// # Errors
     /// [`Error::Config`] with everything that is wrong with the job.
-    pub fn load_strictly(&self, path: &Path, is_strict: bool, terminal: &Terminal) -> Result<Job, Error> {
-        let job = config::load_job(path, &self.overrides)?;
+    pub fn load_strictly(
+        &self,
+        path: &Path,
+        seed: Option<u64>,
+        is_strict: bool,
+        terminal: &Terminal,
+    ) -> Result<Job, Error> {
+        let seed = seed.map(|seed| format!("seed={seed}"));
+        let overrides: Vec<String> = self.overrides.iter().cloned().chain(seed).collect();
+        let job = config::load_job(path, &overrides)?;
         heed(&job.warnings, is_strict, terminal)?;
         Ok(job)
     }
@@ -72,7 +80,7 @@ pub fn load_job(path: &Path, overrides: &[String], terminal: &Terminal) -> Resul
 ///
 /// # Errors
 /// With the element of the file that is wrong.
-pub fn load_scene(job: &Job, args: &SceneArgs, terminal: &Terminal) -> Result<gltf::Loaded, SceneError> {
+pub fn load_scene(job: &mut Job, args: &SceneArgs, terminal: &Terminal) -> Result<gltf::Loaded, SceneError> {
     let loaded = run::load_scene(job, &args.allowed_folders)?;
     terminal.notices(&loaded.notices);
     for file in &loaded.scene.geometry.files {

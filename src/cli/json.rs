@@ -16,19 +16,25 @@ pub const CHECK: Document = Document { format: 1 };
 /// `beamcast diff --json`.
 pub const DIFF: Document = Document { format: 1 };
 /// `beamcast info --json`.
-pub const INFO: Document = Document { format: 1 };
+pub const INFO: Document = Document { format: 2 };
 /// `beamcast kernels --json`.
 pub const KERNELS: Document = Document { format: 1 };
 /// `beamcast lint --json`.
 pub const LINT: Document = Document { format: 1 };
+/// `beamcast merge --json`.
+pub const MERGE: Document = Document { format: 1 };
 /// `beamcast presets --json`.
 pub const PRESETS: Document = Document { format: 1 };
 /// `beamcast scan --json`.
 pub const SCAN: Document = Document { format: 1 };
 /// `beamcast scan --dry-run --json`.
 pub const SCAN_PLAN: Document = Document { format: 1 };
+/// Each line of `beamcast scan --json-lines`.
+pub const SCAN_FRAME: Document = Document { format: 1 };
 /// `beamcast selftest --json`.
 pub const SELFTEST: Document = Document { format: 1 };
+/// `beamcast verify --json`.
+pub const VERIFY: Document = Document { format: 1 };
 
 impl Document {
     /// The document with the keys of `content`, which is a table.

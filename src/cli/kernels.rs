@@ -58,7 +58,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 
 fn load(path: &Path, args: &Args, terminal: &Terminal) -> Result<Scene, Error> {
     let options = gltf::Options { allowed_folders: &args.scenes.allowed_folders, ..gltf::Options::default() };
-    let gltf::Loaded { scene, notices } = gltf::load(path, &path.to_string_lossy(), &options)?;
+    let gltf::Loaded { scene, notices, .. } = gltf::load(path, &path.to_string_lossy(), &options)?;
     terminal.notices(&notices);
     Ok(scene)
 }

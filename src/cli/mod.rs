@@ -5,6 +5,8 @@ mod check;
 pub mod diagnostics;
 mod diff;
 mod facts;
+mod film;
+mod frames;
 mod import;
 mod info;
 mod init;
@@ -13,7 +15,9 @@ mod job;
 mod json;
 mod kernels;
 mod lint;
+mod merge;
 mod outline;
+mod parts;
 mod presets;
 mod scan;
 mod schema;
@@ -21,6 +25,7 @@ mod selftest;
 mod shell;
 mod terminal;
 mod threads;
+mod verify;
 mod view;
 
 use std::io::{self, Write as _};
@@ -46,6 +51,10 @@ struct Cli {
 enum Command {
     /// Run a job: cast its sensors' beams against its scene, and write the frames
     Scan(scan::Args),
+    /// Make the parts of a run one, which `scan --shard` has written to one folder
+    Merge(merge::Args),
+    /// Hold a scan's folder to its manifest: each file's length and hash, missing files and unknown ones
+    Verify(verify::Args),
     /// Check jobs, sensor files and scenes without running them, and say which facts follow from them
     Lint(lint::Args),
     /// Run jobs, and hold their frames to baselines and expectations
@@ -60,6 +69,8 @@ enum Command {
     Selftest(selftest::Args),
     /// Show frames as one HTML page: range images, and a cloud to turn
     View(view::Args),
+    /// Make an animated picture, or a contact sheet, of the previews of a scan
+    Film(film::Args),
     /// Compare the ray-triangle methods that `[trace] kernel` chooses from: speed, errors, leaks
     Kernels(kernels::Args),
     /// Write a job to start from, with a comment on every line
@@ -118,7 +129,8 @@ impl Command {
                 Some(threads::Args::default())
             }
             Self::Info(_) | Self::Presets(_) => Some(threads::Args::default()),
-            Self::Init(_) | Self::Import(_) | Self::Schema(_) => None,
+            Self::Init(_) | Self::Import(_) | Self::Schema(_) | Self::Film(_) => None,
+            Self::Merge(_) | Self::Verify(_) => None,
             Self::Completions(_) | Self::Man => None,
         }
     }
@@ -131,11 +143,14 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
     match command {
         Command::Scan(args) => scan::run(args, terminal),
         Command::Lint(args) => lint::run(args, terminal),
+        Command::Merge(args) => merge::run(args, terminal),
+        Command::Verify(args) => verify::run(args, terminal),
         Command::Check(args) => check::run(args, terminal),
         Command::Diff(args) => diff::run(args, terminal),
         Command::Bench(args) => bench::run(args, terminal),
         Command::Selftest(args) => selftest::run(args, terminal),
         Command::View(args) => view::run(args, terminal),
+        Command::Film(args) => film::run(args, terminal),
         Command::Kernels(args) => kernels::run(args, terminal),
         Command::Presets(args) => presets::run(args, terminal),
         Command::Init(args) => init::run(args, terminal),

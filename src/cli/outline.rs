@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use crate::scene::gltf::Outline;
-use crate::source::words::on_one_line;
+use crate::scene::gltf::{AnimationOutline, Outline, SkinOutline};
+use crate::source::words::{counted, on_one_line};
 
 /// The most lines of nodes, and the most names of other lists, that are shown.
 const MOST_NODES: usize = 200;
@@ -28,7 +28,16 @@ pub fn text(outline: &Outline) -> String {
         format!("{}{kind}", element(index, camera.name.as_deref()))
     };
     list(&mut text, "cameras", outline.cameras.iter().enumerate().map(camera));
-    list(&mut text, "animations", outline.animations.iter().enumerate().map(name));
+    let animation = |(index, animation): (usize, &AnimationOutline)| {
+        let length = animation.length_s.map_or(String::new(), |length| format!("{length} s, "));
+        let nodes = counted(animation.nodes.len(), "node");
+        format!("{} ({length}{nodes})", element(index, animation.name.as_deref()))
+    };
+    list(&mut text, "animations", outline.animations.iter().enumerate().map(animation));
+    let skin = |(index, skin): (usize, &SkinOutline)| {
+        format!("{} ({})", element(index, skin.name.as_deref()), counted(skin.joints.len(), "joint"))
+    };
+    list(&mut text, "skins", outline.skins.iter().enumerate().map(skin));
     write_nodes(&mut text, outline);
     text
 }
@@ -95,7 +104,8 @@ mod tests {
 
     fn outline(nodes: Vec<NodeOutline>) -> Outline {
         let (scenes, meshes, cameras) = (vec![], vec![], vec![]);
-        Outline { default_scene: None, scenes, nodes, meshes, materials: vec![], cameras, animations: vec![] }
+        let (materials, animations, skins) = (vec![], vec![], vec![]);
+        Outline { default_scene: None, scenes, nodes, meshes, materials, cameras, animations, skins }
     }
 
     #[test]

@@ -1,20 +1,28 @@
 //! `beamcast scan`: runs a job.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use serde_json::{Value, json};
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
 
 use super::interrupt::Interrupt;
 use super::job::{JobArgs, heed, load_scene, strictly};
 use super::json;
+use super::parts;
 use super::terminal::{Terminal, Writing};
 use super::threads;
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::WrittenFile;
-use crate::run::{Bytes, Holding, Journal, Plan, Session, Statistics, memory, paths};
+use crate::output::{Manifest, SensorFrame, WrittenFile};
+use crate::run::journal::{Beside, Done};
+use crate::run::record::{Line, Loss};
+use crate::run::{
+    Bytes, Holding, Item, Journal, Output, Plan, Selection, Session, Shard, Start, Statistics, memory, paths,
+};
 use crate::scan::Frame;
 use crate::scene::Scene;
 use crate::source::Diagnostic;
@@ -28,8 +36,17 @@ pub struct Args {
     #[arg(short, long, visible_alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace outputs that are there already, and remove those of the last run that are not written again
-    #[arg(long)]
+    #[arg(long, conflicts_with = "resume")]
     overwrite: bool,
+    /// Go on with a run that was stopped: frames that are finished are not cast again
+    #[arg(long)]
+    resume: bool,
+    /// Cast only these frames, counted from 0: A..B (without B), A.., ..B, or one number
+    #[arg(long, value_name = "A..B", value_parser = parts::frames)]
+    frames: Option<Range<u64>>,
+    /// Cast only part I of N of the frames, counted from 1; `auto` asks SLURM, `auto/N` SLURM or Kubernetes for I
+    #[arg(long, value_name = "I/N", value_parser = parts::shard)]
+    shard: Option<Shard>,
     /// Use this seed instead of the job's
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -47,12 +64,32 @@ pub struct Args {
     /// Print the summary (or the plan of a dry run) as JSON on stdout
     #[arg(long)]
     json: bool,
+    /// Print a line of JSON on stdout for each frame when its files are written
+    #[arg(long, conflicts_with_all = ["json", "dry_run"])]
+    json_lines: bool,
 }
 
 impl Args {
     /// The threads to work on.
     pub fn threads(&self) -> threads::Args {
         self.job.threads
+    }
+
+    /// The frames to cast.
+    fn selection(&self) -> Selection {
+        Selection {
+            frames: self.frames.clone().unwrap_or(Selection::ALL.frames),
+            shard: self.shard.unwrap_or(Shard::WHOLE),
+        }
+    }
+
+    /// What becomes of what is in the folder.
+    fn start(&self) -> Start {
+        match (self.overwrite, self.resume) {
+            (true, _) => Start::Overwrite,
+            (_, true) => Start::Resume,
+            _ => Start::New,
+        }
     }
 
     /// The JSON that is printed.
@@ -87,11 +124,11 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 /// # Errors
 /// The errors of the job, the scene and the output folder. Nothing is cast before all three are known to be good.
 fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal) -> Result<Value, Error> {
-    let job = load_job(args, path, terminal)?;
-    let plan = Plan::of(&job, Holding::Files)?;
-    let mut journal = Journal::check(&job, &plan, args.overwrite)?;
+    let mut job = load_job(args, path, terminal)?;
+    let plan = Plan::of(&job, &args.selection(), Holding::Files)?;
+    let mut journal = Journal::check(&job, &plan, args.start())?;
 
-    let (scene, load) = timed(|| load_scene(&job, &args.job.scenes, terminal));
+    let (scene, load) = timed(|| load_scene(&mut job, &args.job.scenes, terminal));
     let loaded = scene?;
     let mut diagnostics = job.warnings.clone();
     diagnostics.extend(loaded.diagnostics(&job.scene_path));
@@ -111,119 +148,260 @@ fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal)
     if args.dry_run {
         return print_plan(args, terminal, &session.job, &plan, session.scene(), &diagnostics, &journal);
     }
-    interrupt.uncut(|| journal.begin(&plan))?;
-    let writing = Writing::of(plan.output_names().len() as u64);
-    let casting = || {
-        let done = cast_and_write(&session, &plan, &mut journal, interrupt, &writing)?;
-        interrupt.check()?;
-        writing.file(|| interrupt.uncut(|| journal.finish(&session)))?;
-        Ok::<_, Error>(done)
-    };
-    let done = terminal.with_progress_and_files(plan.rays, interrupt.progress(), &writing, casting)?;
-
-    let outputs = journal.written();
-    for output in outputs {
-        terminal.detail(format_args!(
-            "wrote {} ({}, BLAKE3 {})",
-            output.path,
-            Bytes(output.bytes),
-            output.blake3
+    let mut tally = Tally::new(&session);
+    let done = interrupt.uncut(|| journal.begin(&session, &plan, &mut |item, line| tally.add(item, line)))?;
+    let Done::Frames(skipped) = done else {
+        let folder = session.job.output.dir.display();
+        terminal.say(format_args!("{folder} is complete already: nothing was left to do"));
+        return Ok(summary_as_json(
+            &session.job,
+            &tally,
+            &Times { load, build, ..Times::default() },
+            &diagnostics,
         ));
+    };
+    if skipped > 0 {
+        let all = counted(plan.frames(), "frame");
+        terminal.say(format_args!("{skipped} of {all} are there already, and the run goes on after them"));
     }
-    for Loss { path, values } in &done.losses {
+    let frames = plan.frames() - skipped;
+    let rays_left = plan.rays.saturating_sub(tally.pixels());
+    let writing = Writing::of(frames.saturating_mul(session.job.output.formats.len() as u64) + 1, frames);
+    let run = Run { args, session: &session, plan: &plan, interrupt, terminal, writing: &writing };
+    let casting = || {
+        let times = run.cast_and_write(skipped, &mut journal, &mut tally)?;
+        interrupt.check()?;
+        tally.add_files(writing.file(|| interrupt.uncut(|| journal.finish()))?);
+        Ok::<_, Error>(times)
+    };
+    let (cast, write) =
+        terminal.with_progress_and_files(rays_left, interrupt.progress(), &writing, casting)?;
+
+    for Loss { path, values } in &tally.losses {
         terminal.warn(format_args!("{path} has 0 for {values} values that its pixels can't hold"));
     }
-    let times = Times { load, build, cast: done.casting, write: done.writing };
-    terminal.say_lines(&summary(&session.job, &done.seen, outputs, &times));
-    Ok(summary_as_json(&session.job, &done, outputs, &times, &diagnostics))
+    if tally.lossy_files > tally.losses.len() as u64 {
+        let more = tally.lossy_files - tally.losses.len() as u64;
+        terminal.warn(format_args!("{more} more files have 0 for values that their pixels can't hold"));
+    }
+    let times = Times { load, build, cast, write, cast_rays: tally.rays() - tally.rays_before };
+    terminal.say_lines(&summary(&session.job, &plan, &tally, &times));
+    Ok(summary_as_json(&session.job, &tally, &times, &diagnostics))
 }
 
 fn load_job(args: &Args, path: &Path, terminal: &Terminal) -> Result<Job, Error> {
-    let mut job = args.job.load_strictly(path, args.strict, terminal)?;
+    let mut job = args.job.load_strictly(path, args.seed, args.strict, terminal)?;
     let given = args.out.as_ref().map(|out| match args.more.is_empty() {
         true => out.clone(),
         false => out.join(path.file_stem().unwrap_or_default()),
     });
     job.output.dir = paths::tidy(given.as_ref().unwrap_or(&job.output.dir));
-    if let Some(seed) = args.seed {
-        job.seed = seed;
-        if let Some(resolved) = job.resolved.as_object_mut() {
-            resolved.insert("seed".into(), seed.into());
-        }
-    }
     Ok(job)
 }
 
-/// What is known of frames that were cast and written.
-struct Done {
-    /// The statistics of the frames.
+/// The most files that a summary names one by one. Of a longer run the manifest does.
+const MOST_NAMED: usize = 1000;
+
+/// What is known of the frames that are written, whether by this run or by an earlier one that was stopped.
+struct Tally {
+    /// The statistics of each sensor's frames, in the job's order.
     seen: Vec<Statistics>,
-    /// The files that lost something.
+    files: u64,
+    bytes: u64,
+    /// The first files.
+    outputs: Vec<WrittenFile>,
+    /// The first files that lost something.
     losses: Vec<Loss>,
-    casting: Duration,
-    writing: Duration,
+    lossy_files: u64,
+    /// The rays of an earlier run.
+    rays_before: usize,
 }
 
-/// A file whose format could not hold all values of its frame.
-struct Loss {
-    path: String,
-    values: u64,
-}
-
-/// Casts and writes one frame after the other, so that only one is in memory.
-fn cast_and_write(
-    session: &Session,
-    plan: &Plan,
-    journal: &mut Journal,
-    interrupt: &Interrupt,
-    progress: &Writing,
-) -> Result<Done, Error> {
-    let (mut seen, mut frame) = (Vec::new(), Frame::default());
-    let mut losses = Vec::new();
-    let (mut casting, mut writing) = (Duration::ZERO, Duration::ZERO);
-    for item in &plan.items {
-        let (whole, time) = timed(|| session.cast_into(&mut frame, item, interrupt.progress()));
-        casting += time;
-        interrupt.check()?;
-        if !whole {
-            continue;
-        }
-        seen.push(Statistics::of(&frame));
-        let sensor_frame = session.sensor_frame(item, &frame);
-        let start = Instant::now();
-        for output in &item.outputs {
-            let lost = output.format.lost(&sensor_frame);
-            if lost > 0 {
-                losses.push(Loss { path: output.name.clone(), values: lost });
-            }
-            progress.file(|| {
-                let content = session.encode(output, &sensor_frame)?;
-                interrupt.check()?;
-                interrupt.uncut(|| journal.write(output, &content))
-            })?;
-        }
-        journal.add(&sensor_frame)?;
-        writing += start.elapsed();
+impl Tally {
+    fn new(session: &Session) -> Self {
+        let seen = vec![Statistics::default(); session.job.sensors.len()];
+        let (outputs, losses) = (Vec::new(), Vec::new());
+        Self { seen, files: 0, bytes: 0, outputs, losses, lossy_files: 0, rays_before: 0 }
     }
-    Ok(Done { seen, losses, casting, writing })
+
+    /// Adds a frame.
+    fn add(&mut self, item: &Item, line: Line) {
+        self.seen[item.sensor].add(&line.statistics);
+        self.lossy_files += line.lost.len() as u64;
+        self.add_files(line.outputs);
+        let room = MOST_NAMED - self.losses.len();
+        self.losses.extend(line.lost.into_iter().take(room));
+    }
+
+    /// Adds files.
+    fn add_files(&mut self, files: Vec<WrittenFile>) {
+        self.files += files.len() as u64;
+        self.bytes += files.iter().map(|output| output.bytes).sum::<u64>();
+        let room = MOST_NAMED - self.outputs.len();
+        self.outputs.extend(files.into_iter().take(room));
+    }
+
+    fn rays(&self) -> usize {
+        self.seen.iter().map(|seen| seen.rays).sum()
+    }
+
+    fn pixels(&self) -> u64 {
+        self.seen.iter().map(|seen| (seen.rays + seen.blind) as u64).sum()
+    }
 }
 
+/// A run on its way.
+struct Run<'r> {
+    args: &'r Args,
+    session: &'r Session,
+    plan: &'r Plan,
+    interrupt: &'r Interrupt,
+    terminal: &'r Terminal,
+    writing: &'r Writing,
+}
+
+/// The time between two lines about a long run where there is no progress bar.
+const BETWEEN_LINES: Duration = Duration::from_secs(30);
+
+impl Run<'_> {
+    /// Casts the frames of the plan after the first `skipped`, and writes each while the next is cast. Two frames are in memory,
+    /// so a slow disk holds the casting up. Returns the times that casting and writing took; they overlap.
+    fn cast_and_write(
+        &self,
+        skipped: u64,
+        journal: &mut Journal,
+        tally: &mut Tally,
+    ) -> Result<(Duration, Duration), Error> {
+        let Self { session, interrupt, .. } = self;
+        tally.rays_before = tally.rays();
+        let mut items = self.plan.items(&session.job).skip(usize::try_from(skipped).unwrap_or(usize::MAX));
+        let (mut casting, mut writing) = (Duration::ZERO, Duration::ZERO);
+        let (mut ahead, mut cast) = (Frame::default(), Frame::default());
+        let (mut next, mut waiting) = (items.next(), None::<(Item, Cow<Session>)>);
+        let begun = Instant::now();
+        let mut told = begun;
+        while next.is_some() || waiting.is_some() {
+            let with_session = |item: Item| -> Result<_, Error> {
+                let of_frame = session.of_frame(item.frame, &self.args.job.scenes.allowed_folders)?;
+                Ok((item, of_frame))
+            };
+            let casting_now = next.take().map(with_session).transpose()?;
+            let cast_next = || match &casting_now {
+                Some((item, session)) => timed(|| session.cast_into(&mut ahead, item, interrupt.progress())),
+                None => (true, Duration::ZERO),
+            };
+            let write_last = || {
+                let (item, session) = waiting.as_ref()?;
+                Some(timed(|| self.write(session, item, &cast, journal)))
+            };
+            let ((is_whole, cast_time), written) = rayon::join(cast_next, write_last);
+            casting += cast_time;
+            if let (Some((item, _)), Some((line, write_time))) = (&waiting, written) {
+                writing += write_time;
+                self.tell(line?, tally, item)?;
+            }
+            interrupt.check()?;
+            if !is_whole {
+                break;
+            }
+            std::mem::swap(&mut ahead, &mut cast);
+            waiting = casting_now;
+            next = items.next();
+            if told.elapsed() >= BETWEEN_LINES && !self.terminal.has_bar() {
+                told = Instant::now();
+                self.terminal.say(self.writing.line(begun.elapsed()));
+            }
+        }
+        Ok((casting, writing))
+    }
+
+    /// Encodes a frame in all its formats at the same time, writes the files and records the frame.
+    fn write(
+        &self,
+        session: &Session,
+        item: &Item,
+        frame: &Frame,
+        journal: &mut Journal,
+    ) -> Result<Line, Error> {
+        let Self { interrupt, writing, .. } = self;
+        let Some(truth) = session.truth(item, frame, interrupt.progress()) else {
+            return Err(interrupt.check().err().unwrap_or(Error::Interrupted { signal: 0 }));
+        };
+        let seen = SensorFrame { motions: &truth.motions, ..session.sensor_frame(item, frame) };
+        let destination = journal.destination();
+        let write = |output: &Output| -> Result<(WrittenFile, u64), Error> {
+            let lost = output.format.lost(&seen);
+            let written = writing.file(|| {
+                let content = session.encode(output, &seen)?;
+                interrupt.check()?;
+                interrupt.uncut(|| destination.write(&output.name, &content))
+            })?;
+            Ok((written, lost))
+        };
+        // The first error in the order of the formats counts, whichever came first.
+        let written: Vec<Result<_, Error>> = item.outputs.par_iter().map(write).collect();
+        let (mut outputs, mut losses) = (Vec::new(), Vec::new());
+        for one in written {
+            let (file, values) = one?;
+            if values > 0 {
+                losses.push(Loss { path: file.path.clone(), values });
+            }
+            outputs.push(file);
+        }
+        let beside = Beside { lost: losses, rows: truth.rows.clone(), drawn: drawn_by(&session.job) };
+        interrupt.uncut(|| journal.record(item, &seen, outputs, beside))
+    }
+
+    /// Tells of a frame that is written, and adds it to the tally.
+    fn tell(&self, mut line: Line, tally: &mut Tally, item: &Item) -> Result<(), Error> {
+        // The rows are in the tables, and what was drawn in the manifest.
+        line.rows.clear();
+        line.drawn.clear();
+        self.writing.frame();
+        for output in &line.outputs {
+            let WrittenFile { path, bytes, blake3 } = output;
+            self.terminal.detail(format_args!("wrote {path} ({}, BLAKE3 {blake3})", Bytes(*bytes)));
+        }
+        if self.args.json_lines {
+            let content = serde_json::to_value(&line).unwrap_or_default();
+            self.terminal.json_line(&json::SCAN_FRAME.of(content))?;
+        }
+        tally.add(item, line);
+        Ok(())
+    }
+}
+
+/// What a job draws for its frame.
+fn drawn_by(job: &Job) -> Map<String, Value> {
+    if job.is_drawn_by_frame() { job.drawn.clone() } else { Map::new() }
+}
+
+#[derive(Default)]
 struct Times {
     load: Duration,
     build: Duration,
     cast: Duration,
     write: Duration,
+    /// The rays that were cast in this time.
+    cast_rays: usize,
 }
 
-fn rays_per_s(seen: &[Statistics], cast: Duration) -> f64 {
-    seen.iter().map(|s| s.rays).sum::<usize>() as f64 / cast.as_secs_f64()
+impl Times {
+    fn rays_per_s(&self) -> f64 {
+        self.cast_rays as f64 / self.cast.as_secs_f64().max(1e-9)
+    }
 }
 
-fn summary(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], times: &Times) -> String {
+fn summary(job: &Job, plan: &Plan, tally: &Tally, times: &Times) -> String {
     let mut text = String::new();
-    for (mounted, s) in job.sensors.iter().zip(seen) {
+    for (mounted, s) in job.sensors.iter().zip(&tally.seen).filter(|(_, seen)| seen.frames > 0) {
         let part = 100.0 * s.hits as f64 / s.rays.max(1) as f64;
-        let _ = write!(text, "{}: {} rays, {} hits ({part:.1} %)", mounted.name, s.rays, s.hits);
+        let frames = if plan.frames() > job.sensors.len() as u64 {
+            format!("{}, ", counted(s.frames, "frame"))
+        } else {
+            String::new()
+        };
+        let _ = write!(text, "{}: {frames}{} rays, {} hits ({part:.1} %)", mounted.name, s.rays, s.hits);
         for (count, what) in [
             (s.too_near, "blocked nearer than its least range"),
             (s.out_of_range, "beyond its largest range"),
@@ -240,13 +418,19 @@ fn summary(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], times: &Time
             None => writeln!(text, ": it sees nothing within its range"),
         };
     }
-    let written: u64 = outputs.iter().map(|o| o.bytes).sum();
-    let count = outputs.len() + 1;
+    let Shard { index, count } = plan.shard();
+    let is_whole = plan.shard() == Shard::WHOLE;
+    let files = tally.files + u64::from(is_whole);
     let folder = on_one_line(&job.output.dir.to_string_lossy());
-    let _ = writeln!(text, "wrote {count} files, {}, to {folder}", Bytes(written));
+    let _ = writeln!(text, "wrote {files} files, {}, to {folder}", Bytes(tally.bytes));
+    if !is_whole {
+        let part = index + 1;
+        let _ =
+            writeln!(text, "part {part} of {count} is finished: `beamcast merge` makes a run of all parts");
+    }
     let [load, build, cast, write] =
         [times.load, times.build, times.cast, times.write].map(|t| t.as_secs_f64());
-    let speed = rays_per_s(seen, times.cast) / 1e6;
+    let speed = times.rays_per_s() / 1e6;
     let _ = writeln!(
         text,
         "load {load:.3} s, build {build:.3} s, cast {cast:.3} s ({speed:.2} million rays/s), write {write:.3} s"
@@ -254,17 +438,12 @@ fn summary(job: &Job, seen: &[Statistics], outputs: &[WrittenFile], times: &Time
     text
 }
 
-fn summary_as_json(
-    job: &Job,
-    Done { seen, losses, .. }: &Done,
-    outputs: &[WrittenFile],
-    times: &Times,
-    diagnostics: &[Diagnostic],
-) -> Value {
+fn summary_as_json(job: &Job, tally: &Tally, times: &Times, diagnostics: &[Diagnostic]) -> Value {
     let sensor = |(name, s): (&str, &Statistics)| {
         let range = |i: usize| s.range_m.map(|range| range[i]);
         json!({
             "name": name,
+            "frames": s.frames,
             "rays": s.rays,
             "hits": s.hits,
             "too_near": s.too_near,
@@ -281,18 +460,23 @@ fn summary_as_json(
     let loss = |loss: &Loss| json!({ "path": loss.path, "values": loss.values });
     json!({
         "dir": job.output.dir.to_string_lossy(),
-        "sensors": names.zip(seen).map(sensor).collect::<Vec<_>>(),
-        "outputs": outputs.iter().map(output).collect::<Vec<_>>(),
-        "lost": losses.iter().map(loss).collect::<Vec<_>>(),
+        "sensors": names.zip(&tally.seen).map(sensor).collect::<Vec<_>>(),
+        "files": tally.files,
+        "bytes": tally.bytes,
+        "outputs": tally.outputs.iter().map(output).collect::<Vec<_>>(),
+        "lost": tally.losses.iter().map(loss).collect::<Vec<_>>(),
         "diagnostics": diagnostics,
         "load_s": times.load.as_secs_f64(),
         "build_s": times.build.as_secs_f64(),
         "cast_s": times.cast.as_secs_f64(),
         "write_s": times.write.as_secs_f64(),
-        "rays_per_s": rays_per_s(seen, times.cast),
+        "rays_per_s": times.rays_per_s(),
         "threads": rayon::current_num_threads(),
     })
 }
+
+/// The most files that the plan of a dry run shows to people.
+const MOST_SHOWN: usize = 200;
 
 fn print_plan(
     args: &Args,
@@ -303,30 +487,69 @@ fn print_plan(
     diagnostics: &[Diagnostic],
     journal: &Journal,
 ) -> Result<Value, Error> {
-    let outputs = journal.paths().map(|path| path.to_string_lossy().into_owned());
-    let removed = journal.paths_to_remove().map(|path| path.to_string_lossy().into_owned());
+    let dir = &job.output.dir;
+    let name = |path: PathBuf| path.to_string_lossy().into_owned();
+    let of_frames = plan.items(job).flat_map(|item| item.outputs).map(|output| output.name);
+    let of_run = plan.streams.iter().map(|output| output.name.clone());
+    let manifest = (plan.shard() == Shard::WHOLE).then(|| Manifest::NAME.to_owned());
+    let tables =
+        plan.tables.iter().filter(|_| plan.shard() == Shard::WHOLE).map(|table| table.name().to_owned());
+    let names = of_frames.take(MOST_NAMED).chain(of_run).chain(tables).chain(manifest);
+    let outputs: Vec<String> = names.map(|output| name(dir.join(output))).collect();
+    let mut removed = Vec::new();
+    journal.paths_to_remove(|path| {
+        if removed.len() < MOST_NAMED {
+            removed.push(name(path));
+        }
+    });
+    let formats = &job.output.formats;
+    let files = plan.frames().saturating_mul(formats.len() as u64).saturating_add(1);
+    let file_bytes = job.sensors.iter().enumerate().fold(0_u64, |sum, (index, mounted)| {
+        let a_ray: u64 = formats.iter().map(|format| format.file_bytes_a_ray(&mounted.sensor)).sum();
+        let rays = plan.frames_of(index).saturating_mul(mounted.sensor.pattern.rays() as u64);
+        sum.saturating_add(rays.saturating_mul(a_ray))
+    });
     if args.json {
-        let sensor = |s: &crate::config::MountedSensor| {
+        let sensor = |(index, s): (usize, &crate::config::MountedSensor)| {
             let pattern = &s.sensor.pattern;
-            json!({ "name": s.name, "rows": pattern.rows(), "columns": pattern.columns(), "rays": pattern.rays() })
+            json!({
+                "name": s.name,
+                "rows": pattern.rows(),
+                "columns": pattern.columns(),
+                "rays": pattern.rays(),
+                "frames": plan.frames_of(index),
+            })
         };
         let plan = json!({
-            "sensors": job.sensors.iter().map(sensor).collect::<Vec<_>>(),
+            "sensors": job.sensors.iter().enumerate().map(sensor).collect::<Vec<_>>(),
             "rays": plan.rays,
+            "files": files,
+            "file_bytes": file_bytes,
             "memory_bytes": plan.bytes,
             "scene_memory_bytes": memory::of_scene(scene),
             "triangles": scene.triangle_count(),
             "diagnostics": diagnostics,
-            "outputs": outputs.collect::<Vec<_>>(),
-            "removed": removed.collect::<Vec<_>>(),
+            "outputs": outputs,
+            "removed": removed,
         });
         return Ok(plan);
     }
     let mut text = String::new();
-    for s in &job.sensors {
+    for (index, s) in job.sensors.iter().enumerate() {
         let pattern = &s.sensor.pattern;
         let (rows, columns) = (pattern.rows(), pattern.columns());
-        let _ = writeln!(text, "{}: {rows} × {columns} = {} rays", s.name, pattern.rays());
+        let _ = write!(text, "{}: {rows} × {columns} = {} rays", s.name, pattern.rays());
+        let _ = match (plan.frames_of(index), job.sequence.frames_of(&s.sensor)) {
+            (1, 1) => writeln!(text),
+            (chosen, all) => {
+                let last_s = job.capture(index, all.saturating_sub(1)).start_s;
+                let first_s = job.capture(index, 0).start_s;
+                writeln!(
+                    text,
+                    " a frame, {chosen} of {all} frames, which start from {first_s} s to {last_s} s"
+                )
+            }
+        };
     }
     let triangles = scene.triangle_count();
     let _ = writeln!(
@@ -337,13 +560,17 @@ fn print_plan(
     );
     let _ = writeln!(text, "memory for frames: at most {}", Bytes(plan.bytes));
     let _ = writeln!(text, "memory for the scene: about {}", Bytes(memory::of_scene(scene)));
-    let _ = writeln!(text, "would write:");
-    for output in outputs {
-        let _ = writeln!(text, "  {}", on_one_line(&output));
+    let _ = writeln!(text, "would write {files} files, at most {} before compression:", Bytes(file_bytes));
+    let left_out = outputs.len().saturating_sub(MOST_SHOWN);
+    for output in outputs.iter().take(MOST_SHOWN) {
+        let _ = writeln!(text, "  {}", on_one_line(output));
     }
-    for (index, path) in removed.enumerate() {
+    if left_out > 0 {
+        let _ = writeln!(text, "  and {} more", files - MOST_SHOWN as u64);
+    }
+    for (index, path) in removed.iter().enumerate() {
         text.push_str(if index == 0 { "would remove, of an earlier run:\n" } else { "" });
-        let _ = writeln!(text, "  {}", on_one_line(&path));
+        let _ = writeln!(text, "  {}", on_one_line(path));
     }
     terminal.print(&text)?;
     Ok(Value::Null)

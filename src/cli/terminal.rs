@@ -159,6 +159,14 @@ impl Terminal {
         self.data(&harmless_json(&format!("{value:#}\n")))
     }
 
+    /// Prints JSON on one line of stdout.
+    ///
+    /// # Errors
+    /// As [`Terminal::data`].
+    pub fn json_line(&self, value: &Value) -> Result<(), Error> {
+        self.data(&harmless_json(&format!("{value}\n")))
+    }
+
     /// Gives GitHub the commands of a report, on stdout unless that is taken.
     ///
     /// # Errors
@@ -171,9 +179,14 @@ impl Terminal {
         self.data(commands)
     }
 
+    /// Whether there are progress bars.
+    pub fn has_bar(&self) -> bool {
+        !self.quiet && io::stderr().is_terminal()
+    }
+
     /// Works, with a progress bar over `rays` rays if stderr is a terminal.
     pub fn with_progress<T>(&self, rays: u64, progress: &Progress, work: impl FnOnce() -> T) -> T {
-        self.with_progress_and_files(rays, progress, &Writing::of(0), work)
+        self.with_progress_and_files(rays, progress, &Writing::of(0, 0), work)
     }
 
     /// Works, with a progress bar over `rays` rays if stderr is a terminal. It says what goes on: casting, or writing which file.
@@ -184,7 +197,7 @@ impl Terminal {
         writing: &Writing,
         work: impl FnOnce() -> T,
     ) -> T {
-        if self.quiet || !io::stderr().is_terminal() {
+        if !self.has_bar() {
             return work();
         }
         let bar = ProgressBar::new(rays);
@@ -199,7 +212,7 @@ impl Terminal {
                 while !done.load(Ordering::Relaxed) {
                     let cast = progress.rays_done.load(Ordering::Relaxed);
                     bar.set_message(writing.words());
-                    bar.set_prefix(time_left(cast, rays, bar.elapsed()));
+                    bar.set_prefix(writing.rate(bar.elapsed()) + &time_left(cast, rays, bar.elapsed()));
                     bar.set_position(cast);
                     thread::sleep(Duration::from_millis(50));
                 }
@@ -226,38 +239,65 @@ fn time_left(cast: u64, rays: u64, elapsed: Duration) -> String {
     }
 }
 
-/// The files that a run writes, as far as it has come.
+/// The files and frames that a run writes, as far as it has come.
 #[derive(Debug)]
 pub struct Writing {
     files: u64,
+    frames: u64,
     begun: AtomicU64,
-    is_writing: AtomicBool,
+    ended: AtomicU64,
+    frames_done: AtomicU64,
 }
 
 impl Writing {
-    /// A run that will write so many files.
-    pub fn of(files: u64) -> Self {
-        Self { files, begun: AtomicU64::new(0), is_writing: AtomicBool::new(false) }
+    /// A run that will write so many files, of so many frames.
+    pub fn of(files: u64, frames: u64) -> Self {
+        let [begun, ended, frames_done] = [0; 3].map(AtomicU64::new);
+        Self { files, frames, begun, ended, frames_done }
     }
 
     /// Writes the next file.
     pub fn file<T>(&self, write: impl FnOnce() -> T) -> T {
         self.begun.fetch_add(1, Ordering::Relaxed);
-        self.is_writing.store(true, Ordering::Relaxed);
         let written = write();
-        self.is_writing.store(false, Ordering::Relaxed);
+        self.ended.fetch_add(1, Ordering::Relaxed);
         written
     }
 
-    /// What goes on: `casting`, or `writing 3 of 12 files`. The texts of a run are equally long, so that the bar stands still.
+    /// Counts a frame whose files are written. Returns how many there are.
+    pub fn frame(&self) -> u64 {
+        self.frames_done.fetch_add(1, Ordering::Relaxed) + 1
+    }
+
+    /// What goes on: `casting`, `writing 3 of 12 files`, or of several frames `3 of 100 frames`. The texts of a run are equally
+    /// long, so that the bar stands still.
     fn words(&self) -> String {
+        let [begun, ended, frames] =
+            [&self.begun, &self.ended, &self.frames_done].map(|count| count.load(Ordering::Relaxed));
+        if self.frames > 1 {
+            let width = self.frames.to_string().len();
+            return format!("{frames:>width$} of {} frames", self.frames);
+        }
         let text = |begun: u64| format!("writing {begun} of {} files", self.files);
         let width = if self.files > 0 { text(self.files).len() } else { 0 };
-        let words = match self.is_writing.load(Ordering::Relaxed) {
-            true => text(self.begun.load(Ordering::Relaxed)),
-            false => "casting".to_owned(),
-        };
+        let words = if begun > ended { text(begun) } else { "casting".to_owned() };
         format!("{words:<width$}")
+    }
+
+    /// The frames a second, of several frames: `, 3.2 frames/s`.
+    fn rate(&self, elapsed: Duration) -> String {
+        match self.frames_done.load(Ordering::Relaxed) {
+            done if done > 0 && self.frames > 1 => {
+                format!(", {:.1} frames/s", done as f64 / elapsed.as_secs_f64().max(1e-3))
+            }
+            _ => String::new(),
+        }
+    }
+
+    /// A line about a long run for those who see no bar: `37 of 1000 frames, 1.2 frames/s, 12 min left`.
+    pub fn line(&self, elapsed: Duration) -> String {
+        let done = self.frames_done.load(Ordering::Relaxed);
+        format!("{}{}{}", self.words(), self.rate(elapsed), time_left(done, self.frames, elapsed))
     }
 }
 
@@ -281,12 +321,20 @@ mod tests {
 
     #[test]
     fn writing_is_told_file_by_file_and_only_while_it_lasts() {
-        let writing = Writing::of(12);
+        let writing = Writing::of(12, 1);
         assert_eq!(writing.words().trim_end(), "casting");
         let told: Vec<_> = (0..10).map(|_| writing.file(|| writing.words())).collect();
         assert_eq!([&told[0], &told[9]], ["writing 1 of 12 files ", "writing 10 of 12 files"]);
         assert_eq!(writing.words(), "casting               ", "casting goes on");
-        assert_eq!(Writing::of(0).words(), "casting");
+        assert_eq!(Writing::of(0, 0).words(), "casting");
+    }
+
+    #[test]
+    fn of_several_frames_their_number_is_told() {
+        let writing = Writing::of(36, 12);
+        assert_eq!(writing.line(Duration::from_secs(2)), " 0 of 12 frames");
+        assert_eq!([writing.frame(), writing.frame(), writing.frame()], [1, 2, 3]);
+        assert_eq!(writing.line(Duration::from_secs(2)), " 3 of 12 frames, 1.5 frames/s, 6 s left");
     }
 
     #[test]

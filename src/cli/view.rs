@@ -2,15 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use super::frames::FrameArgs;
 use super::interrupt::Interrupt;
 use super::job::{SceneArgs, load_scene};
 use super::terminal::Terminal;
-use crate::config::{self, Config, MountedSensor};
+use crate::config::{self, Config};
 use crate::error::Error;
 use crate::output::{check_file, write_file};
-use crate::run::{Bytes, Holding, Plan, Session, checking, memory};
+use crate::run::{Bytes, Holding, Item, Plan, Selection, Session, Steps, checking, memory};
 use crate::source::is_config;
-use crate::view::{Shown, View, of_recording, page};
+use crate::view::playback::{self, Moment, Playback};
+use crate::view::{Recording, Shown, View, of_recording, page};
 
 /// The arguments of `beamcast view`.
 #[derive(Debug, clap::Args)]
@@ -24,6 +26,8 @@ pub struct Args {
     /// Replace a page that is there already
     #[arg(long)]
     overwrite: bool,
+    #[command(flatten)]
+    frames: FrameArgs,
     #[command(flatten)]
     scenes: SceneArgs,
 }
@@ -39,20 +43,24 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     if !to_stdout {
         check_file(&target, args.overwrite)?;
     }
-    let (shown, note) = match is_config(&args.path) {
-        true => (of_job(&args.path, &args.scenes, &interrupt, terminal)?, String::new()),
+    let title =
+        args.path.file_name().map_or_else(|| args.path.to_string_lossy(), |name| name.to_string_lossy());
+    let (page, note) = match is_config(&args.path) {
+        true => of_job(args, &title, &interrupt, terminal)?,
         false => {
-            let (views, note) = of_recording(&args.path, memory::for_recordings())?;
-            (Shown { views, ..Shown::default() }, note)
+            let (frames, memory) = (args.frames.range(), memory::for_recordings());
+            match of_recording(&args.path, &title, &frames, memory, &|| interrupt.check())? {
+                Recording::Sequence(page, note) => (page, note),
+                Recording::Frames(views, note) => {
+                    (page::of_views(&title, &note, &Shown { views, ..Shown::default() }), note)
+                }
+            }
         }
     };
     interrupt.check()?;
     if !note.is_empty() {
         terminal.warn(&note);
     }
-    let title =
-        args.path.file_name().map_or_else(|| args.path.to_string_lossy(), |name| name.to_string_lossy());
-    let page = page::of_views(&title, &note, &shown);
     if to_stdout {
         return terminal.data(&page);
     }
@@ -68,13 +76,15 @@ fn default_name(path: &Path) -> PathBuf {
     PathBuf::from(stem.unwrap_or("view".as_ref())).with_added_extension("html")
 }
 
+/// The page of a job, and the note that is on it: the frames of one moment, or a sequence.
 fn of_job(
-    path: &Path,
-    scenes: &SceneArgs,
+    args: &Args,
+    title: &str,
     interrupt: &Interrupt,
     terminal: &Terminal,
-) -> Result<Shown, Error> {
-    let job = match config::load(path, &[])? {
+) -> Result<(String, String), Error> {
+    let path = &args.path;
+    let mut job = match config::load(path, &[])? {
         Config::Job(job) => *job,
         Config::Sensor(_) => {
             return Err(Error::Usage(format!(
@@ -84,19 +94,53 @@ fn of_job(
         }
     };
     terminal.warn_of(&job.warnings);
-    let plan = Plan::of(&job, Holding::Views)?;
-    let scene = load_scene(&job, scenes, terminal)?.scene;
+    let steps = Steps::of(&job);
+    let (from, to) = (args.frames.range().start, args.frames.range().end.min(steps.count()));
+    if from >= to {
+        let problem = format!("the job has no frame {from}: its frames are 0 to {}", steps.count() - 1);
+        return Err(Error::Usage(problem));
+    }
+    let plan = Plan::of(&job, &Selection::FIRST, Holding::Views)?;
+    let scene = load_scene(&mut job, &args.scenes, terminal)?.scene;
     interrupt.check()?;
     plan.check_scene(&scene)?;
     let session = Session::open(job, &scene);
     let labels = session.label_names();
-    let view = |item| {
-        let frame = session.cast(item, interrupt.progress())?;
-        let MountedSensor { name, sensor, .. } = session.sensor(item);
-        Some(View::of_frame(name, sensor, &frame, &scene, &labels))
+    let count = to - from;
+    let shown: Vec<u64> = playback::chosen(count).map(|index| from + index).collect();
+    let rays = |item: Item| session.sensor(&item).sensor.pattern.rays() as u64;
+    let of_step = |step: u64| steps.items(step).map(rays).fold(0, u64::saturating_add);
+    let all_rays = shown.iter().map(|&step| of_step(step)).fold(0, u64::saturating_add);
+    let views = |step: u64| -> Vec<View> {
+        let view = |item: Item| {
+            let frame = session.cast(&item, interrupt.progress())?;
+            let view = View::of_frame(&session.sensor_frame(&item, &frame), &scene, &labels);
+            Some(view.in_sequence(steps.is_sequence().then_some(item.frame)))
+        };
+        steps.items(step).filter_map(view).collect()
     };
-    let cast = || plan.items.iter().filter_map(view).collect();
-    let views = terminal.with_progress(plan.rays, interrupt.progress(), cast);
-    interrupt.check()?;
-    Ok(Shown { views, rig: checking::rig(&session) })
+    let rig = checking::rig(&session);
+    if count == 1 {
+        let views = terminal.with_progress(all_rays, interrupt.progress(), || views(from));
+        interrupt.check()?;
+        return Ok((page::of_views(title, "", &Shown { views, rig }), String::new()));
+    }
+    let mut playback = Playback::new(title, rig, shown.len() as u64, session.job.sensors.len());
+    let cast = || -> Result<(), Error> {
+        for &step in &shown {
+            let views = views(step);
+            interrupt.check()?;
+            let first = steps.items(step).next().map(|item| session.capture(&item).start_s);
+            let world_from_body = first.map(|start_s| session.job.trajectory.pose_at(start_s));
+            let moment = Moment { frame: step, start_s: first, world_from_body, boxes: Vec::new() };
+            if !playback.add(moment, &views) {
+                break;
+            }
+        }
+        Ok(())
+    };
+    terminal.with_progress(all_rays, interrupt.progress(), cast)?;
+    let faster = if steps.has_frames_between() { playback::FASTER } else { "" };
+    let note = format!("{} {faster}", playback::note_of_chosen(count)).trim().to_owned();
+    Ok((playback.finish(&note), note))
 }

@@ -58,8 +58,33 @@ const MEANINGS: &[(&[&str], &str, &str)] = &[
     ),
     (&["quaternion", "quat", "quaternion_wxyz", "wxyz", "q"], "quaternion_xyzw", "x, y, z, and w last"),
     (&["translation", "xyz", "location", "t"], "position_m", ""),
+    (&["look_at", "target", "lookat", "target_m"], "look_at_m", "a point in metres"),
+    (&["up_vector", "up_axis"], "up", "a direction"),
+    (
+        &["extrinsic_matrix", "transform_matrix", "transform", "world_from_camera"],
+        "matrix",
+        "4 rows of 4 numbers",
+    ),
+    (&["waypoints", "keyframes"], "poses", "each with `t_s`"),
+    (&["csv", "tum", "kitti", "path", "filename"], "file", ""),
+    (&["velocity", "speed", "velocities"], "twist", "with `linear_m_s` and `angular_deg_s`"),
+    (&["linear", "velocity_m_s", "linear_velocity"], "linear_m_s", "along the body's own axes"),
+    (
+        &["angular", "angular_rad_s", "angular_velocity", "yaw_rate"],
+        "angular_deg_s",
+        "about the body's own axes",
+    ),
+    (&["actors", "objects"], "actor", "each in an `[[actor]]` of its own"),
+    (&["animations"], "animation", ""),
+    (&["looped", "repeat"], "loop", ""),
     (&["near", "min_range", "minimum"], "min_m", ""),
     (&["far", "max_range", "maximum"], "max_m", ""),
+    (
+        &["line_time", "line_time_us", "line_delay", "row_delay", "rolling_shutter", "readout_time"],
+        "row_time_us",
+        "the time from a row to the next",
+    ),
+    (&["trigger", "trigger_offset", "phase", "phase_s", "time_offset", "time_offset_s"], "trigger_s", ""),
     (&["fov", "fov_deg", "horizontal_fov"], "hfov_deg", "the horizontal field of view"),
     (&["channels", "lasers", "beams", "vertical_angles"], "elevations_deg", "one a beam"),
     (&["samples", "horizontal_samples", "horizontal_resolution", "points_per_turn"], "columns", ""),
@@ -71,23 +96,12 @@ const MEANINGS: &[(&[&str], &str, &str)] = &[
     (&["format", "outputs", "types"], "formats", ""),
 ];
 
-const NO_MOTION: &str = "moving bodies are not supported yet: the body stands at `pose`";
-const NO_SEQUENCE: &str = "several frames are not supported yet: a job casts one frame of each sensor";
+const NO_SEQUENCE: &str = "the frames are counted in `[sequence]`: `frames = 100`, or `duration_s = 10.0`";
 const NO_MODEL: &str = "this is not supported yet: ranges and intensities are ideal";
 
 /// Keys that nothing stands for, the titles of the tables that this is the answer in (all, if there is none), and the answer.
 const ANSWERS: &[(&[&str], &[&str], &str)] = &[
-    (
-        &["file", "twist", "node", "interpolation", "waypoints", "velocity", "csv", "poses"],
-        &["`[trajectory]`"],
-        NO_MOTION,
-    ),
-    (&["actor", "actors", "animation", "animations"], &[], "moving objects are not supported yet"),
-    (
-        &["frames", "frame_count", "num_frames", "sequence", "duration", "duration_s", "motion", "steps"],
-        &[],
-        NO_SEQUENCE,
-    ),
+    (&["frames", "frame_count", "num_frames", "duration", "duration_s", "motion", "steps"], &[], NO_SEQUENCE),
     (&["imu", "gps", "gnss", "odometry"], &[], "IMU, GNSS and odometry are not supported yet"),
     (&["rgb", "color", "colour", "image"], &[], "beamcast measures ranges: it makes no colour images"),
     (
@@ -117,11 +131,6 @@ const ANSWERS: &[(&[&str], &[&str], &str)] = &[
         "materials come from the scene; setting them in the job is not supported yet",
     ),
     (
-        &["matrix", "look_at", "target", "up_vector", "opencv", "opengl"],
-        &["`pose`"],
-        "a pose is `position_m` with `rpy_deg` or `quaternion_xyzw`; matrices and targets are not supported yet",
-    ),
-    (
         &["units", "unit", "scale", "scene_scale"],
         &["a job", "`[[sensor]]`", "`pose`", "`[output]`"],
         "lengths are metres: scale the scene where it is exported",
@@ -143,7 +152,7 @@ mod tests {
         assert_eq!(said("a range of angles", "start", &["from", "to", "count"]), "from");
         assert_eq!(said("a job", "start", &["scene"]), "");
         assert_eq!(said("`[rotating]`", "RPM", &["rate_hz"]), "rate_hz");
-        assert_eq!(said("`[trajectory]`", "file", &["pose"]), NO_MOTION);
+        assert_eq!(said("`[trajectory]`", "waypoints", &["poses"]), "poses");
         assert_eq!(said("`[[sensor]]`", "file", &["preset"]), "preset");
         assert!(said("a job", "scale", &["scene"]).contains("lengths are metres"));
         assert_eq!(said("the format exr", "scale", &["format"]), "");

@@ -1,16 +1,21 @@
 //! Jobs and sensor files as they are read.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use crate::check::Settings;
 use crate::check::expect::Expectation;
+use crate::error::Error;
 use crate::frame::{Pose, UpAxis};
-use crate::motion::Trajectory;
-use crate::output::{CloudFrame, Format};
-use crate::sensor::Sensor;
+use crate::motion::{Motion, Trajectory};
+use crate::output::{CloudFrame, CloudTime, Format};
+use crate::sensor::{Capture, Sensor};
 use crate::source::{Diagnostic, Place};
 use crate::trace::methods::Method;
+use crate::truth;
 
 /// A job: a rig of sensors, a scene, and the outputs to write.
 #[derive(Clone, Debug)]
@@ -35,8 +40,18 @@ pub struct Job {
     pub sensors: Vec<MountedSensor>,
     /// The pose of the body in the world over time.
     pub trajectory: Trajectory,
+    /// What moves in the scene along trajectories.
+    pub actors: Vec<Actor>,
+    /// How the scene's own clips play.
+    pub animation: Animation,
+    /// The places that the scene's file decides: until [`load_scene`](crate::run::load_scene) has asked it, they are at the world's origin.
+    pub from_scene: Vec<FromScene>,
+    /// The frames, and their times.
+    pub sequence: Sequence,
     /// The outputs to write.
     pub output: OutputSettings,
+    /// What is written about frames beside their returns.
+    pub truth: TruthSettings,
     /// The channels that are held to the baseline, and how closely: `None` if the job has no `[check]`.
     pub check: Option<Settings>,
     /// The expectations of what the sensors see.
@@ -46,10 +61,147 @@ pub struct Job {
     /// The job with its sensors' files merged in, as the manifest tells it: the keys that were given, without defaults,
     /// without the output's folder and without absolute paths.
     pub resolved: serde_json::Value,
+    /// The values that the job's `[random]` drew, by their keys: those of the run, and in the job of a frame those of the frame.
+    pub drawn: serde_json::Map<String, serde_json::Value>,
+    /// The way to the jobs of single frames, if values are drawn for each.
+    pub(crate) by_frame: Option<ByFrame>,
     /// Where the values stand in the job's files, for what is found out about them later.
     pub places: Places,
     /// Problems that don't stop the job.
     pub warnings: Vec<Diagnostic>,
+}
+
+/// The way from a job to those of its frames.
+#[derive(Clone)]
+pub(crate) struct ByFrame {
+    /// Whether the scene may differ from frame to frame: something else is drawn than of a sensor or the trajectory.
+    pub changes_scene: bool,
+    /// Makes the job of a frame.
+    pub make: Arc<MakeJob>,
+}
+
+type MakeJob = dyn Fn(&Job, u64) -> Result<Job, Error> + Send + Sync;
+
+impl fmt::Debug for ByFrame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ByFrame").field("changes_scene", &self.changes_scene).finish_non_exhaustive()
+    }
+}
+
+impl Job {
+    /// Puts each body and sensor whose place the scene's file decides where it is. The maps to the world are in the order of
+    /// [`Job::from_scene`], which is empty then.
+    pub(crate) fn settle(&mut self, places: &[Motion]) {
+        for (asked, motion) in std::mem::take(&mut self.from_scene).into_iter().zip(places) {
+            let trajectory = Trajectory::Chain(Arc::new(motion.clone()));
+            match asked.owner {
+                Owner::Body => {
+                    self.trajectory = trajectory.fixed_pose().map_or(trajectory, Trajectory::Fixed)
+                }
+                Owner::Sensor(index) => {
+                    self.sensors[index].body_from_sensor = trajectory.pose_at(self.sequence.start_s);
+                }
+            }
+        }
+    }
+
+    /// A frame of a sensor before it is cast: the sensor, its pulses, and where and when they are sent from.
+    pub fn capture(&self, sensor: usize, frame: u64) -> Capture<'_> {
+        let MountedSensor { sensor, body_from_sensor, trigger_s, .. } = &self.sensors[sensor];
+        Capture::new(sensor, *body_from_sensor, &self.trajectory, frame, self.seed)
+            .in_sequence(self.sequence.start_s + trigger_s, self.sequence.is_frozen)
+    }
+
+    /// Whether frames differ from each other by what is drawn for each of them.
+    pub fn is_drawn_by_frame(&self) -> bool {
+        self.by_frame.is_some()
+    }
+
+    /// Whether the scene may differ from frame to frame.
+    pub fn has_drawn_scenes(&self) -> bool {
+        self.by_frame.as_ref().is_some_and(|frames| frames.changes_scene)
+    }
+
+    /// The job of the frames of this number: this job, with what its `[random]` draws for them.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if a drawn value makes the job invalid, with the key, the value and the frame.
+    pub fn of_frame(&self, frame: u64) -> Result<Cow<'_, Self>, Error> {
+        match &self.by_frame {
+            None => Ok(Cow::Borrowed(self)),
+            Some(frames) => (frames.make)(self, frame).map(Cow::Owned),
+        }
+    }
+}
+
+/// A thing that moves in the scene along a trajectory.
+#[derive(Clone, Debug)]
+pub struct Actor {
+    /// The name; unique in the job.
+    pub name: String,
+    /// What moves.
+    pub body: ActorBody,
+    /// The pose of the thing's own frame in the world over time.
+    pub trajectory: Trajectory,
+    /// Its semantic label, instead of what the job's labels and the file say.
+    pub label: Option<u32>,
+    /// Where the job names what moves.
+    pub place: Place,
+}
+
+/// What moves as an [`Actor`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ActorBody {
+    /// All of a file.
+    File {
+        /// The file, resolved against the job's folder.
+        path: PathBuf,
+        /// The file as the job writes it; the last part of an absolute path.
+        as_written: String,
+    },
+    /// The node of the job's scene with this name, and all below it.
+    Node(String),
+}
+
+/// The job's `[animation]`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Animation {
+    /// The names of the clips that play, and where each is written; `None`: all clips of the scene.
+    pub clips: Option<Vec<(String, Place)>>,
+    /// Whether a clip begins again at its end, and has done so before.
+    pub is_looped: bool,
+    /// The time at which the clips begin, in seconds.
+    pub start_s: f64,
+}
+
+/// A place that the scene's file decides.
+#[derive(Clone, Debug)]
+pub struct FromScene {
+    /// Whose place it is.
+    pub owner: Owner,
+    /// What of the scene is there.
+    pub wanted: InScene,
+    /// Where the job asks for it.
+    pub place: Place,
+}
+
+/// Whose place a scene's file decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Owner {
+    /// The body's, over time.
+    Body,
+    /// That of the sensor with this index, while the body is at the world's origin.
+    Sensor(usize),
+}
+
+/// A thing of a scene's file whose place is asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum InScene {
+    /// The node of this name: its motion.
+    Node(String),
+    /// The camera of this name, or of the node of this name that has a camera: the pose of its body frame, x forward and z up, at
+    /// the job's first moment.
+    Camera(String),
 }
 
 /// Where the values of a job stand in its files.
@@ -95,6 +247,50 @@ pub struct MountedSensor {
     pub sensor: Sensor,
     /// The pose of the sensor on the body.
     pub body_from_sensor: Pose,
+    /// How much later than the sequence says each frame of this sensor starts, in seconds. A rig's sensors may be triggered
+    /// one after the other.
+    pub trigger_s: f64,
+}
+
+/// The job's `[sequence]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sequence {
+    /// How many frames there are.
+    pub length: Length,
+    /// The time at which the first frame starts, in seconds.
+    pub start_s: f64,
+    /// Whether all pulses of a frame are cast at the frame's start, as if nothing moved during a frame.
+    pub is_frozen: bool,
+    /// The time whose frame the points of clouds are in.
+    pub cloud_time: CloudTime,
+    /// The longest time for which a mesh that bends has one shape; a whole frame if absent.
+    pub slice_s: Option<f64>,
+}
+
+/// How many frames a sequence has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Length {
+    /// So many of each sensor, at least 1.
+    Frames(u64),
+    /// Of each sensor those that start within so many seconds from the sequence's start, by the sensor's own rate.
+    Duration(f64),
+}
+
+impl Sequence {
+    /// The number of frames of a sensor. Without a rate all frames would start at the same time, so there is one.
+    pub fn frames_of(&self, sensor: &Sensor) -> u64 {
+        match (self.length, sensor.pattern.rate_hz()) {
+            (Length::Frames(frames), _) => frames,
+            (Length::Duration(_), None) => 1,
+            (Length::Duration(duration_s), Some(rate_hz)) => {
+                let start_s = |frame| Capture::at_origin(sensor).with_frame(frame).start_s;
+                // The start of a frame decides, which is a quotient. The product may be rounded across a whole number.
+                let product = libm::ceil((duration_s - start_s(0)) * rate_hz).max(0.0) as u64;
+                let near = product.saturating_sub(1)..=product.saturating_add(1);
+                near.clone().find(|&frame| start_s(frame) >= duration_s).unwrap_or(*near.end())
+            }
+        }
+    }
 }
 
 /// The job's `[output]`.
@@ -108,6 +304,19 @@ pub struct OutputSettings {
     pub cloud_frame: CloudFrame,
     /// Whether PNG previews have a legend.
     pub legend: bool,
+}
+
+/// The job's `[truth]`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TruthSettings {
+    /// Whether there is a table of poses.
+    pub poses: bool,
+    /// The objects that there are boxes of, if there are any.
+    pub boxes: Option<truth::Choice>,
+    /// Whether the boxes of cameras have masks.
+    pub masks: bool,
+    /// Whether there is a table of what is seen.
+    pub visible: bool,
 }
 
 /// A sensor file on its own.

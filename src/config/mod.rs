@@ -10,10 +10,14 @@
 //! read/       tables → jobs and sensors
 //! plausibility  values that are valid and probably not what was meant
 //! job         jobs and sensor files as they are read
+//! draw        values that are drawn at random
 //! presets     the built-in sensors
 //! schema      the keys as JSON Schema; reference: as a page of Markdown; starter: as a commented job
+//! drive       a complete drive to start from, with its scenes
 //! ```
 
+mod draw;
+mod drive;
 mod foreign;
 mod job;
 pub(crate) mod keys;
@@ -38,7 +42,11 @@ use crate::source::tree::Entries;
 use crate::source::words::{harmless_json, quoted};
 use crate::source::{Diagnostic, FileKind, Layer, Report, Severity, Unreadable, Wanted, recognise};
 
-pub use job::{Config, InputFile, Job, MountedSensor, OutputSettings, Places, SensorFile};
+pub use drive::{DRIVE_JOB, starter_drive};
+pub use job::{
+    Actor, ActorBody, Animation, Config, FromScene, InScene, InputFile, Job, Length, MountedSensor,
+    OutputSettings, Owner, Places, SensorFile, Sequence, TruthSettings,
+};
 use keys::GRAMMAR;
 use keys::job::JOB;
 use keys::sensor::SENSOR_FILE;
@@ -180,7 +188,7 @@ fn open(path: &Path) -> Result<(Report, Entries), Error> {
             }
         },
         Err(problem) => {
-            // What is no text, or too large for a job, is probably another kind of file.
+            // A file that is no text, or too large for a job, is probably of another kind.
             if let Some(error) = recognise(path).ok().and_then(|kind| other_kind(kind, path)) {
                 return Err(error);
             }
@@ -204,7 +212,7 @@ fn other_kind(kind: FileKind, path: &Path) -> Option<Error> {
 }
 
 fn into_job(mut report: Report, path: &Path, entries: Entries, overrides: &[String]) -> Result<Job, Error> {
-    let job = read::job::job(&mut report, &GRAMMAR, path, entries, overrides);
+    let job = read::layers::job(&mut report, &GRAMMAR, path, entries, overrides);
     let found = report.into_diagnostics();
     job.map(|job| Job { warnings: found.clone(), ..job }).ok_or(Error::Config(found))
 }

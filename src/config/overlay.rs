@@ -48,6 +48,11 @@ pub(super) fn parse_override(report: &Report, source: u32) -> Option<Entries> {
 /// becomes `position_m.2 =1`.
 pub(super) fn with_dots(pair: &str) -> String {
     let Some((key, value)) = split_pair(pair) else { return pair.to_owned() };
+    format!("{}={value}", dotted(key))
+}
+
+/// The same of a key alone.
+pub(super) fn dotted(key: &str) -> String {
     let (mut dotted, mut rest) = (String::new(), key);
     while let Some((before, after)) = rest.split_once('[') {
         let Some((index, behind)) = after.split_once(']') else { break };
@@ -63,7 +68,7 @@ pub(super) fn with_dots(pair: &str) -> String {
         dotted += " ";
         rest = behind;
     }
-    format!("{dotted}{rest}={value}")
+    dotted + rest
 }
 
 /// Moves keys of a sensor that stand where the job's own keys do, as reports about a lone sensor write them, into that
@@ -174,6 +179,11 @@ fn name_of(element: &Node) -> Option<&str> {
 fn index_of(elements: &[Node], key: &str) -> Option<usize> {
     let named = elements.iter().position(|e| name_of(e) == Some(key));
     named.or_else(|| key.parse().ok().filter(|index| *index < elements.len()))
+}
+
+/// The element of an array that a key addresses.
+pub(super) fn element<'a>(elements: &'a [Node], key: &str) -> Option<&'a Node> {
+    elements.get(index_of(elements, key)?)
 }
 
 /// A label and a help that say how the elements of an array are addressed.

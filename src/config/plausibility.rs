@@ -1,14 +1,17 @@
 //! Values that are valid and probably not what was meant: each rule is a function of the values alone, and says which unit or
 //! order they are probably in.
 //!
-//! What depends on the scene, such as a sensor that stands below the floor, is the room `plausibility`'s.
+//! The room `plausibility` has the rules that depend on the scene, such as for a sensor that stands below the floor.
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::job::Sequence;
+
 use crate::frame::Pose;
-use crate::output::Format;
+use crate::motion::{Interpolation, Path};
+use crate::output::{CloudFrame, CloudTime, Format};
 use crate::source::Doubt;
 use crate::source::words::{list, number};
 
@@ -149,6 +152,64 @@ pub(super) fn least_range(key: &str, min_m: f64) -> Option<Doubt> {
     })
 }
 
+/// The time of a row of a rolling shutter with which the next frame begins before this one has ended.
+pub(super) fn row_time(key: &str, row_time_us: f64, rows: u64, rate_hz: f64) -> Option<Doubt> {
+    let (rows, period_us) = (rows as f64, 1e6 / rate_hz);
+    // The last row has its time, too, before the first one's comes again.
+    let all_us = row_time_us * rows;
+    (all_us > period_us * (1.0 + 1e-9)).then(|| {
+        let message = format!(
+            "{rows} rows of {} µs take {} ms, and a frame's period is {} ms",
+            number(row_time_us),
+            number(all_us / 1e3),
+            number(period_us / 1e3)
+        );
+        let doubt = Doubt::new("row-time", key, message);
+        if row_time_us <= period_us {
+            let help =
+                format!("if it is the time of all rows, write `{key} = {}`", number(row_time_us / rows));
+            doubt.label("is this the time of one row?").help(help)
+        } else if row_time_us / 1e3 * rows <= period_us {
+            let help = format!("if it is, write `{key} = {}`", number(row_time_us / 1e3));
+            doubt.label("is this in nanoseconds?").help(help)
+        } else {
+            doubt.label("longer than a frame")
+        }
+    })
+}
+
+/// The order of the rows of a global shutter, which sees them all at once.
+pub(super) fn order_of_no_rows(key: &str) -> Doubt {
+    Doubt::new("row-order", key, "all rows are exposed at once, so that they have no order")
+        .label("chooses nothing")
+        .help("`row_time_us`, the time from one row to the next, makes the shutter a rolling one")
+}
+
+/// The distance from poses that are given to what moves smoothly through them, above which it is told: 1 mm.
+const MOST_DEVIATION_M: f64 = 1e-3;
+
+/// Poses that are so far apart that a body could be elsewhere between them.
+pub(super) fn pose_spacing(path: &Path) -> Option<Doubt> {
+    let deviation = path.deviation().filter(|deviation| deviation.most_m > MOST_DEVIATION_M)?;
+    let times = path.times_s();
+    let span_s = times[deviation.after + 1] - times[deviation.after];
+    // The deviation grows with the square of the time between poses.
+    let enough_s = span_s * (MOST_DEVIATION_M / deviation.most_m).sqrt();
+    let (why, other) = match path.interpolation() {
+        Interpolation::Linear => {
+            ("it turns as it goes", "`interpolation = \"screw\"` follows the turn; else ")
+        }
+        Interpolation::Screw => ("its velocity changes from here to the next pose", ""),
+    };
+    let message =
+        format!("after this pose, the body may be up to {:.1} mm elsewhere: {why}", deviation.most_m * 1e3);
+    let doubt = Doubt::new("pose-spacing", "trajectory", message);
+    Some(doubt.label(format!("the next pose is {} s later", number(span_s))).help(format!(
+        "{other}a pose every {} s would keep it to 1 mm",
+        number((enough_s * 1e3).floor().max(1.0) / 1e3)
+    )))
+}
+
 /// Sensors and a body that have no pose.
 pub(super) fn no_pose() -> Doubt {
     Doubt::new("no-pose", "pose", "the sensor has no pose, and so stands at the world's origin")
@@ -170,6 +231,32 @@ pub(super) fn channels_of_nothing() -> Doubt {
     Doubt::new("channels-of-nothing", "output.channels", "none of the formats holds channels")
         .label("chooses nothing")
         .help(format!("the formats that hold channels are {}", list(all, "and")))
+}
+
+/// A time to which clouds are to be compensated that compensates nothing.
+pub(super) fn compensation_of_nothing(sequence: &Sequence, cloud_frame: CloudFrame) -> Option<Doubt> {
+    if sequence.cloud_time == CloudTime::Raw {
+        return None;
+    }
+    let (why, help) = if sequence.is_frozen {
+        ("nothing moves during a frozen frame", "leave `motion` out to cast each pulse at its own time")
+    } else if cloud_frame == CloudFrame::World {
+        (
+            "points in the world are at their own time",
+            "`output.frame = \"sensor\"` has the sensor's motion in it",
+        )
+    } else {
+        return None;
+    };
+    let doubt =
+        Doubt::new("compensation-of-nothing", "cloud_time", format!("`cloud_time` changes nothing: {why}"));
+    Some(doubt.label("compensates nothing").help(help))
+}
+
+/// Masks of boxes that are not asked for.
+pub(super) fn masks_of_nothing() -> Doubt {
+    Doubt::new("masks-of-nothing", "truth.masks", "there are masks in boxes only, and no boxes are asked for")
+        .help("`boxes = \"tracked\"` has those of actors and animated nodes")
 }
 
 #[cfg(test)]
@@ -253,6 +340,20 @@ mod tests {
         assert_eq!(code(offset_in_head("range_offset_m", 0.02767)), "");
         assert_eq!(code(least_range("min_m", 500.0)), "range-unit");
         assert_eq!(code(least_range("min_m", 0.5)), "");
+        assert_eq!(code(row_time("row_time_us", 15.0, 1080, 30.0)), "");
+        assert_eq!(code(row_time("row_time_us", 1e6 / 30.0 / 1080.0, 1080, 30.0)), "");
+        for wrong in [31.0, 15_000.0, 33_333.0, 1e9] {
+            assert_eq!(code(row_time("row_time_us", wrong, 1080, 30.0)), "row-time", "{wrong}");
+        }
+        let helped = |row_us| {
+            row_time("row_time_us", row_us, 1000, 50.0).and_then(|doubt| doubt.help).unwrap_or_default()
+        };
+        assert!(
+            helped(16_000.0).contains("row_time_us = 16`") && helped(1e9).is_empty(),
+            "{}",
+            helped(16_000.0)
+        );
+        assert!(helped(20_000.5).is_empty() || helped(20_000.5).contains("row_time_us = 20.0005"));
         assert_eq!(code(home_folder("scene", "~/a.glb")), "home-folder");
         assert_eq!(code(home_folder("scene", "~a.glb")), "");
     }

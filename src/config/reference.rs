@@ -9,7 +9,7 @@ pub(super) const INTRODUCTION: &str = "\
 # Keys
 
 Every key of jobs and sensor files. `beamcast schema keys` prints this page, and a test holds it to the program.
-[patterns.md](patterns.md) explains the patterns.
+[patterns.md](patterns.md) explains the patterns, and [sequences.md](sequences.md) poses and motion.
 
 A key's name ends in the unit of its numbers: `_m` metres, `_deg` degrees, `_s` seconds, `_us` microseconds, `_hz` hertz,
 `_px` pixels. Paths are relative to the file that names them. A table in a job's `[[sensor]]` adds to the same table of the

@@ -417,6 +417,11 @@ impl<'a> Table<'a> {
         Spanned { value, span: self.span }
     }
 
+    /// Whether the table has no keys at all.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
     /// Whether a key is there, right or wrong.
     pub fn has(&self, key: &dyn AnyKey) -> bool {
         self.node(key).is_some()
@@ -468,6 +473,13 @@ const FOREIGN_UNITS: &[&str] = &[
 /// The unit of a key's numbers, by the key's last part.
 pub(super) fn unit(name: &str) -> Option<&'static str> {
     let (stem, suffix) = name.rsplit_once('_')?;
+    if let ("s", Some((_, per_second))) = (suffix, stem.rsplit_once('_')) {
+        match per_second {
+            "m" => return Some("metres a second"),
+            "deg" => return Some("degrees a second"),
+            _ => {}
+        }
+    }
     // A rate such as `points_per_s` does not count seconds.
     UNITS.iter().find(|(s, _)| *s == suffix && !stem.ends_with("_per")).map(|(_, unit)| *unit)
 }

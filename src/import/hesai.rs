@@ -216,7 +216,7 @@ struct FiringTimes {
     /// Microseconds by channel, for each column of the cycle: one if all columns are alike. A channel that is not there does
     /// not fire in the column.
     phases: Vec<BTreeMap<u32, f64>>,
-    /// What the file says of its unit, for a comment.
+    /// The unit as the file describes it, for a comment.
     unit: &'static str,
     /// A comment on the part of the file that is left out.
     note: Option<String>,

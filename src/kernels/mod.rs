@@ -186,8 +186,9 @@ fn targets(scene: &Scene, tracer: &Tracer, sensor: &Sensor, at: DVec3) -> Vec<Ta
     tracer.cast(&Rays::unlimited(Origins::Common(at), &directions), &mut hits);
     let seen = hits.into_iter().flatten().map(|hit: Hit| {
         let placement = &scene.arrangement.placements[hit.placement as usize];
-        let mesh = &scene.geometry.meshes[placement.mesh as usize];
-        let ray = LocalRay { origin: scene.geometry.ray_origin(at), direction: DVec3::X }.carried(placement);
+        let mesh = scene.mesh(placement.mesh);
+        let ray = LocalRay { origin: scene.geometry.ray_origin(at), direction: DVec3::X }
+            .carried_by(placement.mesh_from_scene());
         Target {
             origin: ray.origin.as_vec3(),
             corners: mesh.triangles[hit.triangle as usize].map(|v| mesh.positions[v as usize].into()),

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use crate::rng::Rng;
-use crate::scene::{Material, Object, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
+use crate::scene::{Material, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 
 /// Uneven ground, 200 m square, with houses and round trees on it: about 90,000 triangles. The world's origin is left free for a
 /// sensor 1.8 m above the ground.
@@ -47,12 +47,13 @@ pub fn closed(inside_out: bool) -> Scene {
 
 fn alone(shape: SourceMesh) -> Scene {
     let placed =
-        SourceInstance { mesh: 0, world_from_mesh: glam::DAffine3::IDENTITY, object: Object::default() };
+        SourceInstance { mesh: 0, world_from_mesh: glam::DAffine3::IDENTITY, ..SourceInstance::default() };
     let builder = SceneBuilder {
         meshes: vec![shape],
         instances: vec![placed],
         materials: vec![Material::default()],
         files: Vec::new(),
+        groups: Vec::new(),
     };
     builder.build().expect("the shapes made here have triangles, few of them, and none far away")
 }

@@ -29,6 +29,8 @@ pub struct ChannelSpec {
     pub values: Values,
     /// The presentation on a page. `None` if pages leave the channel out.
     pub shown: Option<Shown>,
+    /// Whether a file has the channel only if the job chooses it by name.
+    pub is_chosen: bool,
 }
 
 /// The presentation of a channel on a page.
@@ -92,8 +94,34 @@ pub struct Place {
 /// Bytes of one value of a channel.
 pub const BYTES_A_VALUE: u64 = 4;
 
+/// What most channels have in common.
+const PLAIN: ChannelSpec = ChannelSpec {
+    name: "",
+    unit: "",
+    about: "",
+    no_return: 0.0,
+    sensors: Sensors::All,
+    values: Values::U32(|_, _| 0),
+    shown: None,
+    is_chosen: false,
+};
+
+/// An axis of the displacement of a surface's point.
+const fn flow(name: &'static str, about: &'static str, value: fn(&SensorFrame, Place) -> f64) -> ChannelSpec {
+    ChannelSpec { name, unit: "m", about, values: Values::F32(value), is_chosen: true, ..PLAIN }
+}
+
+/// An axis of the velocity of a surface's point.
+const fn velocity(
+    name: &'static str,
+    about: &'static str,
+    value: fn(&SensorFrame, Place) -> f64,
+) -> ChannelSpec {
+    ChannelSpec { unit: "m/s", ..flow(name, about, value) }
+}
+
 /// Every channel, sorted by name. [`DEPTH_FOR_OPENCV`] is not among them, because it repeats one of them.
-pub static CHANNELS: [ChannelSpec; 11] = [
+pub static CHANNELS: [ChannelSpec; 18] = [
     ChannelSpec {
         name: "Z",
         unit: "m",
@@ -105,6 +133,7 @@ pub static CHANNELS: [ChannelSpec; 11] = [
             depth_over_range.map_or(NO_RETURN_M, |ratio| f.returns().range_m[at.slot] * ratio)
         }),
         shown: Some(Shown { rank: 1, label: "depth", scale: Scale::Log }),
+        ..PLAIN
     },
     ChannelSpec {
         name: "cause",
@@ -117,7 +146,16 @@ pub static CHANNELS: [ChannelSpec; 11] = [
             word: |number| Cause::numbered(number).map(Cause::name),
         },
         shown: Some(Shown { rank: 7, label: "cause", scale: Scale::Id }),
+        ..PLAIN
     },
+    flow(
+        "flow.X",
+        "The x of the displacement of the surface's own point from when the pulse meets it to the frame's end (the start of the \
+         next frame), over the ground: the sensor's motion is not in it. Along the axes of the normal.",
+        |f, at| in_image(f, at, f.motion(at.slot).flow_m).x,
+    ),
+    flow("flow.Y", "The y of the displacement.", |f, at| in_image(f, at, f.motion(at.slot).flow_m).y),
+    flow("flow.Z", "The z of the displacement.", |f, at| in_image(f, at, f.motion(at.slot).flow_m).z),
     ChannelSpec {
         name: "id.instance",
         unit: "",
@@ -126,6 +164,7 @@ pub static CHANNELS: [ChannelSpec; 11] = [
         sensors: Sensors::All,
         values: Values::U32(|f, at| id_of(f.returns().instance[at.slot])),
         shown: Some(Shown { rank: 4, label: "instance", scale: Scale::Id }),
+        ..PLAIN
     },
     ChannelSpec {
         name: "id.semantic",
@@ -135,6 +174,15 @@ pub static CHANNELS: [ChannelSpec; 11] = [
         sensors: Sensors::All,
         values: Values::U32(|f, at| f.returns().label[at.slot]),
         shown: Some(Shown { rank: 5, label: "label", scale: Scale::Id }),
+        ..PLAIN
+    },
+    ChannelSpec {
+        name: "id.track",
+        about: "The track of the object that was hit, as boxes.jsonl numbers what moves and all else that has a box, from 1. 0 is \
+                no such object, and nothing.",
+        values: Values::U32(|f, at| f.track(at.slot)),
+        is_chosen: true,
+        ..PLAIN
     },
     ChannelSpec {
         name: "id.triangle",
@@ -144,6 +192,7 @@ pub static CHANNELS: [ChannelSpec; 11] = [
         sensors: Sensors::All,
         values: Values::U32(|f, at| id_of(f.returns().triangle[at.slot])),
         shown: None, // there are too many to tell apart
+        ..PLAIN
     },
     ChannelSpec {
         name: "intensity",
@@ -153,6 +202,7 @@ pub static CHANNELS: [ChannelSpec; 11] = [
         sensors: Sensors::All,
         values: Values::F32(|f, at| f64::from(f.returns().intensity[at.slot])),
         shown: Some(Shown { rank: 2, label: "intensity", scale: Scale::Linear }),
+        ..PLAIN
     },
     ChannelSpec {
         name: "normal.X",
@@ -162,6 +212,7 @@ pub static CHANNELS: [ChannelSpec; 11] = [
         sensors: Sensors::All,
         values: Values::F32(|f, at| normal(f, at).x),
         shown: Some(Shown { rank: 3, label: "normal", scale: Scale::Direction }),
+        ..PLAIN
     },
     ChannelSpec {
         name: "normal.Y",
@@ -171,6 +222,7 @@ pub static CHANNELS: [ChannelSpec; 11] = [
         sensors: Sensors::All,
         values: Values::F32(|f, at| normal(f, at).y),
         shown: None, // it is shown with the first axis
+        ..PLAIN
     },
     ChannelSpec {
         name: "normal.Z",
@@ -180,6 +232,7 @@ pub static CHANNELS: [ChannelSpec; 11] = [
         sensors: Sensors::All,
         values: Values::F32(|f, at| normal(f, at).z),
         shown: None, // it is shown with the first axis
+        ..PLAIN
     },
     ChannelSpec {
         name: "range",
@@ -189,6 +242,7 @@ pub static CHANNELS: [ChannelSpec; 11] = [
         sensors: Sensors::All,
         values: Values::F32(|f, at| f.returns().range_m[at.slot]),
         shown: Some(Shown { rank: 0, label: "range", scale: Scale::Log }),
+        ..PLAIN
     },
     ChannelSpec {
         name: "time",
@@ -198,7 +252,20 @@ pub static CHANNELS: [ChannelSpec; 11] = [
         sensors: Sensors::All,
         values: Values::F32(|f, at| f.capture.time_s(at.row(f), at.column(f)).unwrap_or(0.0)),
         shown: Some(Shown { rank: 6, label: "time", scale: Scale::Linear }),
+        ..PLAIN
     },
+    velocity(
+        "velocity.X",
+        "The x of the velocity of the surface's point when the pulse meets it, over the ground: the sensor's motion is not in it. \
+         Along the axes of the normal.",
+        |f, at| in_image(f, at, f.motion(at.slot).velocity_m_s).x,
+    ),
+    velocity("velocity.Y", "The y of the velocity.", |f, at| {
+        in_image(f, at, f.motion(at.slot).velocity_m_s).y
+    }),
+    velocity("velocity.Z", "The z of the velocity.", |f, at| {
+        in_image(f, at, f.motion(at.slot).velocity_m_s).z
+    }),
 ];
 
 /// The names of all channels, sorted.
@@ -228,10 +295,20 @@ impl SensorFrame<'_> {
     }
 }
 
-/// A return's normal in the frame to which the image refers. Axes are only swapped and negated, so nothing is rounded.
+/// A return's normal in the frame to which the image refers.
 fn normal(f: &SensorFrame, at: Place) -> DVec3 {
     let [x, y, z] = f.returns().normal[at.slot].map(f64::from);
-    let normal = DVec3::new(x, y, z);
+    from_sensor(f, DVec3::new(x, y, z))
+}
+
+/// A vector of the world in the frame to which the image refers, as it is when the pixel's pulse is cast.
+fn in_image(f: &SensorFrame, at: Place, in_world: DVec3) -> DVec3 {
+    let Some(time_s) = f.capture.time_s(at.row(f), at.column(f)) else { return DVec3::ZERO };
+    from_sensor(f, f.capture.world_from_sensor(time_s).rotation.transpose() * in_world)
+}
+
+/// A vector of the sensor's frame in the frame to which the image refers. Axes are only swapped and negated, so nothing is rounded.
+fn from_sensor(f: &SensorFrame, normal: DVec3) -> DVec3 {
     if f.capture.sensor.pattern.is_camera() {
         // Adding 0 makes a negative zero positive.
         BODY_FROM_OPTICAL.rotation.transpose() * normal + DVec3::ZERO
@@ -241,6 +318,11 @@ fn normal(f: &SensorFrame, at: Place) -> DVec3 {
 }
 
 impl ChannelSpec {
+    /// Whether the channel tells how surfaces move.
+    pub fn is_of_motion(&self) -> bool {
+        self.name.starts_with("flow.") || self.name.starts_with("velocity.")
+    }
+
     /// Whether a sensor has the channel.
     pub fn is_of(&self, sensor: &Sensor) -> bool {
         match self.sensors {

@@ -1,12 +1,16 @@
 //! Output files that are either complete or absent.
 
 use std::collections::BTreeSet;
+use std::fmt;
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use super::whole::{
-    Claim, check_folder, give_name, kind_of, remove_leftovers, temporary_in, unwritable, write_complete,
+    Claim, check_folder, flush_folder, give_name, here_if_empty, kind_of, remove_leftovers, temporary_in,
+    unwritable, write_complete,
 };
 use crate::error::Error;
 
@@ -17,14 +21,34 @@ use crate::error::Error;
 #[derive(Debug)]
 pub struct Destination {
     folder: PathBuf,
-    names: Vec<String>,
+    names: Box<dyn FileNames>,
     overwrite: bool,
     /// The claims on the folders, from [`Destination::prepare`] on.
     claims: Vec<Claim>,
 }
 
+/// The names of the files that a run writes: paths relative to its folder, with forward slashes. A run of a million frames has
+/// no list of them.
+pub trait FileNames: fmt::Debug + Send + Sync {
+    /// The folders of the files, relative to the run's.
+    fn folders(&self) -> BTreeSet<String>;
+
+    /// Whether the run writes a file of this name.
+    fn contains(&self, name: &str) -> bool;
+}
+
+impl FileNames for Vec<String> {
+    fn folders(&self) -> BTreeSet<String> {
+        self.iter().filter_map(|name| Some(name.rsplit_once('/')?.0.to_owned())).collect()
+    }
+
+    fn contains(&self, name: &str) -> bool {
+        self.iter().any(|known| known == name)
+    }
+}
+
 /// An output file, as the manifest lists it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WrittenFile {
     /// The path in the folder, with forward slashes.
     pub path: String,
@@ -80,13 +104,14 @@ impl GrowingFile {
 }
 
 impl Destination {
-    /// A destination for `names`, which are paths relative to `folder` with forward slashes. It checks that the folders can
-    /// be made and written to, and that the files do not exist yet or may be replaced. The check leaves nothing behind.
+    /// A destination for files in `folder`. It checks that the folders can be made and written to, and that the files do not
+    /// exist yet or may be replaced. The check leaves nothing behind.
     ///
     /// # Errors
     /// [`Error::Output`] about the first folder or file that is in the way.
-    pub fn check(folder: &Path, names: Vec<String>, overwrite: bool) -> Result<Self, Error> {
-        let destination = Self { folder: folder.to_path_buf(), names, overwrite, claims: Vec::new() };
+    pub fn check(folder: &Path, names: impl FileNames + 'static, overwrite: bool) -> Result<Self, Error> {
+        let (folder, names) = (folder.to_path_buf(), Box::new(names));
+        let destination = Self { folder, names, overwrite, claims: Vec::new() };
         for folder in destination.folders() {
             destination.check_inside(&folder)?;
             check_folder(&folder)?;
@@ -95,22 +120,50 @@ impl Destination {
         Ok(destination)
     }
 
+    /// The folder itself.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Checks that the files do not exist yet or may be replaced. A link in place of an output is replaced, too.
     fn check_files(&self) -> Result<(), Error> {
-        for path in self.paths() {
-            match fs::symlink_metadata(&path) {
-                Ok(found) if !found.is_file() && !found.is_symlink() => {
-                    let problem = format!("is {}, where a file is to be written", kind_of(&found));
-                    return Err(Error::output(&path, problem));
+        for prefix in self.names.folders().into_iter().chain([String::new()]) {
+            let folder = if prefix.is_empty() { self.folder.clone() } else { self.folder.join(&prefix) };
+            let entries = match fs::read_dir(here_if_empty(&folder)) {
+                Ok(entries) => entries,
+                Err(e) if e.kind() == io::ErrorKind::NotFound => continue,
+                Err(e) => return Err(unwritable(&folder, e)),
+            };
+            // The order of a folder's entries is the system's, so the first by name is told.
+            let mut in_the_way: Option<(String, &str)> = None;
+            for entry in entries {
+                let entry = entry.map_err(|e| unwritable(&folder, e))?;
+                let Ok(name) = entry.file_name().into_string() else { continue };
+                let is_output = match prefix.is_empty() {
+                    true => self.names.contains(&name),
+                    false => self.names.contains(&format!("{prefix}/{name}")),
+                };
+                let is_earlier = in_the_way.as_ref().is_none_or(|(other, _)| name < *other);
+                if !is_output || !is_earlier {
+                    continue;
                 }
-                Ok(_) if !self.overwrite => {
-                    return Err(Error::output(
-                        &path,
-                        "exists already; --overwrite replaces it, --out DIR writes elsewhere",
-                    ));
+                match fs::symlink_metadata(entry.path()) {
+                    Ok(found) if !found.is_file() && !found.is_symlink() => {
+                        in_the_way = Some((name, kind_of(&found)));
+                    }
+                    Ok(_) if !self.overwrite => in_the_way = Some((name, "")),
+                    Err(e) if e.kind() != io::ErrorKind::NotFound => {
+                        return Err(unwritable(&entry.path(), e));
+                    }
+                    _ => {}
                 }
-                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(unwritable(&path, e)),
-                _ => {}
+            }
+            if let Some((name, kind)) = in_the_way {
+                let problem = match kind {
+                    "" => "exists already; --overwrite replaces it, --out DIR writes elsewhere".to_owned(),
+                    kind => format!("is {kind}, where a file is to be written"),
+                };
+                return Err(Error::output(folder.join(name), problem));
             }
         }
         Ok(())
@@ -126,11 +179,6 @@ impl Destination {
         }
     }
 
-    /// The files that will be written, in the order of their names in [`Destination::check`].
-    pub fn paths(&self) -> impl Iterator<Item = PathBuf> + '_ {
-        self.names.iter().map(|name| self.folder.join(name))
-    }
-
     /// Makes the folders and claims them for as long as the destination lives, removes what killed runs left in them, and
     /// removes an old `manifest`, which would be wrong as soon as the first file is replaced.
     ///
@@ -138,64 +186,89 @@ impl Destination {
     /// [`Error::Output`] about the folder or the manifest, or if another run writes to the folder, or has written to it since
     /// [`Destination::check`] and its files may not be replaced.
     pub fn prepare(&mut self, manifest: &str) -> Result<(), Error> {
+        self.claim(Claim::on)?;
+        self.folders().iter().for_each(|folder| remove_leftovers(folder));
+        self.check_files()?;
+        self.remove(manifest)
+    }
+
+    /// The same for one of several runs that write different files to the same folder at the same time. It leaves alone what is
+    /// in the folder.
+    ///
+    /// # Errors
+    /// As [`Destination::prepare`], if a run writes to the folder that wants it for itself.
+    pub fn prepare_shared(&mut self) -> Result<(), Error> {
+        self.claim(Claim::shared)?;
+        self.check_files()
+    }
+
+    fn claim(&mut self, claim: fn(&Path) -> Result<Claim, Error>) -> Result<(), Error> {
         for folder in self.folders() {
             fs::create_dir_all(&folder).map_err(|e| unwritable(&folder, e))?;
             self.check_inside(&folder)?;
-            self.claims.push(Claim::on(&folder)?);
+            self.claims.push(claim(&folder)?);
             check_folder(&folder)?;
-            remove_leftovers(&folder);
         }
-        self.check_files()?;
-        let manifest = self.folder.join(manifest);
-        match fs::remove_file(&manifest) {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(unwritable(&manifest, e)),
+        Ok(())
+    }
+
+    /// Removes a file of the folder. It is fine if there is none.
+    ///
+    /// # Errors
+    /// [`Error::Output`] about the file.
+    pub fn remove(&self, name: &str) -> Result<(), Error> {
+        let path = self.folder.join(name);
+        match fs::remove_file(&path) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(unwritable(&path, e)),
             _ => Ok(()),
         }
     }
 
-    /// Removes the files `old` of an earlier run, which are paths as those of the destination, except for those that will be
-    /// written now; and the folders that this leaves empty and that no new file goes to. It removes nothing outside of the destination's folder: a file in a
+    /// Removes a file of an earlier run, a path as those of the destination, unless it will be written now; and the folders that
+    /// this leaves empty and that no new file goes to. It removes nothing outside of the destination's folder: a file in a
     /// folder that is a link to another place stays. What is gone already is fine.
     ///
     /// # Errors
-    /// [`Error::Output`] about a file that can't be removed.
-    pub fn remove_old(&self, old: &[String]) -> Result<(), Error> {
+    /// [`Error::Output`] if the file can't be removed.
+    pub fn remove_old(&self, name: &str) -> Result<(), Error> {
         let Ok(home) = fs::canonicalize(&self.folder) else { return Ok(()) };
+        let Some(path) = self.old_path(name) else { return Ok(()) };
+        let Some(folder) = path.parent() else { return Ok(()) };
+        let is_inside = fs::canonicalize(folder).is_ok_and(|folder| folder.starts_with(&home));
+        // A link is removed itself, and not what it leads to.
+        let is_file = fs::symlink_metadata(&path).is_ok_and(|found| !found.is_dir());
+        if !(is_inside && is_file) {
+            return Ok(());
+        }
+        match fs::remove_file(&path) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => {
+                let problem = format!("is of an earlier run, and can't be removed: {e}");
+                return Err(Error::output(&path, problem));
+            }
+            _ => {}
+        }
+        // A folder that still holds something is not removed, nor one that the new files go to.
         let needed = self.folders();
-        for path in self.old_paths(old) {
-            let Some(folder) = path.parent() else { continue };
-            let is_inside = fs::canonicalize(folder).is_ok_and(|folder| folder.starts_with(&home));
-            // A link is removed itself, and not what it leads to.
-            let is_file = fs::symlink_metadata(&path).is_ok_and(|found| !found.is_dir());
-            if !(is_inside && is_file) {
-                continue;
-            }
-            match fs::remove_file(&path) {
-                Err(e) if e.kind() != io::ErrorKind::NotFound => {
-                    return Err(Error::output(
-                        &path,
-                        format!("is of an earlier run, and can't be removed: {e}"),
-                    ));
-                }
-                _ => {}
-            }
-            // A folder that still holds something is not removed, nor one that the new files go to.
-            for folder in path.ancestors().skip(1).take_while(|folder| !needed.contains(*folder)) {
-                if fs::remove_dir(folder).is_err() {
-                    break;
-                }
+        for folder in path.ancestors().skip(1).take_while(|folder| !needed.contains(*folder)) {
+            if fs::remove_dir(folder).is_err() {
+                break;
             }
         }
         Ok(())
     }
 
-    /// The paths of those files of an earlier run that will not be written now.
-    pub fn old_paths<'o>(&'o self, old: &'o [String]) -> impl Iterator<Item = PathBuf> + 'o {
-        let new: BTreeSet<&str> = self.names.iter().map(String::as_str).collect();
-        old.iter().filter(move |name| !new.contains(name.as_str())).map(|name| self.folder.join(name))
+    /// The path of a file of an earlier run, if it will not be written now.
+    pub fn old_path(&self, name: &str) -> Option<PathBuf> {
+        (!self.names.contains(name)).then(|| self.folder.join(name))
     }
 
-    /// Writes the file `name`, completely or not at all.
+    /// Flushes the names of the files that were written to the disk: after that, a power cut takes none of them.
+    pub fn flush(&self) {
+        self.folders().iter().for_each(|folder| flush_folder(folder));
+    }
+
+    /// Writes the file `name`, completely or not at all. Its content is on the disk then, and its name after
+    /// [`Destination::flush`].
     ///
     /// # Errors
     /// [`Error::Output`] about the file, such as when the disk is full. The temporary file is removed then, and an older
@@ -224,7 +297,7 @@ impl Destination {
 
     /// The folder itself and the folders of its files.
     fn folders(&self) -> BTreeSet<PathBuf> {
-        let of_files = self.paths().filter_map(|path| path.parent().map(Path::to_path_buf));
+        let of_files = self.names.folders().into_iter().map(|folder| self.folder.join(folder));
         of_files.chain([self.folder.clone()]).collect()
     }
 }
@@ -262,9 +335,8 @@ mod tests {
     #[test]
     fn checking_leaves_nothing_behind() {
         let tmp = tempfile::tempdir().unwrap();
-        let destination = check(&tmp.path().join("a/b"), false).unwrap();
+        check(&tmp.path().join("a/b"), false).unwrap();
         assert_eq!(fs::read_dir(tmp.path()).unwrap().count(), 0);
-        assert_eq!(destination.paths().count(), 2);
     }
 
     #[test]
@@ -405,18 +477,18 @@ mod tests {
         ];
         let old: Vec<String> =
             old.into_iter().chain(["gone/000000.exr", "kept"]).map(str::to_owned).collect();
-        destination.remove_old(&old).unwrap();
+        old.iter().for_each(|name| destination.remove_old(name).unwrap());
         // A run of another format writes to the folder that it has emptied.
         let mut other =
-            Destination::check(&tmp.path().join("other"), vec!["top/000000.npz".into()], true).unwrap();
+            Destination::check(&tmp.path().join("other"), vec!["top/000000.npz".to_owned()], true).unwrap();
         other.prepare(MANIFEST).unwrap();
         put(&tmp.path().join("other/top/000000.exr"));
-        other.remove_old(&["top/000000.exr".to_owned()]).unwrap();
+        other.remove_old("top/000000.exr").unwrap();
         other.write("top/000000.npz", b"new").unwrap();
         fs::remove_dir_all(tmp.path().join("other")).unwrap();
         assert_eq!(files_under(tmp.path()), ["out/kept/notes.txt", "out/top/000000.exr"]);
         assert!(!out.join("front").exists() && !out.join("deep").exists());
-        destination.remove_old(&old).unwrap();
+        old.iter().for_each(|name| destination.remove_old(name).unwrap());
     }
 
     #[cfg(unix)]
@@ -428,8 +500,8 @@ mod tests {
         fs::create_dir(&out).unwrap();
         std::os::unix::fs::symlink(&elsewhere, out.join("front")).unwrap();
         std::os::unix::fs::symlink(elsewhere.join("000000.exr"), out.join("link.exr")).unwrap();
-        let destination = Destination::check(&out, vec!["top/000000.exr".into()], true).unwrap();
-        destination.remove_old(&["front/000000.exr".to_owned(), "link.exr".to_owned()]).unwrap();
+        let destination = Destination::check(&out, vec!["top/000000.exr".to_owned()], true).unwrap();
+        ["front/000000.exr", "link.exr"].iter().for_each(|name| destination.remove_old(name).unwrap());
         assert_eq!(fs::read(elsewhere.join("000000.exr")).unwrap(), b"old");
         assert!(fs::symlink_metadata(out.join("link.exr")).is_err());
     }

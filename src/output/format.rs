@@ -17,7 +17,7 @@ pub struct FormatSpec {
     pub ending: &'static str,
     /// The content of the files, in a few words for lists.
     pub about: &'static str,
-    /// What the numbers in the files are.
+    /// The meaning of the numbers in the files.
     pub content: Content,
     /// The programs that the files were read back with, exactly; for the page of formats.
     pub read_by: &'static str,
@@ -45,8 +45,8 @@ pub struct FormatSpec {
 }
 
 impl FormatSpec {
-    /// What most formats have in common: no options, nothing that does not fit, and nothing that is lost. What a format has of
-    /// its own is empty here.
+    /// The fields that most formats have in common: no options, nothing that does not fit, and nothing that is lost. The fields
+    /// that each format sets itself are empty here.
     pub const PLAIN: Self = Self {
         name: "",
         ending: "",
@@ -66,7 +66,7 @@ impl FormatSpec {
     };
 }
 
-/// What the numbers in the files of a format are.
+/// The meaning of the numbers in the files of a format.
 #[derive(Clone, Copy, Debug)]
 pub enum Content {
     /// The channels that the job chooses, each an array of rows and columns.
@@ -75,6 +75,8 @@ pub enum Content {
     Points(&'static [Field]),
     /// Pixels of rows and columns, each with these values.
     Pixels(&'static [Field]),
+    /// Lines of text, each with these values.
+    Lines(&'static [Field]),
 }
 
 /// A field of a point, or a value of a pixel.

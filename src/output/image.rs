@@ -45,7 +45,7 @@ impl Image {
     /// The channels of each pixel's return number `number`, from 0. A pixel with fewer returns is encoded as a pixel
     /// without a return.
     pub fn of_return(frame: &SensorFrame, number: usize) -> Self {
-        Self::for_opencv(frame, number, Channels::ALL)
+        Self::for_opencv(frame, number, Channels::USUAL)
     }
 
     /// Some channels of each pixel's return number `number`, with `Y` beside the main depth if that is among them.

@@ -11,6 +11,13 @@ pub fn json_lines(value: &Value) -> String {
     text
 }
 
+/// The same for the value of a key that is indented by so many blanks, without a line feed at the end.
+pub(super) fn json_indented(value: &Value, indent: usize) -> String {
+    let mut text = String::new();
+    write(value, indent, &mut text);
+    text
+}
+
 fn is_leaf(value: &Value) -> bool {
     !value.is_object() && !value.is_array()
 }
@@ -55,7 +62,7 @@ fn write(value: &Value, indent: usize, text: &mut String) {
 }
 
 /// Writes a table of numbers and texts on one line.
-fn write_row(keys: &serde_json::Map<String, Value>, text: &mut String) {
+pub(super) fn write_row(keys: &serde_json::Map<String, Value>, text: &mut String) {
     let pair = |(key, value): (&String, &Value)| format!("{}: {value}", Value::from(key.as_str()));
     let pairs: Vec<String> = keys.iter().map(pair).collect();
     text.push_str(&format!("{{ {} }}", pairs.join(", ")));

@@ -33,7 +33,7 @@ pub(super) static INSTANCES: FormatSpec = FormatSpec {
     ..NUMBERS
 };
 
-/// What both formats have in common.
+/// The fields that both formats have in common.
 const NUMBERS: FormatSpec = FormatSpec {
     read_by: "PIL, OpenCV 4 and 5",
     options: &[BITS, PALETTE],

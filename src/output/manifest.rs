@@ -1,12 +1,14 @@
 //! The record of a run: its inputs and its outputs.
 
 use std::collections::BTreeMap;
+use std::io::{self, Write};
 
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::files::WrittenFile;
 use super::id::id_of;
-use super::json::json_lines;
+use super::json::{json_indented, json_lines, write_row};
 use crate::scene::{Scene, SourceFile};
 
 /// The version of the format. Version 1 had no number, and counted ids from 0.
@@ -25,34 +27,83 @@ pub struct Manifest<'a> {
     pub labels: &'a BTreeMap<String, u32>,
     /// The scene that was scanned. Its files are inputs too.
     pub scene: &'a Scene,
-    /// The files that were written.
-    pub outputs: &'a [WrittenFile],
+    /// The frames of each sensor.
+    pub frames: &'a [SensorFrames],
+}
+
+/// The frames of a sensor that a run has.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SensorFrames {
+    /// The sensor's name.
+    pub sensor: String,
+    /// The number of the first frame.
+    pub first: u64,
+    /// How many frames there are, one after the other.
+    pub count: u64,
+    /// The frames that the job has of the sensor.
+    pub of: u64,
 }
 
 impl Manifest<'_> {
     /// The file's name in the output folder.
     pub const NAME: &'static str = "manifest.json";
 
-    /// The content of the file as JSON, with the keys in a fixed order and a line for each file. Paths are as the user wrote
-    /// them or relative to the manifest.
-    pub fn encode(&self) -> Vec<u8> {
+    /// The content of the file without the outputs, which [`Self::write`] adds. The frames of a job that has one of each sensor
+    /// go without saying.
+    pub fn head(&self) -> Value {
         let file = |f: &SourceFile| json!({ "name": f.name, "bytes": f.bytes, "blake3": f.blake3 });
         let inputs: Vec<_> = self.inputs.iter().chain(&self.scene.geometry.files).map(file).collect();
-        let outputs: Vec<_> = self
-            .outputs
-            .iter()
-            .map(|f| json!({ "path": f.path, "bytes": f.bytes, "blake3": f.blake3 }))
-            .collect();
-        let manifest = json!({
+        let mut head = json!({
             "format": FORMAT,
             "tool": { "name": env!("CARGO_PKG_NAME"), "version": env!("CARGO_PKG_VERSION") },
             "seed": self.seed,
             "job": self.job,
             "inputs": inputs,
             "scene": scene(self.scene, self.labels),
-            "outputs": outputs,
         });
-        json_lines(&manifest).into_bytes()
+        if self.frames.iter().any(|sensor| sensor.of > 1) {
+            let row = |sensor: &SensorFrames| json!({ "sensor": sensor.sensor, "first": sensor.first, "count": sensor.count, "of": sensor.of });
+            head["frames"] = self.frames.iter().map(row).collect();
+        }
+        head
+    }
+
+    /// Writes a manifest as JSON, with the keys in a fixed order and a line for each file. Paths are as the user wrote them or
+    /// relative to the manifest. The outputs come one by one, and so does what was `drawn` for frames, by their numbers: there may be
+    /// any number of them.
+    ///
+    /// # Errors
+    /// An error if the file can't be written.
+    pub fn write(
+        head: &Value,
+        outputs: impl Iterator<Item = WrittenFile>,
+        drawn: impl Iterator<Item = (u64, Map<String, Value>)>,
+        file: &mut impl Write,
+    ) -> io::Result<()> {
+        let text = json_lines(head);
+        let open = text.strip_suffix("\n}\n").unwrap_or(&text);
+        write!(file, "{open},\n  \"outputs\": [")?;
+        let mut row = String::new();
+        let mut is_first = true;
+        for WrittenFile { path, bytes, blake3 } in outputs {
+            row.clear();
+            row.push_str(if is_first { "\n    " } else { ",\n    " });
+            let keys = [("path", path.into()), ("bytes", bytes.into()), ("blake3", blake3.into())];
+            write_row(
+                &keys.map(|(key, value): (&str, Value)| (key.to_owned(), value)).into_iter().collect(),
+                &mut row,
+            );
+            file.write_all(row.as_bytes())?;
+            is_first = false;
+        }
+        file.write_all(if is_first { b"]" } else { b"\n  ]" })?;
+        let mut is_first = true;
+        for (frame, values) in drawn {
+            let open = if is_first { ",\n  \"drawn\": {" } else { "," };
+            write!(file, "{open}\n    \"{frame}\": {}", json_indented(&Value::Object(values), 4))?;
+            is_first = false;
+        }
+        file.write_all(if is_first { b"\n}\n" } else { b"\n  }\n}\n" })
     }
 }
 
@@ -112,6 +163,12 @@ mod tests {
     use glam::DVec3;
     use std::sync::Arc;
 
+    fn text_of(manifest: &Manifest, outputs: Vec<WrittenFile>) -> String {
+        let mut text = Vec::new();
+        Manifest::write(&manifest.head(), outputs.into_iter(), std::iter::empty(), &mut text).unwrap();
+        String::from_utf8(text).unwrap()
+    }
+
     #[test]
     fn it_says_what_went_in_and_what_came_out_in_a_fixed_order() {
         let mesh = Mesh { triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
@@ -123,22 +180,24 @@ mod tests {
             meshes: vec![mesh],
             objects: vec![wall.clone(), wall, Object::default(), tree.clone(), tree.clone(), tree],
             materials: vec![Material::default()],
+            triangle_ids: 2,
             skipped_triangles: 7,
             files: vec![input("../scenes/wall.glb")],
             ..Geometry::default()
         };
-        let arrangement = Arrangement { placements: vec![Placement::FIXED] };
+        let arrangement = Arrangement { placements: vec![Placement::FIXED], ..Arrangement::default() };
         let scene = Scene { geometry: Arc::new(geometry), arrangement: Arc::new(arrangement) };
         let output = WrittenFile { path: "top/000000.exr".into(), bytes: 9, blake3: "def".into() };
+        let frames = [SensorFrames { sensor: "top".into(), first: 0, count: 1, of: 1 }];
         let manifest = Manifest {
             job: &json!({ "seed": 3, "scene": "../scenes/wall.glb" }),
             seed: 3,
             inputs: &[input("job.toml"), input("sensors/a.toml")],
             labels: &BTreeMap::from([("wall".into(), 4), ("fence".into(), 4), ("road".into(), 10)]),
             scene: &scene,
-            outputs: &[output],
+            frames: &frames,
         };
-        let text = String::from_utf8(manifest.encode()).unwrap();
+        let text = text_of(&manifest, vec![output.clone()]);
         let read: Value = serde_json::from_str(&text).unwrap();
         let keys: Vec<_> = read.as_object().unwrap().keys().collect();
         assert_eq!(keys, ["format", "tool", "seed", "job", "inputs", "scene", "outputs"]);
@@ -158,7 +217,26 @@ mod tests {
         assert_eq!(read["scene"]["instances"], json!(instances));
         assert_eq!(read["scene"]["labels"], json!({ "4": ["fence", "wall"], "10": ["road"] }));
         assert_eq!(read["outputs"], json!([{ "path": "top/000000.exr", "bytes": 9, "blake3": "def" }]));
-        assert_eq!(text, String::from_utf8(manifest.encode()).unwrap());
+        assert_eq!(text, json_lines(&read), "it is written line by line as if it were written at once");
+        assert_eq!(text, text_of(&manifest, vec![output.clone()]));
+        let values = Map::from_iter([("sensor.top.range.max_m".to_owned(), json!(0.1))]);
+        let drawn = [(9, values.clone()), (10, values)];
+        let mut with_drawn = Vec::new();
+        Manifest::write(&manifest.head(), [output.clone()].into_iter(), drawn.into_iter(), &mut with_drawn)
+            .unwrap();
+        let with_drawn = String::from_utf8(with_drawn).unwrap();
+        let read_again: Value = serde_json::from_str(&with_drawn).unwrap();
+        assert_eq!(with_drawn, json_lines(&read_again));
+        assert_eq!(read_again["drawn"].as_object().unwrap().keys().collect::<Vec<_>>(), ["9", "10"]);
+        assert_eq!(read_again["drawn"]["10"], json!({ "sensor.top.range.max_m": 0.1 }));
+        let of_sequence = [SensorFrames { count: 3, of: 9, ..frames[0].clone() }];
+        let sequence = Manifest { frames: &of_sequence, ..manifest };
+        for outputs in [vec![], vec![output.clone(), output]] {
+            let text = text_of(&sequence, outputs);
+            let read: Value = serde_json::from_str(&text).unwrap();
+            assert_eq!(read["frames"], json!([{ "sensor": "top", "first": 0, "count": 3, "of": 9 }]));
+            assert_eq!(text, json_lines(&read));
+        }
     }
 
     /// A file more is a line more, and so is a name; instances of the same name cost nothing.
@@ -178,9 +256,9 @@ mod tests {
                 inputs: &inputs,
                 labels: &labels,
                 scene: &scene,
-                outputs: &outputs,
+                frames: &[],
             };
-            let text = String::from_utf8(manifest.encode()).unwrap();
+            let text = text_of(&manifest, outputs);
             (text.lines().count(), text.len())
         };
         let ((lines, bytes), (more_lines, more_bytes)) = (size(100, 50), size(200, 50));

@@ -11,10 +11,13 @@
 //! options        what a job says about a format: its options, and the channels
 //! exr ply png depth16 labels npz npy pcd   the formats, with one file each
 //! page           the page of all formats, for docs
+//! poses          where a sensor was: a row a frame in a run's table, and a row a column in a file of its own
+//! objects        the boxes of objects and what is seen, as lines of JSON
 //! points         the returns of a frame as points, for clouds
 //! zip            the container of an NPZ
 //! plot           directions as dots, for previews of patterns that are no picture
 //! picture        pictures: drawing, text, PNG files; legend: what their colours mean
+//! film           pictures of many frames: animated PNGs, and contact sheets
 //! files          the output folder of a run, whose files are complete or absent
 //! whole          single files that are complete or absent, and claims on folders
 //! manifest       the record of a run
@@ -26,6 +29,7 @@ mod channel;
 mod depth16;
 mod exr;
 mod files;
+mod film;
 mod format;
 mod id;
 mod image;
@@ -36,6 +40,7 @@ mod manifest;
 mod names;
 mod npy;
 mod npz;
+mod objects;
 mod options;
 mod page;
 mod pcd;
@@ -44,6 +49,7 @@ pub mod plot;
 mod ply;
 mod png;
 mod points;
+mod poses;
 pub mod recorded;
 mod registry;
 mod sensor_frame;
@@ -54,17 +60,20 @@ pub use channel::{
     BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, NO_RETURN_M, Place, Scale,
     Sensors, Shown, Values, channel, is_of_all_pixels, no_return,
 };
-pub use files::{Destination, GrowingFile, WrittenFile};
+pub use files::{Destination, FileNames, GrowingFile, WrittenFile};
+pub use film::{Palette, film};
 pub use format::{Content, EncodeError, Field, FormatSpec, Kind, Stream};
 pub use id::{id_of, index_of};
 pub use image::{Channel, Image, Samples};
 pub use json::json_lines;
 pub use legend::{Entry, round_step, ticks, with_legend};
-pub use manifest::Manifest;
+pub use manifest::{Manifest, SensorFrames};
 pub use names::Names;
+pub use objects::{BOXES, VISIBLE, box_row, visible_row};
 pub use options::{Channels, OptionSpec, OptionValues, Options};
 pub use page::formats_page;
 pub use picture::{LINE_COLOUR, NO_RETURN_COLOUR, Picture, Rgb, TEXT_COLOUR, text_width};
+pub use poses::{POSES, pose_row};
 pub use registry::{FORMATS, Format};
-pub use sensor_frame::{CloudFrame, SensorFrame};
+pub use sensor_frame::{CloudFrame, CloudTime, SensorFrame};
 pub use whole::{check_file, write_file};

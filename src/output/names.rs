@@ -107,7 +107,7 @@ pub(super) fn read_names(text: &str) -> BTreeMap<u32, String> {
     names.into_iter().filter_map(name).collect()
 }
 
-/// What labels stand for, in words, from the lists of names that a header has for them.
+/// The meaning of labels, in words, from the lists of names that a header has for them.
 pub(super) fn words_of_labels(listed: &[(u32, Vec<String>)]) -> BTreeMap<u32, String> {
     let pairs = listed.iter().flat_map(|(label, names)| names.iter().map(|name| (name.as_str(), *label)));
     label_names(pairs, std::iter::empty())

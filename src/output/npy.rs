@@ -2,6 +2,7 @@
 
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::ply;
+use super::points::{MOTION, MOTION_FIELDS};
 
 /// The fields in their order: those of the PLY, in NumPy's words.
 static FIELDS: [Field; 10] = [
@@ -29,10 +30,14 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     most_instance: ply::FORMAT.most_instance,
     encoding_bytes_a_ray: ply::FORMAT.encoding_bytes_a_ray,
     file_bytes_a_ray: ply::FORMAT.file_bytes_a_ray,
-    kind: Kind::File(|cloud, _| {
-        let types: Vec<_> = FIELDS.iter().map(|f| format!("('{}', '{}')", f.name, f.kind)).collect();
+    options: ply::FORMAT.options,
+    kind: Kind::File(|cloud, options| {
+        let of_motion = MOTION_FIELDS.iter().filter(|_| options.is_set(&MOTION));
+        let of_motion = of_motion.map(|&name| (name, if name == "track" { "<i4" } else { "<f4" }));
+        let fields = FIELDS.iter().map(|field| (field.name, field.kind)).chain(of_motion);
+        let types: Vec<_> = fields.map(|(name, kind)| format!("('{name}', '{kind}')")).collect();
         let mut file = header(&format!("[{}]", types.join(", ")), &[cloud.frame.return_count()])?;
-        ply::add_points(cloud, &mut file)?;
+        ply::add_points(cloud, options, &mut file)?;
         Ok(file)
     }),
     ..FormatSpec::PLAIN

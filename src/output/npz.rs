@@ -120,7 +120,7 @@ fn bytes<const N: usize>(values: impl ExactSizeIterator<Item = [u8; N]>) -> Vec<
     bytes
 }
 
-/// What the arrays are, as JSON in an array of one text: `json.loads(arrays["about"].item())`.
+/// A description of the arrays, as JSON in an array of one text: `json.loads(arrays["about"].item())`.
 fn about(frame: &SensorFrame, arrays: &[Array]) -> Array {
     let unit = |array: &Array| {
         let name = array.name.rsplit('/').next().unwrap_or_default();

@@ -55,7 +55,7 @@ impl OptionValues {
 /// The most options that a format has.
 pub(super) const MOST_OPTIONS: usize = 4;
 
-/// What a job says about one of its formats: the values of the format's options, and the channels.
+/// A job's settings of one of its formats: the values of the format's options, and the channels.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// The options that the format declares.
@@ -67,9 +67,9 @@ pub struct Options {
 }
 
 impl Options {
-    /// All options left out, and all channels.
+    /// All options left out, and the usual channels.
     pub(super) const fn none(of: &'static [OptionSpec]) -> Self {
-        Self { of, given: [None; MOST_OPTIONS], channels: Channels::ALL }
+        Self { of, given: [None; MOST_OPTIONS], channels: Channels::USUAL }
     }
 
     /// The value that was given for an option. `None` if it is left out.
@@ -103,8 +103,15 @@ impl Options {
 pub struct Channels(u32);
 
 impl Channels {
-    /// Every channel.
-    pub const ALL: Self = Self((1 << CHANNELS.len()) - 1);
+    /// The channels of a job that chooses none: all but those that have to be chosen by name.
+    pub const USUAL: Self = {
+        let (mut usual, mut index) = (0, 0);
+        while index < CHANNELS.len() {
+            usual |= (!CHANNELS[index].is_chosen as u32) << index;
+            index += 1;
+        }
+        Self(usual)
+    };
 
     /// The channels of these names. A name that no channel has chooses nothing.
     pub fn named<'n>(names: impl IntoIterator<Item = &'n str>) -> Self {
@@ -112,7 +119,7 @@ impl Channels {
         Self(names.into_iter().map(bit).fold(0, |all, bit| all | bit))
     }
 
-    /// Those of the channels that a sensor has, sorted by name.
+    /// The chosen channels that a sensor has, sorted by name.
     pub fn of<'s>(self, sensor: &'s Sensor) -> impl Iterator<Item = &'static ChannelSpec> + use<'s> {
         self.iter().filter(|channel| channel.is_of(sensor))
     }
@@ -130,7 +137,10 @@ mod tests {
     #[test]
     fn channels_are_chosen_by_name() {
         let names = |channels: Channels| channels.iter().map(|channel| channel.name).collect::<Vec<_>>();
-        assert_eq!(names(Channels::ALL).len(), CHANNELS.len());
+        assert!(
+            names(Channels::USUAL).iter().all(|name| !name.contains("velocity") && !name.contains("track"))
+        );
+        assert_eq!(names(Channels::USUAL).len(), 11);
         assert_eq!(names(Channels::named(["range", "Z"])), ["Z", "range"]);
         assert_eq!(names(Channels::named(["nothing"])), [""; 0]);
     }

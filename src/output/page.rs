@@ -38,7 +38,8 @@ const CHANNELS_INTRODUCTION: &str = "
 ## Channels
 
 What formats of channels hold: arrays of rows and columns, one number a pixel. A row is a beam, highest first, or a line of a
-camera's image. `output.channels` chooses; left out, all are there. An EXR has besides a channel `Y`, the name that OpenCV reads:
+camera's image. `output.channels` chooses; left out, all are there but flow, velocity
+and id.track, which have to be named. An EXR has besides a channel `Y`, the name that OpenCV reads:
 it repeats Z of a camera and range of a LiDAR where those are chosen. Where a pixel has several returns, an EXR has a part
 for each number of return, and an NPZ has the first under the plain names and the others under `return1/range` and so on.
 
@@ -80,6 +81,7 @@ pub fn formats_page() -> String {
             Content::Channels => continue,
             Content::Points(fields) => ("A point", fields),
             Content::Pixels(fields) => ("A pixel", fields),
+            Content::Lines(fields) => ("A line", fields),
         };
         let _ = writeln!(page, "\n## {}\n\n{what} of {}.\n", format.name(), format.spec.about);
         page.push_str("| field | type | unit or meaning |\n|---|---|---|\n");

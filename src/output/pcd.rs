@@ -5,7 +5,7 @@ use glam::DQuat;
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::id::id_of;
 use super::options::{OptionSpec, OptionValues, Options};
-use super::points::Point;
+use super::points::{MOTION, MOTION_FIELDS, Point, motion_bytes};
 use super::sensor_frame::SensorFrame;
 use crate::sensor::Sensor;
 
@@ -31,10 +31,10 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     about: "binary PCD point clouds",
     content: Content::Points(&FIELDS),
     read_by: "pypcd4, Open3D",
-    options: &[ORGANISED],
+    options: &[ORGANISED, MOTION],
     check: |sensor, _| check(sensor),
-    encoding_bytes_a_ray: |_, _| BYTES_PER_POINT as u64,
-    file_bytes_a_ray: |_, _| BYTES_PER_POINT as u64,
+    encoding_bytes_a_ray: |_, options| BYTES_PER_POINT as u64 + motion_bytes(options),
+    file_bytes_a_ray: |_, options| BYTES_PER_POINT as u64 + motion_bytes(options),
     kind: Kind::File(encode),
     ..FormatSpec::PLAIN
 };
@@ -61,8 +61,16 @@ fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
     let (frame, is_organised) = (cloud.frame, options.is_set(&ORGANISED));
     let (width, height) =
         if is_organised { (frame.columns(), frame.rows()) } else { (frame.return_count(), 1) };
-    let mut file = header(cloud, width, height).into_bytes();
-    file.reserve_exact(width * height * BYTES_PER_POINT);
+    let with_motion = options.is_set(&MOTION);
+    let mut file = header(cloud, width, height, with_motion).into_bytes();
+    file.reserve_exact(width * height * (BYTES_PER_POINT + motion_bytes(options) as usize));
+    let add_point = |file: &mut Vec<u8>, point: &Point| -> Result<(), EncodeError> {
+        add_point(file, point)?;
+        if with_motion {
+            file.extend_from_slice(cloud.motion_of(point).as_flattened());
+        }
+        Ok(())
+    };
     if is_organised {
         let fixed = cloud.fixed_cloud_from_sensor();
         for pixel in 0..frame.pixels() {
@@ -72,6 +80,7 @@ fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
                 // All else is 0, as in channels.
                 let ring = cloud.capture.sensor.ring(row);
                 add(&mut file, [f32::NAN; 3], ring, 0.0, [0.0, f32::NAN], [0, 0])?;
+                file.resize(file.len() + motion_bytes(options) as usize, 0);
             } else {
                 let first = slots.start..slots.start + 1;
                 cloud
@@ -115,15 +124,19 @@ fn add(
 }
 
 /// The header. The viewpoint turns the points into the world: PCL's viewer shows them there.
-fn header(cloud: &SensorFrame, width: usize, height: usize) -> String {
-    let all = |column: fn(&Field) -> &str| FIELDS.iter().map(column).collect::<Vec<_>>().join(" ");
+fn header(cloud: &SensorFrame, width: usize, height: usize, with_motion: bool) -> String {
+    let of_motion = |&name: &&'static str| field(name, if name == "track" { "U4" } else { "F4" }, "");
+    let mut fields = FIELDS.to_vec();
+    fields.extend(MOTION_FIELDS.iter().filter(|_| with_motion).map(of_motion));
+    let all = |column: fn(&Field) -> &str| fields.iter().map(column).collect::<Vec<_>>().join(" ");
     let world_from_points = cloud.world_from_points();
     let [tx, ty, tz] = world_from_points.translation.to_array();
     let [qx, qy, qz, qw] = DQuat::from_mat3(&world_from_points.rotation).to_array();
     // Adding 0 makes a negative zero positive.
     let viewpoint = [tx, ty, tz, qw, qx, qy, qz].map(|v| format!("{:?}", v + 0.0)).join(" ");
+    let compensation = cloud.compensation().map_or(String::new(), |sentence| format!("# {sentence}\n"));
     format!(
-        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {width}\n\
+        "# .PCD v0.7 - Point Cloud Data file format\n{compensation}VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {width}\n\
          HEIGHT {height}\nVIEWPOINT {viewpoint}\nPOINTS {}\nDATA binary\n",
         all(|field| field.name),
         all(|field| &field.kind[1..]),

@@ -3,7 +3,7 @@
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::id::id_of;
 use super::options::Options;
-use super::points::Point;
+use super::points::{MOTION, MOTION_FIELDS, Point, motion_bytes};
 use super::sensor_frame::{CloudFrame, SensorFrame, pose_as_toml};
 use crate::sensor::Sensor;
 
@@ -32,8 +32,9 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     check,
     most_label: |_| i32::MAX as u32,
     most_instance: |_| i32::MAX as u32,
-    encoding_bytes_a_ray: |_, _| BYTES_PER_POINT as u64,
-    file_bytes_a_ray: |_, _| BYTES_PER_POINT as u64,
+    options: &[MOTION],
+    encoding_bytes_a_ray: |_, options| BYTES_PER_POINT as u64 + motion_bytes(options),
+    file_bytes_a_ray: |_, options| BYTES_PER_POINT as u64 + motion_bytes(options),
     kind: Kind::File(encode),
     ..FormatSpec::PLAIN
 };
@@ -46,16 +47,22 @@ fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
     Ok(())
 }
 
-fn encode(cloud: &SensorFrame, _: &Options) -> Result<Vec<u8>, EncodeError> {
-    let mut file = header(cloud, cloud.frame.return_count()).into_bytes();
-    add_points(cloud, &mut file)?;
+fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
+    let mut file = header(cloud, cloud.frame.return_count(), options).into_bytes();
+    add_points(cloud, options, &mut file)?;
     Ok(file)
 }
 
-/// Adds the points of a cloud, each with its [`FIELDS`] in 4 bytes.
-pub(super) fn add_points(cloud: &SensorFrame, file: &mut Vec<u8>) -> Result<(), EncodeError> {
-    file.reserve_exact(cloud.frame.return_count() * BYTES_PER_POINT);
-    cloud.each_point(|Point { position_m: [x, y, z], ring, column, time_s, hit }| {
+/// Adds the points of a cloud, each with its [`FIELDS`] in 4 bytes, and with those of its motion if they are asked for.
+pub(super) fn add_points(
+    cloud: &SensorFrame,
+    options: &Options,
+    file: &mut Vec<u8>,
+) -> Result<(), EncodeError> {
+    let with_motion = options.is_set(&MOTION);
+    file.reserve_exact(cloud.frame.return_count() * (BYTES_PER_POINT + motion_bytes(options) as usize));
+    cloud.each_point(|point| {
+        let Point { position_m: [x, y, z], ring, column, time_s, hit, .. } = point;
         let fields = [
             x.to_le_bytes(),
             y.to_le_bytes(),
@@ -69,11 +76,14 @@ pub(super) fn add_points(cloud: &SensorFrame, file: &mut Vec<u8>) -> Result<(), 
             (hit.range_m as f32).to_le_bytes(),
         ];
         file.extend_from_slice(fields.as_flattened());
+        if with_motion {
+            file.extend_from_slice(cloud.motion_of(point).as_flattened());
+        }
         Ok(())
     })
 }
 
-fn header(cloud: &SensorFrame, points: usize) -> String {
+fn header(cloud: &SensorFrame, points: usize, options: &Options) -> String {
     let camera = cloud.capture.sensor.pattern.is_camera();
     let frame = match cloud.cloud_frame {
         CloudFrame::Sensor if camera => "the camera's optical frame (x right, y down, z forward)",
@@ -86,6 +96,9 @@ fn header(cloud: &SensorFrame, points: usize) -> String {
          comment t: nanoseconds from the frame's start\n",
         pose_as_toml(&cloud.world_from_points())
     );
+    if let Some(compensation) = cloud.compensation() {
+        header += &format!("comment {compensation}\n");
+    }
     for (what, named) in
         [("instance", cloud.names.instances(cloud.frame)), ("label", cloud.names.labels(cloud.frame))]
     {
@@ -98,6 +111,10 @@ fn header(cloud: &SensorFrame, points: usize) -> String {
     }
     header += &format!("element vertex {points}\n");
     for Field { name, kind, .. } in &FIELDS {
+        header += &format!("property {kind} {name}\n");
+    }
+    for name in MOTION_FIELDS.iter().filter(|_| options.is_set(&MOTION)) {
+        let kind = if *name == "track" { "int" } else { "float" };
         header += &format!("property {kind} {name}\n");
     }
     header + "end_header\n"

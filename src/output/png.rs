@@ -2,7 +2,7 @@
 
 use super::format::{Content, EncodeError, FormatSpec, Kind, field};
 use super::legend::{Entry, ticks, with_legend};
-use super::options::Options;
+use super::options::{OptionSpec, OptionValues, Options};
 use super::picture::{NO_RETURN_COLOUR, Picture, Rgb, TOO_NEAR_COLOUR};
 use super::plot::{Dot, scatter};
 use super::sensor_frame::SensorFrame;
@@ -17,6 +17,16 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     about: "colour previews of the range",
     content: Content::Pixels(&[field("red, green, blue", "8-bit", "colour of the range")]),
     read_by: "PIL, OpenCV 4 and 5",
+    options: &[NEAR, FAR, STEPS],
+    check_options: |options| {
+        let (near, far) = (options.number(&NEAR), options.number(&FAR));
+        if near < far || (near, far) == (0.0, 0.0) {
+            return Ok(());
+        }
+        Err(EncodeError::new(format!(
+            "a scale goes from `near_m` to a larger `far_m`, and these are {near} and {far}"
+        )))
+    },
     check,
     encoding_bytes_a_ray: |sensor, _| {
         // This counts the ranges for the scale, the pixels, and the file under the assumption that compression saves
@@ -26,6 +36,26 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     file_bytes_a_ray: |_, _| 3,
     kind: Kind::File(encode),
     ..FormatSpec::PLAIN
+};
+
+/// The bounds hold a millimetre and the largest range of any LiDAR.
+const NEAR: OptionSpec = OptionSpec {
+    name: "near_m",
+    about: "The range in metres at the red end of the scale, which is then the same for all frames; with far_m. 0: as fits \
+            each frame.",
+    values: OptionValues::Number { least: 0.0, most: 100_000.0, default: 0.0 },
+};
+
+const FAR: OptionSpec = OptionSpec {
+    name: "far_m",
+    about: "The range in metres at the blue end of the scale; with near_m.",
+    values: OptionValues::Number { least: 0.0, most: 100_000.0, default: 0.0 },
+};
+
+const STEPS: OptionSpec = OptionSpec {
+    name: "steps",
+    about: "The number of colours of the scale, which makes files smaller; 0: a smooth scale.",
+    values: OptionValues::OneOf { numbers: &[0, 16, 32, 64, 128], default: 0 },
 };
 
 fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
@@ -38,13 +68,13 @@ fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
     Err(EncodeError::new(format!("a PNG can't hold {rows} × {columns} pixels")))
 }
 
-fn encode(preview: &SensorFrame, _: &Options) -> Result<Vec<u8>, EncodeError> {
+fn encode(preview: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
     let SensorFrame { capture, frame, .. } = preview;
     if !capture.sensor.pattern.is_image() {
-        return scattered(preview);
+        return scattered(preview, options);
     }
     let stretch = stretch(&capture.sensor.pattern);
-    let scale = Scale::of(first_ranges(preview).flatten());
+    let scale = Scale::of_frame(preview, options);
     let mut pixels = Vec::with_capacity(3 * frame.pixels() * stretch);
     let mut colours = first_ranges(preview).zip(frame.causes()).map(|(range_m, cause)| {
         range_m.map_or(miss_colour(*cause, NO_RETURN_COLOUR), |range_m| scale.colour(range_m))
@@ -94,9 +124,9 @@ fn first_ranges<'a>(preview: &SensorFrame<'a>) -> impl Iterator<Item = Option<f6
 
 /// The preview of a frame whose rows and columns are no picture. Each direction is drawn at its angles, and near returns
 /// cover far ones.
-fn scattered(preview: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
+fn scattered(preview: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
     let SensorFrame { capture, frame, .. } = preview;
-    let scale = Scale::of(first_ranges(preview).flatten());
+    let scale = Scale::of_frame(preview, options);
     let mut dots = Vec::with_capacity(frame.pixels());
     for (index, range_m) in first_ranges(preview).enumerate() {
         let pulse = capture.pulse(index / frame.columns(), index % frame.columns());
@@ -144,9 +174,22 @@ fn rows_a_beam(pattern: &Rotating) -> usize {
 struct Scale {
     near: f64,
     log_far_over_near: f64,
+    /// The number of colours, or 0 for a smooth scale.
+    steps: u32,
 }
 
 impl Scale {
+    /// The scale that the options ask for.
+    fn of_frame(preview: &SensorFrame, options: &Options) -> Self {
+        // A scale that begins at 0 has no logarithm there: it begins at a millimetre, as a frame's own does.
+        let (near, far) = (options.number(&NEAR).max(1e-3), options.number(&FAR));
+        let scale = match far > 0.0 {
+            true => Self { near, log_far_over_near: libm::log(far.max(near) / near), steps: 0 },
+            false => Self::of(first_ranges(preview).flatten()),
+        };
+        Self { steps: options.number(&STEPS) as u32, ..scale }
+    }
+
     /// A scale that spans the ranges except for 1 % at either end, so that an outlier does not flatten the rest.
     fn of(ranges: impl Iterator<Item = f64>) -> Self {
         // Ranges below a millimetre are raised to it, because the logarithm needs a positive least range.
@@ -157,13 +200,18 @@ impl Scale {
             f64::from(nth.unwrap_or(1.0))
         };
         let (near, far) = (percentile(1), percentile(99));
-        Self { near, log_far_over_near: libm::log(far / near) }
+        Self { near, log_far_over_near: libm::log(far / near), steps: 0 }
     }
 
     fn colour(&self, range: f64) -> Rgb {
         let t = match self.log_far_over_near {
             0.0 => 0.5,
             log => (libm::log(range / self.near) / log).clamp(0.0, 1.0),
+        };
+        // A step has the colour of its middle.
+        let t = match f64::from(self.steps) {
+            0.0 => t,
+            steps => ((t * steps).floor().min(steps - 1.0) + 0.5) / steps,
         };
         // The ends of Turbo are nearly black, and would look like a miss.
         let colour = colorous::TURBO.eval_continuous(0.95 - 0.87 * t);
@@ -209,6 +257,17 @@ mod tests {
         assert!(near[0] > near[2], "red is near: {near:?}");
         assert!(middle[1] > middle[0] && middle[1] > middle[2], "green is between: {middle:?}");
         assert!(far[2] > far[0], "blue is far: {far:?}");
+    }
+
+    #[test]
+    fn a_scale_of_steps_has_so_many_colours() {
+        let colours = |steps| {
+            let scale = Scale { near: 1.0, log_far_over_near: libm::log(100.0), steps };
+            let colours = (0..1000).map(|i| scale.colour(libm::exp(f64::from(i) / 200.0)));
+            colours.collect::<std::collections::BTreeSet<_>>().len()
+        };
+        assert_eq!([16, 64].map(colours), [16, 64]);
+        assert!(colours(0) > 128);
     }
 
     #[test]

@@ -2,10 +2,15 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
+
+use super::channel::BYTES_A_VALUE;
 use super::format::EncodeError;
+use super::options::{OptionSpec, OptionValues, Options};
 use super::sensor_frame::SensorFrame;
 use crate::frame::Pose;
 use crate::scan::Return;
+use crate::truth::SurfaceMotion;
 
 /// A return as a point of a cloud.
 #[derive(Clone, Copy, Debug)]
@@ -20,9 +25,44 @@ pub(super) struct Point {
     pub time_s: f64,
     /// The return.
     pub hit: Return,
+    /// The slot of the return.
+    pub slot: usize,
+}
+
+/// The option of clouds that adds [`MOTION_FIELDS`].
+pub(super) const MOTION: OptionSpec = OptionSpec {
+    name: "motion",
+    about: "Whether each point has, after its other fields, `track` (the object's number in boxes.jsonl, 0 for none), \
+            `velocity_x`, `velocity_y` and `velocity_z` (m/s) of the surface, and `flow_x`, `flow_y` and `flow_z` (m), by which the \
+            surface's own point moves on until the next frame starts: over the ground, along the axes of the cloud.",
+    values: OptionValues::Flag { default: false },
+};
+
+/// The names of the fields that the option [`MOTION`] adds: an integer, then floats of 32 bits.
+pub(super) const MOTION_FIELDS: [&str; 7] =
+    ["track", "velocity_x", "velocity_y", "velocity_z", "flow_x", "flow_y", "flow_z"];
+
+/// The bytes that the option [`MOTION`] adds to a point.
+pub(super) fn motion_bytes(options: &Options) -> u64 {
+    if options.is_set(&MOTION) { BYTES_A_VALUE * MOTION_FIELDS.len() as u64 } else { 0 }
 }
 
 impl SensorFrame<'_> {
+    /// The values of the [`MOTION_FIELDS`] of a point. A track has no more bits than an integer of the format.
+    pub(super) fn motion_of(&self, point: &Point) -> [[u8; 4]; 7] {
+        let world_from_cloud =
+            self.world_from_sensor_at(point.time_s) * self.cloud_from_sensor(point.time_s).inverse();
+        let along = |in_world: DVec3| world_from_cloud.rotation.transpose() * in_world;
+        let SurfaceMotion { velocity_m_s, flow_m } = self.motion(point.slot);
+        let [v, f] =
+            [velocity_m_s, flow_m].map(|in_world| along(in_world).as_vec3().to_array().map(f32::to_le_bytes));
+        [self.track(point.slot).to_le_bytes(), v[0], v[1], v[2], f[0], f[1], f[2]]
+    }
+
+    fn world_from_sensor_at(&self, time_s: f64) -> Pose {
+        self.capture.world_from_sensor(time_s)
+    }
+
     /// Calls `write` with each return, row by row of the range image. The returns of a pixel follow each other.
     ///
     /// # Errors
@@ -60,7 +100,7 @@ impl SensorFrame<'_> {
         for slot in slots {
             let hit = self.frame.returns().get(slot);
             let position_m = cloud_from_sensor.point(pulse.point(hit.range_m)).as_vec3().to_array();
-            write(&Point { position_m, ring, column, time_s: pulse.time_s, hit })?;
+            write(&Point { position_m, ring, column, time_s: pulse.time_s, hit, slot })?;
         }
         Ok(())
     }

@@ -3,10 +3,12 @@
 use std::fmt;
 use std::hash::{Hash, Hasher};
 
+use super::channel::ChannelSpec;
 use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::options::{Channels, OptionSpec, Options};
+use super::points::MOTION;
 use super::sensor_frame::SensorFrame;
-use super::{depth16, exr, labels, npy, npz, pcd, ply, png};
+use super::{depth16, exr, labels, npy, npz, pcd, ply, png, poses};
 use crate::sensor::Sensor;
 
 /// Every format that a job can name, in the order in which lists show them.
@@ -20,6 +22,7 @@ pub static FORMATS: &[&FormatSpec] = &[
     &npz::FORMAT,
     &npy::FORMAT,
     &pcd::FORMAT,
+    &poses::FORMAT,
 ];
 
 /// A format with its options: all that says how a frame is written. Formats are equal if their names are, whatever their
@@ -61,6 +64,22 @@ impl Format {
     /// Whether the format holds channels, so that a job can choose them.
     pub fn holds_channels(self) -> bool {
         matches!(self.spec.content, Content::Channels)
+    }
+
+    /// Whether the files tell the tracks of objects.
+    pub fn tells_tracks(self) -> bool {
+        let is_chosen = |channel: &ChannelSpec| channel.name == "id.track";
+        self.holds_channels() && self.options.channels.iter().any(is_chosen) || self.has_motion()
+    }
+
+    fn has_motion(self) -> bool {
+        self.spec.options.iter().any(|option| option.name == MOTION.name) && self.options.is_set(&MOTION)
+    }
+
+    /// Whether the files tell how surfaces move.
+    pub fn tells_motion(self) -> bool {
+        self.holds_channels() && self.options.channels.iter().any(ChannelSpec::is_of_motion)
+            || self.has_motion()
     }
 
     /// Checks that the options that are given go together.

@@ -6,6 +6,7 @@ use super::names::Names;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::scan::Frame;
 use crate::sensor::Capture;
+use crate::truth::{SurfaceMotion, Targets};
 
 /// The coordinate frame of a cloud's points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,6 +20,45 @@ pub enum CloudFrame {
     World,
 }
 
+/// The time whose pose a cloud's points are given in, where the sensor moves during the frame.
+///
+/// All but [`CloudTime::Raw`] compensate the motion of the sensor (deskewing), and nothing else: a point on an object that
+/// moves by itself stays where the pulse met it at the pulse's own time. Points in the world's frame are at their own time
+/// always, and need no compensation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CloudTime {
+    /// Each point is in the sensor's frame at the time of its own pulse, as drivers give it.
+    #[default]
+    Raw,
+    /// All points are in the sensor's frame as it was when the frame started.
+    Start,
+    /// All points are in the sensor's frame as it was in the middle between the frame's start and its end.
+    Middle,
+    /// All points are in the sensor's frame as it was at the frame's end, which is the start of the next frame.
+    End,
+}
+
+impl CloudTime {
+    /// Every choice with its name in a job.
+    pub const NAMED: [(&'static str, Self); 4] =
+        [("raw", Self::Raw), ("start", Self::Start), ("middle", Self::Middle), ("end", Self::End)];
+
+    /// The name in a job.
+    pub fn name(self) -> &'static str {
+        Self::NAMED.iter().find(|(_, time)| *time == self).map_or("", |(name, _)| name)
+    }
+
+    /// The time in seconds from the frame's start. `None` if each point has its own.
+    pub fn of_frame(self, capture: &Capture) -> Option<f64> {
+        match self {
+            Self::Raw => None,
+            Self::Start => Some(0.0),
+            Self::Middle => Some(0.5 * capture.duration_s()),
+            Self::End => Some(capture.duration_s()),
+        }
+    }
+}
+
 /// A sensor's frame with all facts that a writer needs about its origin.
 #[derive(Clone, Copy, Debug)]
 pub struct SensorFrame<'a> {
@@ -30,13 +70,45 @@ pub struct SensorFrame<'a> {
     pub name: &'a str,
     /// The frame of the cloud's points.
     pub cloud_frame: CloudFrame,
+    /// The time whose frame that is.
+    pub cloud_time: CloudTime,
     /// The names behind the frame's ids.
     pub names: Names<'a>,
     /// Whether previews have a legend.
     pub legend: bool,
+    /// How the surface of each return moves, by the return's slot. It may be empty: then nothing moves.
+    pub motions: &'a [SurfaceMotion],
+    /// The objects that have tracks.
+    pub targets: Option<&'a Targets>,
 }
 
-impl SensorFrame<'_> {
+impl<'a> SensorFrame<'a> {
+    /// A frame whose clouds are in the sensor's frame, each point at its own time. It has no names.
+    pub fn new(capture: Capture<'a>, frame: &'a Frame, name: &'a str) -> Self {
+        Self {
+            capture,
+            frame,
+            name,
+            cloud_frame: CloudFrame::default(),
+            cloud_time: CloudTime::default(),
+            names: Names::default(),
+            legend: false,
+            motions: &[],
+            targets: None,
+        }
+    }
+
+    /// How the surface of the return in a slot moves, along the world's axes.
+    pub(super) fn motion(&self, slot: usize) -> SurfaceMotion {
+        self.motions.get(slot).copied().unwrap_or_default()
+    }
+
+    /// The track of the object of the return in a slot; 0 if it has none.
+    pub(super) fn track(&self, slot: usize) -> u32 {
+        let object = self.frame.returns().instance[slot];
+        self.targets.and_then(|targets| targets.track_of(object)).unwrap_or(0)
+    }
+
     /// The pose of the sensor's body frame in the world when the frame started.
     pub fn world_from_sensor(&self) -> Pose {
         self.capture.world_from_sensor(0.0)
@@ -49,27 +121,63 @@ impl SensorFrame<'_> {
         Some(self.cloud_from_sensor(pulse.time_s).point(pulse.point(range_m)))
     }
 
-    /// The motion from the sensor's body frame at `time_s` after the frame's start to the cloud's frame.
-    pub(super) fn cloud_from_sensor(&self, time_s: f64) -> Pose {
+    /// The time in seconds from the frame's start to whose pose the sensor's own motion is compensated. `None` if there is
+    /// nothing to compensate: the points are raw or in the world, or the sensor stands still during the frame.
+    pub(super) fn reference_s(&self) -> Option<f64> {
         match self.cloud_frame {
-            CloudFrame::Sensor if self.capture.sensor.pattern.is_camera() => BODY_FROM_OPTICAL.inverse(),
-            CloudFrame::Sensor => Pose::IDENTITY,
-            CloudFrame::Body => self.capture.body_from_sensor,
-            CloudFrame::World => self.capture.world_from_sensor(time_s),
+            CloudFrame::World => None,
+            CloudFrame::Sensor | CloudFrame::Body if self.capture.fixed_world_from_sensor().is_some() => None,
+            CloudFrame::Sensor | CloudFrame::Body => self.cloud_time.of_frame(&self.capture),
         }
     }
 
-    /// The pose of the cloud's frame in the world when the frame started.
+    /// The motion from the sensor's body frame at `time_s` after the frame's start to the cloud's frame.
+    pub(super) fn cloud_from_sensor(&self, time_s: f64) -> Pose {
+        let own = match self.cloud_frame {
+            CloudFrame::World => return self.capture.world_from_sensor(time_s),
+            CloudFrame::Sensor if self.capture.sensor.pattern.is_camera() => BODY_FROM_OPTICAL.inverse(),
+            CloudFrame::Sensor => Pose::IDENTITY,
+            CloudFrame::Body => self.capture.body_from_sensor,
+        };
+        match self.reference_s() {
+            Some(reference_s) => {
+                let [reference, pulse] =
+                    [reference_s, time_s].map(|time| self.capture.world_from_sensor(time));
+                own * (reference.inverse() * pulse)
+            }
+            None => own,
+        }
+    }
+
+    /// The pose of the cloud's frame in the world: at the time that the points are compensated to, else when the frame started.
     pub(super) fn world_from_points(&self) -> Pose {
-        self.world_from_sensor() * self.cloud_from_sensor(0.0).inverse()
+        let time_s = self.reference_s().unwrap_or(0.0);
+        self.capture.world_from_sensor(time_s) * self.cloud_from_sensor(time_s).inverse()
     }
 
     /// The motion of [`Self::cloud_from_sensor`], if it is the same for the whole frame.
     pub(super) fn fixed_cloud_from_sensor(&self) -> Option<Pose> {
         match self.cloud_frame {
             CloudFrame::World => self.capture.fixed_world_from_sensor(),
-            CloudFrame::Sensor | CloudFrame::Body => Some(self.cloud_from_sensor(0.0)),
+            CloudFrame::Sensor | CloudFrame::Body => {
+                self.reference_s().is_none().then(|| self.cloud_from_sensor(0.0))
+            }
         }
+    }
+
+    /// A sentence about the compensation of the sensor's motion, for the headers of clouds. `None` if there is none.
+    pub(super) fn compensation(&self) -> Option<String> {
+        let reference_s = self.reference_s()?;
+        let moment = match self.cloud_time {
+            CloudTime::Raw | CloudTime::Start => "start",
+            CloudTime::Middle => "middle",
+            CloudTime::End => "end",
+        };
+        let whose = if self.cloud_frame == CloudFrame::Body { "body" } else { "sensor" };
+        Some(format!(
+            "cloud_time: {}, the {whose}'s motion is compensated to the frame's {moment}, {reference_s:?} s after its start",
+            self.cloud_time.name()
+        ))
     }
 }
 

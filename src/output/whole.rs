@@ -29,7 +29,9 @@ pub fn write_file(path: &Path, content: &[u8]) -> Result<(), Error> {
         }
     };
     remove_leftovers(target.parent().unwrap_or(Path::new("")));
-    write_complete(&target, content).map_err(|e| unwritable(path, e))
+    write_complete(&target, content).map_err(|e| unwritable(path, e))?;
+    flush_folder(target.parent().unwrap_or(Path::new("")));
+    Ok(())
 }
 
 /// Checks what [`write_file`] would write to, before there is anything to write.
@@ -47,7 +49,7 @@ pub fn check_file(path: &Path, overwrite: bool) -> Result<(), Error> {
     }
 }
 
-/// What a single file is written to.
+/// The target that a single file is written to.
 enum Target {
     /// Nothing has the name.
     Nothing,
@@ -92,7 +94,7 @@ impl Target {
     }
 }
 
-/// What a path leads to, in words.
+/// The kind of thing that a path leads to, in words.
 pub(super) fn kind_of(found: &fs::Metadata) -> &'static str {
     #[cfg(unix)]
     {
@@ -132,20 +134,29 @@ fn leads_through_open_files(path: &Path) -> bool {
     false
 }
 
+/// Writes a file completely or not at all. It is on the disk, and its name is there when [`flush_folder`] is done.
 pub(super) fn write_complete(path: &Path, content: &[u8]) -> io::Result<()> {
     let mut file = temporary_in(path.parent().unwrap_or(Path::new("")))?;
     file.write_all(content)?;
-    give_name(file, path)
+    file.as_file().sync_all()?;
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(())
 }
 
 /// Flushes a temporary file to the disk and gives it its final name.
 pub(super) fn give_name(temporary: tempfile::NamedTempFile, path: &Path) -> io::Result<()> {
     temporary.as_file().sync_all()?;
     temporary.persist(path).map_err(|e| e.error)?;
-    // The new name is on the disk when the folder is. A file system that can't flush folders keeps the order by itself.
-    #[cfg(unix)]
-    let _ = File::open(here_if_empty(path.parent().unwrap_or(Path::new("")))).and_then(|f| f.sync_all());
+    flush_folder(path.parent().unwrap_or(Path::new("")));
     Ok(())
+}
+
+/// Flushes the names of a folder's files to the disk. A file system that can't flush folders keeps the order by itself.
+pub(super) fn flush_folder(folder: &Path) {
+    #[cfg(unix)]
+    let _ = File::open(here_if_empty(folder)).and_then(|folder| folder.sync_all());
+    #[cfg(not(unix))]
+    let _ = folder;
 }
 
 /// An empty file that removes itself unless it gets its final name. It is locked while the process lives, by which
@@ -194,8 +205,20 @@ impl Claim {
     /// # Errors
     /// [`Error::Output`] if another run has claimed it.
     pub fn on(folder: &Path) -> Result<Self, Error> {
+        Self::by(folder, File::try_lock)
+    }
+
+    /// Claims a folder beside others that share it.
+    ///
+    /// # Errors
+    /// [`Error::Output`] if another run has claimed it for itself.
+    pub fn shared(folder: &Path) -> Result<Self, Error> {
+        Self::by(folder, File::try_lock_shared)
+    }
+
+    fn by(folder: &Path, lock: fn(&File) -> Result<(), TryLockError>) -> Result<Self, Error> {
         let Ok(file) = File::open(here_if_empty(folder)) else { return Ok(Self { _locked: None }) };
-        match file.try_lock() {
+        match lock(&file) {
             Ok(()) => Ok(Self { _locked: Some(file) }),
             Err(TryLockError::WouldBlock) => {
                 let problem = "another run is writing to this folder; --out DIR writes elsewhere";
@@ -310,7 +333,7 @@ mod tests {
         assert!(kind(&at("link")).is_symlink());
         assert_eq!(fs::read(at("file")).unwrap(), b"new");
 
-        // What a process has open is added to, as the shell's `>` would.
+        // A file that a process has open is appended to, as through the shell's `>`.
         let open = File::options().append(true).open(at("file")).unwrap();
         use std::os::fd::AsRawFd;
         if cfg!(target_os = "linux") {

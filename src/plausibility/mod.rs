@@ -3,12 +3,14 @@
 //! ```text
 //! stance  where a sensor stands and looks, in words
 //! size    scenes of another unit, or that lie on their side
+//! bending meshes that bend by too much while they are taken to have one shape
 //! sight   sensors that stand inside, below or far outside of things, or look at nothing
 //! ```
 //!
 //! Each rule is a function of a job and its scene: nothing here opens a file, and nothing prints. Rules that need no scene are in
 //! `config`, where the values are read. A rule costs a few dozen rays; only where all of them go astray are more cast.
 
+mod bending;
 mod sight;
 mod size;
 mod stance;
@@ -76,6 +78,7 @@ pub fn of_job(job: &Job, scene: &Scene, tracer: &impl Cast) -> Vec<Diagnostic> {
     for (mounted, place) in job.sensors.iter().zip(&job.places.sensors) {
         let doubts = sight::doubts(mounted, &job.trajectory, scene, extent, tracer);
         found.extend(doubts.into_iter().map(|doubt| doubt.at(place)));
+        found.extend(bending::doubt(mounted, job, scene).map(|doubt| doubt.at(place)));
     }
     found.extend(of_formats(job));
     found.extend(of_clouds(job));

@@ -10,7 +10,7 @@ use crate::sensor::{Capture, Sensor};
 use crate::source::Doubt;
 use crate::trace::{Cast, Hit, Origins, Rays};
 
-/// What is odd about where a sensor stands and looks at the start of its first frame.
+/// Oddities of where a sensor stands and looks at the start of its first frame.
 pub(super) fn doubts(
     mounted: &MountedSensor,
     trajectory: &Trajectory,
@@ -155,7 +155,7 @@ fn inside(origin: DVec3, scene: &Scene, extent: Extent, tracer: &impl Cast) -> O
 fn object_extent(scene: &Scene, object: u32) -> Option<Extent> {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for (placement, triangles) in scene.triangles_of(|surface| surface.object == object) {
-        let mesh = &scene.geometry.meshes[placement.mesh as usize];
+        let mesh = scene.mesh(placement.mesh);
         for &vertex in mesh.triangles[triangles].iter().flatten() {
             let p = DVec3::from_array(mesh.positions[vertex as usize].map(f64::from));
             let p = placement.scene_from_mesh().transform_point3(p) + scene.geometry.centre;

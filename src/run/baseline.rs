@@ -1,13 +1,14 @@
 //! The folder of a job's baseline: compared with a run, and accepted from one.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::check::{
     Baseline, Changes, Failure, MAX_PIXEL_BYTES, Outcome, SensorOutcome, SensorRecord, Settings, Snapshot,
-    StoredPixels, judge,
+    StoredPixels, Tolerance, judge,
 };
-use crate::config::Job;
+use crate::config::{Job, MountedSensor};
 use crate::error::{Error, Problem};
 use crate::output::{CHANNEL_NAMES, Destination};
 use crate::scene::Scene;
@@ -49,35 +50,62 @@ fn written_at(job: &Job, sensor: &str) -> Option<Place> {
     job.places.tables.get(index).cloned()
 }
 
-/// Compares what was taken of a job's frames with the job's baseline, and adds the result to the outcome.
-pub fn compare(job: &Job, scene: &Scene, taken: &[Snapshot], outcome: &mut Outcome) {
-    let folder = folder_of(&job.path);
-    let command = accept_command(job);
-    let path = folder.join(Baseline::NAME);
-    let baseline = match read_file(&path, MAX_BASELINE_BYTES) {
-        Ok(bytes) => Baseline::decode(&bytes).map_err(|problem| format!("{} {problem}", path.display())),
-        Err(Unreadable::Missing) => Err(format!("there is no {}", path.display())),
-        Err(problem) => Err(format!("{}: {problem}", path.display())),
-    };
-    let baseline = match baseline {
-        Ok(baseline) => baseline,
-        Err(problem) => return outcome.problems.push(format!("{problem}; {command}").into()),
-    };
-    let records: Vec<SensorRecord> = taken.iter().map(|taken| taken.record.clone()).collect();
-    let changes = Changes::between(&baseline, &Baseline::of(&job.resolved, scene, records));
-    outcome.changes = changes.all();
-    let default = Settings::default();
-    let settings = job.check.as_ref().unwrap_or(&default);
-    for taken in taken {
-        let name = &taken.record.name;
-        let Some(accepted) = baseline.sensors.iter().find(|record| record.name == *name) else {
-            outcome.problems.push(Failure {
-                sentence: format!("the baseline has no sensor {name}; {command}"),
-                place: written_at(job, name),
-            });
-            continue;
+/// The baseline of a job, with which its frames are compared one after the other.
+pub struct Comparison {
+    folder: PathBuf,
+    command: String,
+    baseline: Baseline,
+    changes: Changes,
+    settings: Settings,
+    /// The frames that were compared.
+    compared: BTreeSet<(String, u64)>,
+}
+
+impl Comparison {
+    /// Reads the baseline of a job, and adds to the outcome what changed since it was accepted. `None` if it can't be read: the
+    /// outcome then says so.
+    pub fn open(job: &Job, scene: &Scene, outcome: &mut Outcome) -> Option<Self> {
+        let folder = folder_of(&job.path);
+        let command = accept_command(job);
+        let path = folder.join(Baseline::NAME);
+        let baseline = match read_file(&path, MAX_BASELINE_BYTES) {
+            Ok(bytes) => Baseline::decode(&bytes).map_err(|problem| format!("{} {problem}", path.display())),
+            Err(Unreadable::Missing) => Err(format!("there is no {}", path.display())),
+            Err(problem) => Err(format!("{}: {problem}", path.display())),
         };
-        let pixels = folder.join(Baseline::pixels_name(name));
+        let baseline = match baseline {
+            Ok(baseline) => baseline,
+            Err(problem) => {
+                outcome.problems.push(format!("{problem}; {command}").into());
+                return None;
+            }
+        };
+        let of_sensor = |mounted: &MountedSensor| SensorRecord::of_sensor(&mounted.name, &mounted.sensor);
+        let records = job.sensors.iter().map(of_sensor).collect();
+        let changes = Changes::between(&baseline, &Baseline::of(&job.resolved, scene, records));
+        outcome.changes = changes.all();
+        let settings = job.check.clone().unwrap_or_default();
+        Some(Self { folder, command, baseline, changes, settings, compared: BTreeSet::new() })
+    }
+
+    /// Compares what was taken of a frame of the job, and adds the result to the outcome. The pixels of the baseline stay with it
+    /// only if a page shows them.
+    pub fn compare(&mut self, job: &Job, taken: &Snapshot, page: bool, outcome: &mut Outcome) {
+        let SensorRecord { name, frame, .. } = &taken.record;
+        self.compared.insert((name.clone(), *frame));
+        let Some(accepted) = self.baseline.sensors.iter().find(|r| r.name == *name && r.frame == *frame)
+        else {
+            let has_sensor = self.baseline.sensors.iter().any(|record| record.name == *name);
+            let what =
+                if has_sensor { format!("frame {frame} of sensor {name}") } else { format!("sensor {name}") };
+            let sentence = format!("the baseline has no {what}; {}", self.command);
+            // A sensor that is missing is told once.
+            if !outcome.problems.iter().any(|problem| problem.sentence == sentence) {
+                outcome.problems.push(Failure { sentence, place: written_at(job, name) });
+            }
+            return;
+        };
+        let pixels = self.folder.join(Baseline::pixels_name(accepted));
         let kept = || -> Result<StoredPixels, Problem> {
             let read = read_file(&pixels, most_pixel_bytes(taken))
                 .map_err(|problem| format!("{}: {problem}", pixels.display()))?;
@@ -85,15 +113,34 @@ pub fn compare(job: &Job, scene: &Scene, taken: &[Snapshot], outcome: &mut Outco
             let kept = is_known.then(|| StoredPixels::unpack(&read, accepted)).flatten();
             kept.ok_or_else(|| format!("{} is not what was accepted", pixels.display()).into())
         };
-        let judged = judge(taken, accepted, kept, settings, &changes, &command);
-        outcome.sensors.push(SensorOutcome { written_at: written_at(job, name), ..judged });
+        let judged = judge(taken, accepted, kept, &self.settings, &self.changes, &self.command);
+        let mut judged = SensorOutcome { written_at: written_at(job, name), ..judged };
+        if !page {
+            judged.baseline = None;
+        }
+        // The sentences are written, and the numbers of the pixels are needed no more.
+        judged.channels.iter_mut().for_each(|channel| channel.pixels = Vec::new());
+        outcome.sensors.push(judged);
     }
-    for accepted in &baseline.sensors {
-        if !taken.iter().any(|taken| taken.record.name == accepted.name) {
-            let name = &accepted.name;
-            outcome
-                .problems
-                .push(format!("the job has no sensor {name} any more, the baseline does; {command}").into());
+
+    /// Adds to the outcome what the baseline has and the job has not.
+    pub fn finish(self, job: &Job, outcome: &mut Outcome) {
+        let command = &self.command;
+        let mut told = BTreeSet::new();
+        for SensorRecord { name, frame, .. } in &self.baseline.sensors {
+            if self.compared.contains(&(name.clone(), *frame)) {
+                continue;
+            }
+            let is_sensor = job.sensors.iter().any(|sensor| sensor.name == *name);
+            if !is_sensor && told.insert(name) {
+                let sentence = format!("the job has no sensor {name} any more, the baseline does; {command}");
+                outcome.problems.push(sentence.into());
+            } else if is_sensor {
+                let sentence = format!(
+                    "frame {frame} of sensor {name} is in the baseline, and the job does not compare it any more; {command}"
+                );
+                outcome.problems.push(Failure { sentence, place: written_at(job, name) });
+            }
         }
     }
 }
@@ -102,23 +149,32 @@ pub fn compare(job: &Job, scene: &Scene, taken: &[Snapshot], outcome: &mut Outco
 #[derive(Clone, Debug)]
 pub struct Acceptance {
     folder: PathBuf,
+    tolerances: BTreeMap<String, Tolerance>,
+    records: Vec<SensorRecord>,
     /// The names of the files in the folder, with their contents. The baseline itself is last, so that the folder is
     /// complete if it is there.
     files: Vec<(String, Vec<u8>)>,
 }
 
 impl Acceptance {
-    /// Packs what was taken of a job's frames.
-    pub fn of(job: &Job, scene: &Scene, taken: &mut [Snapshot]) -> Self {
-        let no_tolerances = Default::default();
-        let tolerances = job.check.as_ref().map_or(&no_tolerances, |settings| &settings.tolerances);
-        let mut files: Vec<(String, Vec<u8>)> = taken
-            .iter_mut()
-            .map(|taken| (Baseline::pixels_name(&taken.record.name), taken.pack(tolerances)))
-            .collect();
-        let records = taken.iter().map(|taken| taken.record.clone()).collect();
-        files.push((Baseline::NAME.to_owned(), Baseline::of(&job.resolved, scene, records).encode()));
-        Self { folder: folder_of(&job.path), files }
+    /// The files of a run of which nothing is taken yet.
+    pub fn of(job: &Job) -> Self {
+        let tolerances =
+            job.check.as_ref().map_or_else(BTreeMap::new, |settings| settings.tolerances.clone());
+        Self { folder: folder_of(&job.path), tolerances, files: Vec::new(), records: Vec::new() }
+    }
+
+    /// Packs what was taken of a frame.
+    pub fn add(&mut self, mut taken: Snapshot) {
+        let pixels = taken.pack(&self.tolerances);
+        self.files.push((Baseline::pixels_name(&taken.record), pixels));
+        self.records.push(taken.record);
+    }
+
+    /// Completes the baseline.
+    pub fn finish(&mut self, job: &Job, scene: &Scene) {
+        let baseline = Baseline::of(&job.resolved, scene, std::mem::take(&mut self.records));
+        self.files.push((Baseline::NAME.to_owned(), baseline.encode()));
     }
 
     /// Sentences about files that are large for a repository.
@@ -155,12 +211,13 @@ impl Acceptance {
                 format!("would have {baseline} bytes, more than the {MAX_BASELINE_BYTES} that are read");
             return Err(Error::output(self.folder.join(Baseline::NAME), problem));
         }
-        let names = self.files.iter().map(|(name, _)| name.clone()).collect();
+        let names: Vec<String> = self.files.iter().map(|(name, _)| name.clone()).collect();
         let mut destination = Destination::check(&self.folder, names, true)?;
         destination.prepare(Baseline::NAME)?;
         for (name, content) in &self.files {
             destination.write(name, content)?;
         }
+        destination.flush();
         for entry in fs::read_dir(&self.folder).into_iter().flatten().flatten() {
             let name = entry.file_name().to_string_lossy().into_owned();
             if name.ends_with(".pixels") && !self.files.iter().any(|(file, _)| *file == name) {

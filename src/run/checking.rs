@@ -1,17 +1,18 @@
 //! The jobs that a check runs, and the outcome of each.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::baseline::{self, Acceptance};
+use super::baseline::{self, Acceptance, Comparison};
 use super::memory::{self, Holding};
 use super::paths::configs_in;
-use super::plan::Plan;
+use super::plan::{Item, Plan, Selection};
 use super::session::Session;
-use crate::check::expect::{Expected, Seen, Zone};
-use crate::check::{ExpectationOutcome, Failure, GroundMap, Outcome, Snapshot, Vehicle, Verdict};
-use crate::config::{self, Config, Job, MountedSensor};
+use super::steps::{self, Steps};
+use crate::check::expect::{Demand, Expected, Seen, Tally, Zone};
+use crate::check::{ExpectationOutcome, Failure, GroundMap, Outcome, Settings, Snapshot, Vehicle, Verdict};
+use crate::config::{self, Config, Job};
 use crate::error::Error;
 use crate::frame::UpAxis;
 use crate::output::SensorFrame;
@@ -27,6 +28,8 @@ pub struct Checked {
     pub shown: Shown,
     /// How far the job has come.
     pub state: State,
+    /// The rays that its check casts.
+    pub rays: u64,
 }
 
 /// How far a job has come.
@@ -49,7 +52,7 @@ impl Checked {
             other => vec![other.to_string().into()],
         };
         let outcome = Outcome { job: name, verdict: Verdict::Broken, problems, ..Outcome::default() };
-        Self { outcome, shown: Shown::default(), state: State::Broken(error) }
+        Self { outcome, shown: Shown::default(), state: State::Broken(error), rays: 0 }
     }
 
     /// Makes a job one that can't be run.
@@ -63,14 +66,6 @@ impl Checked {
         self.outcome.problems.iter_mut().for_each(|problem| {
             problem.place.get_or_insert_with(|| place.clone());
         });
-    }
-
-    /// The plan of a job that can be run.
-    pub fn plan(&self) -> Option<&Plan> {
-        match &self.state {
-            State::Ready(_, plan) => Some(plan),
-            _ => None,
-        }
     }
 }
 
@@ -120,18 +115,31 @@ pub fn find(paths: &[PathBuf], overrides: &[String], accepts: bool, page: bool) 
             }
             found.warnings.extend(job.warnings.iter().cloned());
             let compared = accepts || is_compared(&job);
-            let plan = Plan::of(&job, Holding::Check { compared, page }).and_then(|plan| {
-                if page {
-                    pages = pages.saturating_add(memory::of_page(&job.sensors, compared));
-                    largest = plan.bytes.max(largest);
-                    memory::check("the rigs of all jobs, with their views,", pages.saturating_add(largest))?;
-                }
-                Ok(plan)
-            });
+            let plan =
+                Plan::of(&job, &Selection::FIRST, Holding::Check { compared, page }).and_then(|plan| {
+                    if page {
+                        pages = pages.saturating_add(
+                            memory::of_page(&job.sensors, compared)
+                                .saturating_mul(frames_shown(&job, compared)),
+                        );
+                        largest = plan.bytes.max(largest);
+                        memory::check(
+                            "the rigs of all jobs, with their views,",
+                            pages.saturating_add(largest),
+                        )?;
+                    }
+                    Ok(plan)
+                });
             found.jobs.push(match plan {
                 Ok(plan) => {
                     let outcome = Outcome { job: name, ..Outcome::default() };
-                    Checked { outcome, shown: Shown::default(), state: State::Ready(Box::new(job), plan) }
+                    let rays = rays_of(&job, accepts);
+                    Checked {
+                        outcome,
+                        shown: Shown::default(),
+                        state: State::Ready(Box::new(job), plan),
+                        rays,
+                    }
                 }
                 Err(error) => Checked::broken(name, error),
             });
@@ -169,7 +177,7 @@ pub fn by_scene(jobs: &[Checked]) -> Vec<Vec<usize>> {
     for (index, checked) in jobs.iter().enumerate() {
         let State::Ready(job, _) = &checked.state else { continue };
         let key = SceneKey::of(job);
-        match groups.iter_mut().find(|(known, _)| *known == key) {
+        match groups.iter_mut().find(|(known, _)| !key.is_alone && *known == key) {
             Some((_, group)) => group.push(index),
             None => groups.push((key, vec![index])),
         }
@@ -186,6 +194,10 @@ struct SceneKey {
     name: Option<String>,
     up: UpAxis,
     labels: BTreeMap<String, u32>,
+    /// The bits of the time at which the job's first frame starts.
+    start_s: u64,
+    /// Whether the job brings actors or clips of its own, or asks the scene where something is: it shares its scene with no other.
+    is_alone: bool,
 }
 
 impl SceneKey {
@@ -196,88 +208,297 @@ impl SceneKey {
             name: job.scene_name.clone(),
             up: job.up,
             labels: job.labels.clone(),
+            start_s: job.sequence.start_s.to_bits(),
+            is_alone: !job.actors.is_empty()
+                || !job.from_scene.is_empty()
+                || job.animation != Default::default(),
         }
     }
 }
 
-/// The frames of a job, and the time that they took.
+/// What is to be made of a job's frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Purpose {
+    /// The frames become the job's baseline. Otherwise they are compared with it, if there is one or should be one.
+    pub accepts: bool,
+    /// A page shows frames of the job.
+    pub page: bool,
+    /// There is a map of the ground that the rig sees.
+    pub ground: bool,
+}
+
+/// A job that is being checked, frame by frame. The frames of one step are in memory at a time.
 pub struct Run<'r> {
     session: &'r Session,
-    plan: &'r Plan,
-    frames: &'r [Frame],
-    seen_by: Vec<SensorFrame<'r>>,
+    outcome: &'r mut Outcome,
+    purpose: Purpose,
+    steps: Steps,
+    needs: Needs,
+    /// The next step, and the frames that are to be cast before it.
+    next: u64,
+    waiting: VecDeque<Item>,
     /// What the labels stand for, in words.
     labels: BTreeMap<u32, String>,
-    rays_per_s: f64,
+    tallies: Vec<Tally>,
+    comparison: Option<Comparison>,
+    acceptance: Option<Acceptance>,
+    /// The frames without a return, among those that would become the baseline.
+    blank: Vec<String>,
+    ground: Option<GroundMap>,
+    views: Vec<View>,
+    /// How many of them show where an expectation is not met.
+    deciding: usize,
+    rays: u64,
+}
+
+/// What is left of a job's frames once all of them were looked at.
+pub struct Taken {
+    /// The files that make the run the job's baseline, if it is to become that.
+    pub acceptance: Option<Acceptance>,
+    /// Frames without a return, in words, which would become a part of the baseline.
+    pub blank: Vec<String>,
+    /// The map of the ground, if it was asked for.
+    pub ground: Option<GroundMap>,
+    /// What the page shows of the job.
+    pub shown: Shown,
+}
+
+/// Most frames of a sequence that are on the page because an expectation is not met in them.
+const MOST_DECIDING: usize = 8;
+
+/// The frames of a job that a check needs.
+struct Needs {
+    /// The frames of each sensor that are held to the baseline or become one.
+    compared: Vec<Vec<u64>>,
+    /// The frames of each sensor that expectations about it alone look at.
+    of_sensor: Vec<Vec<Demand>>,
+    /// The steps that expectations about all sensors look at.
+    of_rig: Vec<Demand>,
+}
+
+impl Needs {
+    fn of(job: &Job, steps: &Steps, compared: bool) -> Self {
+        let default = Settings::default();
+        let settings = job.check.as_ref().unwrap_or(&default);
+        let of_frames = || job.expectations.iter().filter(|expectation| !expectation.is_of_run());
+        let demands = |name: Option<&str>| -> Vec<Demand> {
+            of_frames().filter(|e| e.sensor.as_deref() == name).map(|e| e.demand).collect()
+        };
+        let frames = |sensor: usize| match compared {
+            true => settings.frames_of(steps.frames_of(sensor)),
+            // A speed is measured, and a page shown, of some frame.
+            false if of_frames().next().is_none() => vec![0],
+            false => Vec::new(),
+        };
+        Self {
+            compared: (0..job.sensors.len()).map(frames).collect(),
+            of_sensor: job.sensors.iter().map(|sensor| demands(Some(&sensor.name))).collect(),
+            of_rig: demands(None),
+        }
+    }
+
+    fn is_of_rig(&self, step: u64) -> bool {
+        self.of_rig.iter().any(|demand| demand.looks_at(step))
+    }
+
+    /// Whether a frame is needed that belongs to no step, or to one that is not.
+    fn has(&self, sensor: usize, frame: u64) -> bool {
+        self.compared[sensor].contains(&frame)
+            || self.of_sensor[sensor].iter().any(|demand| demand.looks_at(frame))
+    }
+
+    /// The frames of a step that are needed, then those between it and the next, each a batch of its own.
+    fn batches(&self, steps: &Steps, step: u64) -> (Vec<Item>, Vec<Item>) {
+        let is_of_rig = self.is_of_rig(step);
+        let together = steps.items(step).filter(|item| is_of_rig || self.has(item.sensor, item.frame));
+        let between = (0..self.compared.len()).flat_map(|sensor| {
+            let frames = steps.between(step, sensor).filter(move |frame| self.has(sensor, *frame));
+            frames.map(move |frame| steps::item(sensor, frame))
+        });
+        (together.collect(), between.collect())
+    }
+}
+
+/// The rays that a check of a job casts.
+fn rays_of(job: &Job, accepts: bool) -> u64 {
+    let steps = Steps::of(job);
+    let needs = Needs::of(job, &steps, accepts || is_compared(job));
+    let rays = |item: &Item| job.sensors[item.sensor].sensor.pattern.rays() as u64;
+    let of_step = |step| {
+        let (together, between) = needs.batches(&steps, step);
+        together.iter().chain(&between).map(rays).fold(0, u64::saturating_add)
+    };
+    (0..steps.count()).map(of_step).fold(0, u64::saturating_add)
+}
+
+/// The frames of a job that a page of a check may show.
+fn frames_shown(job: &Job, compared: bool) -> u64 {
+    let steps = Steps::of(job);
+    let needs = Needs::of(job, &steps, compared);
+    let most = needs.compared.iter().map(|frames| frames.len() as u64).max().unwrap_or(0).max(1);
+    if steps.is_sequence() { most + MOST_DECIDING as u64 } else { most }
 }
 
 impl<'r> Run<'r> {
-    /// The frames of a session, one for each item of the plan, which took so many seconds.
-    pub fn new(session: &'r Session, plan: &'r Plan, frames: &'r [Frame], seconds: f64) -> Self {
-        let rays: usize = frames.iter().map(Frame::pixels).sum();
-        let seen_by = plan.items.iter().zip(frames).map(|(item, frame)| session.sensor_frame(item, frame));
-        let labels = session.label_names();
-        Self { session, plan, frames, seen_by: seen_by.collect(), labels, rays_per_s: rays as f64 / seconds }
-    }
-
-    fn seen(&self) -> Seen<'_> {
-        Seen {
-            scene: self.session.scene(),
-            labels: &self.labels,
-            frames: &self.seen_by,
-            rays_per_s: Some(self.rays_per_s),
-        }
-    }
-
-    /// Holds the frames to the job's expectations and, if there is one or should be one, to the baseline.
-    pub fn judge(&self, outcome: &mut Outcome) {
-        self.expect(outcome);
-        let (job, scene) = (&self.session.job, self.session.scene());
-        if is_compared(job) {
-            baseline::compare(job, scene, &self.taken(), outcome);
-        }
-        if !outcome.failures().is_empty() {
-            outcome.verdict = Verdict::Failed;
-        }
-    }
-
-    /// Holds the frames to the job's expectations, and packs them as the job's new baseline, which the caller writes.
-    pub fn accept(&self, outcome: &mut Outcome) -> Acceptance {
-        self.expect(outcome);
-        let acceptance = Acceptance::of(&self.session.job, self.session.scene(), &mut self.taken());
-        outcome.verdict = match () {
-            () if !outcome.failures().is_empty() => Verdict::Failed,
-            () if acceptance.is_there() => Verdict::Passed,
-            () => Verdict::Accepted,
+    /// A check of a session's job, whose outcome it completes.
+    pub fn new(session: &'r Session, outcome: &'r mut Outcome, purpose: Purpose) -> Self {
+        let job = &session.job;
+        let compared = is_compared(job);
+        let steps = Steps::of(job);
+        let needs = Needs::of(job, &steps, compared || purpose.accepts);
+        let comparison =
+            (compared && !purpose.accepts).then(|| Comparison::open(job, session.scene(), outcome)).flatten();
+        let mut run = Self {
+            session,
+            outcome,
+            purpose,
+            steps,
+            needs,
+            next: 0,
+            waiting: VecDeque::new(),
+            labels: session.label_names(),
+            tallies: vec![Tally::default(); job.expectations.len()],
+            comparison,
+            acceptance: purpose.accepts.then(|| Acceptance::of(job)),
+            blank: Vec::new(),
+            ground: None,
+            views: Vec::new(),
+            deciding: 0,
+            rays: 0,
         };
-        acceptance
+        if purpose.ground || purpose.page {
+            run.ground = Some(GroundMap::empty(run.zone(), vehicle(session).as_ref()));
+        }
+        run
     }
 
-    fn expect(&self, outcome: &mut Outcome) {
-        let seen = self.seen();
-        let expectations = &self.session.job.expectations;
-        let places = self.session.job.places.expectations.iter().map(|place| Some(place.clone()));
+    /// The frames to cast next, which the caller then gives to [`Self::take`] together. `None` if all were taken.
+    pub fn next_items(&mut self) -> Option<Vec<Item>> {
+        if let Some(item) = self.waiting.pop_front() {
+            return Some(vec![item]);
+        }
+        while self.next < self.steps.count() {
+            let (together, between) = self.needs.batches(&self.steps, self.next);
+            self.next += 1;
+            self.waiting = between.into();
+            if !together.is_empty() {
+                return Some(together);
+            }
+            if let Some(item) = self.waiting.pop_front() {
+                return Some(vec![item]);
+            }
+        }
+        None
+    }
+
+    /// Looks at frames that were cast: holds them to expectations, and to the baseline or makes them one.
+    pub fn take(&mut self, items: &[Item], frames: &[Frame]) {
+        let session = self.session;
+        let job = &*session.job;
+        let is_sequence = self.steps.is_sequence();
+        let seen_by: Vec<SensorFrame> =
+            items.iter().zip(frames).map(|(item, frame)| session.sensor_frame(item, frame)).collect();
+        self.rays += frames.iter().map(|frame| frame.pixels() as u64).sum::<u64>();
+        // The step, if these are the frames of one.
+        let step = self.next.saturating_sub(1);
+        let is_step = self.steps.items(step).any(|item| items.first() == Some(&item));
+        let whole = is_step && self.needs.is_of_rig(step);
+        let mut deciding = Vec::new();
+        for (expectation, tally) in job.expectations.iter().zip(&mut self.tallies) {
+            if expectation.is_of_run() {
+                continue;
+            }
+            let looked_at = match &expectation.sensor {
+                None => whole.then_some(step),
+                Some(name) => seen_by.iter().find(|seen| seen.name == name).map(|seen| seen.capture.frame),
+            };
+            let Some(frame) = looked_at.filter(|frame| expectation.demand.looks_at(*frame)) else { continue };
+            let of_sensor =
+                |seen: &&SensorFrame| expectation.sensor.as_ref().is_none_or(|own| own == seen.name);
+            let start_s = seen_by.iter().find(of_sensor).map_or(0.0, |seen| seen.capture.start_s);
+            let seen =
+                Seen { scene: session.scene(), labels: &self.labels, frames: &seen_by, rays_per_s: None };
+            let is_first_failure = expectation.examine(&seen, frame, start_s, tally);
+            if is_first_failure && expectation.demand.is_of_every_frame() {
+                deciding.extend(seen_by.iter().filter(of_sensor).map(|seen| (seen.name, seen.capture.frame)));
+            }
+        }
+        for (item, seen) in items.iter().zip(&seen_by) {
+            let is_compared = self.needs.compared[item.sensor].contains(&item.frame);
+            if is_compared && (self.acceptance.is_some() || self.comparison.is_some()) {
+                let taken = Snapshot::of(seen, session.scene(), &self.labels).in_sequence(is_sequence);
+                if let Some(comparison) = &mut self.comparison {
+                    comparison.compare(job, &taken, self.purpose.page, self.outcome);
+                }
+                if let Some(acceptance) = &mut self.acceptance {
+                    if seen.frame.iter().next().is_none() {
+                        self.blank.push(taken.title());
+                    }
+                    acceptance.add(taken);
+                }
+            }
+            if self.purpose.page {
+                let decides = deciding.contains(&(seen.name, item.frame)) && self.deciding < MOST_DECIDING;
+                if !is_sequence || is_compared || decides {
+                    self.deciding += usize::from(is_sequence && !is_compared);
+                    let view = View::of_frame(seen, session.scene(), &self.labels);
+                    self.views.push(view.in_sequence(is_sequence.then_some(item.frame)));
+                }
+            }
+        }
+        if let Some(ground) = &mut self.ground
+            && is_step
+        {
+            let seen =
+                Seen { scene: session.scene(), labels: &self.labels, frames: &seen_by, rays_per_s: None };
+            ground.add(&seen);
+        }
+    }
+
+    /// Concludes what the frames said, once the casting of all of them has taken so many seconds.
+    pub fn finish(mut self, seconds: f64) -> Taken {
+        let session = self.session;
+        let job = &*session.job;
+        let seen = Seen {
+            scene: session.scene(),
+            labels: &self.labels,
+            frames: &[],
+            rays_per_s: Some(self.rays as f64 / seconds),
+        };
+        let is_sequence = self.steps.is_sequence();
+        let places = job.places.expectations.iter().map(|place| Some(place.clone()));
         let places = places.chain(std::iter::repeat(None));
-        let examined = expectations
-            .iter()
-            .zip(places)
-            .map(|(expectation, written_at)| ExpectationOutcome { written_at, ..expectation.examine(&seen) });
-        outcome.expectations = examined.collect();
+        let concluded = job.expectations.iter().zip(self.tallies).zip(places);
+        self.outcome.expectations = concluded
+            .map(|((expectation, tally), written_at)| ExpectationOutcome {
+                written_at,
+                ..expectation.conclude(tally, &seen, is_sequence)
+            })
+            .collect();
+        if let Some(comparison) = self.comparison {
+            comparison.finish(job, self.outcome);
+        }
+        if let Some(acceptance) = &mut self.acceptance {
+            acceptance.finish(job, session.scene());
+        }
+        let fails = !self.outcome.failures().is_empty();
+        self.outcome.verdict = match &self.acceptance {
+            _ if fails => Verdict::Failed,
+            Some(acceptance) if !acceptance.is_there() => Verdict::Accepted,
+            _ => Verdict::Passed,
+        };
+        let shown = Shown {
+            views: self.views,
+            rig: match self.purpose.page {
+                true => Rig { ground: self.ground.clone().filter(|map| map.share() > 0.0), ..rig(session) },
+                false => Rig::default(),
+            },
+        };
+        Taken { acceptance: self.acceptance, blank: self.blank, ground: self.ground, shown }
     }
 
-    /// The names of the sensors whose frames have no return.
-    pub fn without_returns(&self) -> Vec<&str> {
-        let blank =
-            self.plan.items.iter().zip(self.frames).filter(|(_, frame)| frame.iter().next().is_none());
-        blank.map(|(item, _)| self.session.sensor(item).name.as_str()).collect()
-    }
-
-    fn taken(&self) -> Vec<Snapshot> {
-        self.seen_by.iter().map(|frame| Snapshot::of(frame, self.session.scene(), &self.labels)).collect()
-    }
-
-    /// The ground that the rig sees: in the zone of the job's own expectation of coverage, or 20 m each way.
-    pub fn ground(&self) -> GroundMap {
+    /// The ground that the rig sees is looked at in the zone of the job's own expectation of coverage, or 20 m each way.
+    fn zone(&self) -> Zone {
         let expected = self.session.job.expectations.iter().map(|expectation| &expectation.what);
         let own = expected.clone().find_map(|what| match what {
             Expected::Coverage { zone, .. } => Some(zone.clone()),
@@ -287,24 +508,12 @@ impl<'r> Run<'r> {
             Expected::BlindZone { ground, .. } => Some(ground.clone()),
             _ => None,
         });
-        let zone = own.unwrap_or_else(|| Zone {
+        own.unwrap_or_else(|| Zone {
             ground: ground.unwrap_or_default(),
             x_m: [-20.0, 20.0],
             y_m: [-20.0, 20.0],
             cell_m: 0.1,
-        });
-        GroundMap::of(&self.seen(), zone, vehicle(self.session).as_ref())
-    }
-
-    /// What the page shows of the job.
-    pub fn shown(&self) -> Shown {
-        let mounted = self.plan.items.iter().map(|item| self.session.sensor(item));
-        let view = |(mounted, frame): (&MountedSensor, &Frame)| {
-            View::of_frame(&mounted.name, &mounted.sensor, frame, self.session.scene(), &self.labels)
-        };
-        let views = mounted.zip(self.frames).map(view).collect();
-        let ground = Some(self.ground()).filter(|map| map.share() > 0.0);
-        Shown { views, rig: Rig { ground, ..rig(self.session) } }
+        })
     }
 }
 
@@ -321,5 +530,5 @@ fn vehicle(session: &Session) -> Option<Vehicle> {
         Expected::Unobstructed { body, .. } => Some(body),
         _ => None,
     })?;
-    Vehicle::find(session.scene(), body, &session.job.trajectory.pose_at(0.0))
+    Vehicle::find(session.scene(), body, &session.job.trajectory.pose_at(session.job.sequence.start_s))
 }

@@ -27,6 +27,9 @@ pub struct FileFacts {
     pub kind: &'static str,
     /// The job's sensors, or the sensor file's one.
     pub sensors: Vec<SensorSizes>,
+    /// The sequence, if the file is a job that has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sequence: Option<SequenceFacts>,
     /// The scene, if the file is one or names one.
     pub scene: Option<SceneFacts>,
 }
@@ -157,7 +160,13 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
         Ok(Config::Sensor(file)) => {
             examined.problems.extend(file.warnings);
             let sensors = vec![SensorSizes::of(None, &file.sensor, &Format::all().collect::<Vec<_>>())];
-            examined.facts.push(FileFacts { path: name.into_owned(), kind: "sensor", sensors, scene: None });
+            examined.facts.push(FileFacts {
+                path: name.into_owned(),
+                kind: "sensor",
+                sensors,
+                sequence: None,
+                scene: None,
+            });
         }
         Ok(Config::Job(job)) => {
             let mut problems = format_problems(&job);
@@ -168,11 +177,18 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
                             SensorSizes::of(Some(&mounted.name), &mounted.sensor, &job.output.formats);
                         SensorSizes { stance: Some(Stance::of(&job, index)), ..sizes }
                     };
-                    let sensors = job.sensors.iter().enumerate().map(sizes).collect();
+                    let sensors: Vec<SensorSizes> = job.sensors.iter().enumerate().map(sizes).collect();
+                    let sequence = SequenceFacts::of(&job, &sensors);
                     examined.problems.extend(doubts(&job, &scene));
                     problems.extend(label_problem(job.output.formats.iter().copied(), &scene));
                     let scene = Some(SceneFacts::of(&job.scene_as_written, &scene, &job.labels));
-                    examined.facts.push(FileFacts { path: name.into_owned(), kind: "job", sensors, scene });
+                    examined.facts.push(FileFacts {
+                        path: name.into_owned(),
+                        kind: "job",
+                        sensors,
+                        sequence,
+                        scene,
+                    });
                 }
                 Err(error) => {
                     let mut problem = about_scene(error);
@@ -212,14 +228,13 @@ fn open_scene(
     allowed_folders: &[PathBuf],
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Result<Scene, SceneError> {
-    let of_file = gltf::Options { allowed_folders, ..gltf::Options::default() };
-    let options = job.map_or(of_file, |job| gltf::Options {
-        scene_name: job.scene_name.as_deref(),
-        up: job.up,
-        labels: &job.labels,
-        allowed_folders,
-    });
-    let loaded = session::open_scene(path, as_written, &options)?;
+    let loaded = match job {
+        Some(job) => session::load_scene(&mut job.clone(), allowed_folders)?,
+        None => {
+            let options = gltf::Options { allowed_folders, ..gltf::Options::default() };
+            session::open_scene(path, as_written, &options)?
+        }
+    };
     diagnostics.extend(loaded.diagnostics(path));
     Ok(loaded.scene)
 }
@@ -236,7 +251,7 @@ fn about_scene(error: SceneError) -> Diagnostic {
 impl FileFacts {
     fn of_scene(path: &str, scene: &Scene) -> Self {
         let scene = Some(SceneFacts::of(path, scene, &BTreeMap::new()));
-        Self { path: path.to_owned(), kind: "scene", sensors: vec![], scene }
+        Self { path: path.to_owned(), kind: "scene", sensors: vec![], sequence: None, scene }
     }
 }
 
@@ -294,5 +309,8 @@ impl SceneFacts {
     }
 }
 
+mod sequence;
 #[cfg(test)]
 mod tests;
+
+pub use sequence::{SequenceFacts, WayFacts};

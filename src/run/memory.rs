@@ -10,16 +10,17 @@ use crate::scene::Scene;
 use crate::sensor::{Pattern, Pulse, RayTable, Sensor};
 use crate::source::memory::kilobytes_of;
 pub use crate::source::memory::of_machine;
+use crate::truth::SurfaceMotion;
 
 /// The frames, and the things made of them, that a run holds in memory at the same time. They decide how much it needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Holding {
     /// One frame after the other, and nothing that outlives it.
     Frame,
-    /// One frame after the other, each encoded in the job's formats.
+    /// A frame that is encoded in the job's formats at the same time, and beside it the next one, which is being cast.
     Files,
-    /// The images of all frames.
-    Images,
+    /// One frame after the other, and the image of it.
+    Image,
     /// The views of all frames, and the page that shows them.
     Views,
     /// All frames, held to expectations.
@@ -34,6 +35,9 @@ pub enum Holding {
 
 /// Bytes that a frame takes for each ray.
 pub const FRAME_BYTES_A_RAY: u64 = Frame::BYTES_A_PIXEL as u64;
+
+/// Frames that a run of many holds at the same time: one that is cast, and one that is written.
+const FRAMES_IN_FLIGHT: u64 = 2;
 
 /// Bytes that a view takes for each point: three coordinates of 32 bits.
 const POINT_BYTES: u64 = 12;
@@ -64,20 +68,25 @@ pub fn of_frame(sensor: &Sensor) -> u64 {
     pixels(sensor).saturating_mul(FRAME_BYTES_A_RAY).saturating_add(directions)
 }
 
-/// An upper estimate of the memory that the frames of a rig take, with everything that is made of them, in bytes. Too many
-/// rays to count give the largest number.
-pub fn of_frames(sensors: &[MountedSensor], formats: &[Format], holding: Holding) -> u64 {
+/// An upper estimate of the memory that the frames of a rig take, so many of each sensor, with everything that is made of them,
+/// in bytes. Too many rays to count give the largest number.
+pub fn of_frames(sensors: &[MountedSensor], frames: &[u64], formats: &[Format], holding: Holding) -> u64 {
     let (mut largest, mut all) = (0, 0_u64);
-    for MountedSensor { sensor, .. } in sensors {
+    let frames_of_all = frames.iter().fold(0, |all: u64, frames| all.saturating_add(*frames));
+    for (MountedSensor { sensor, .. }, &frames) in sensors.iter().zip(frames) {
         let frame = FRAME_BYTES_A_RAY;
         let image = image_bytes_a_ray(sensor);
         let view = image + POINT_BYTES;
         let (once, kept) = match holding {
             Holding::Frame => (frame, 0),
             Holding::Files => {
-                (frame + formats.iter().map(|f| f.encoding_bytes_a_ray(sensor)).max().unwrap_or(0), 0)
+                let in_flight = frames_of_all.min(FRAMES_IN_FLIGHT);
+                let tells_motion = formats.iter().any(|format| format.tells_motion());
+                let motion = if tells_motion { size_of::<SurfaceMotion>() as u64 } else { 0 };
+                let encoded: u64 = formats.iter().map(|f| f.encoding_bytes_a_ray(sensor)).sum();
+                (in_flight * frame + motion + encoded, 0)
             }
-            Holding::Images => (frame, image),
+            Holding::Image => (frame + image, 0),
             Holding::Views => (frame, view + COPIES_OF_TEXT * TEXT_BYTES_A_RAY),
             Holding::Check { compared, page } => {
                 // A channel's list of pixels that differ takes as much as the channel.
@@ -89,7 +98,7 @@ pub fn of_frames(sensors: &[MountedSensor], formats: &[Format], holding: Holding
         };
         let rays = pixels(sensor);
         largest = largest.max(rays.saturating_mul(once));
-        all = all.saturating_add(rays.saturating_mul(kept));
+        all = all.saturating_add(rays.saturating_mul(kept).saturating_mul(frames));
     }
     all.saturating_add(largest)
 }
@@ -227,7 +236,7 @@ mod tests {
 
     fn mounted(pattern: Pattern) -> MountedSensor {
         let sensor = Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row };
-        MountedSensor { name: "top".to_owned(), sensor, body_from_sensor: Pose::IDENTITY }
+        MountedSensor { name: "top".to_owned(), sensor, body_from_sensor: Pose::IDENTITY, trigger_s: 0.0 }
     }
 
     #[test]
@@ -237,16 +246,19 @@ mod tests {
             mounted(Pattern::Camera(camera))
         };
         let rig = [camera(10), camera(30)];
-        let bytes = |holding| of_frames(&rig, &[Format::EXR], holding);
+        let bytes = |holding| of_frames(&rig, &[1, 1], &[Format::EXR], holding);
         assert_eq!(bytes(Holding::Frame), 300 * FRAME_BYTES_A_RAY);
         assert!(bytes(Holding::Files) > bytes(Holding::Frame));
-        assert_eq!(bytes(Holding::Images), 400 * 48 + 300 * FRAME_BYTES_A_RAY);
+        let of_many = |holding| of_frames(&rig, &[1000, 1], &[Format::EXR], holding);
+        assert_eq!(of_many(Holding::Files), bytes(Holding::Files));
+        assert_eq!(of_many(Holding::Views) - bytes(Holding::Views), 999 * 100 * 80);
+        assert_eq!(bytes(Holding::Image), 300 * (48 + FRAME_BYTES_A_RAY));
         let check = |compared, page| bytes(Holding::Check { compared, page });
         assert_eq!(check(false, false), 400 * FRAME_BYTES_A_RAY);
         assert_eq!(check(true, false), 400 * (FRAME_BYTES_A_RAY + 48) + 300 * 96);
         assert!(check(true, true) > check(true, false) && check(false, true) > check(false, false));
         assert!(of_page(&rig, true) > of_page(&rig, false));
-        assert!(bytes(Holding::Views) > bytes(Holding::Images));
+        assert!(bytes(Holding::Views) > bytes(Holding::Frame));
     }
 
     #[test]

@@ -1,24 +1,90 @@
 //! The frames, files and memory that a job asks for, found and checked before anything is cast.
 
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+
 use super::memory::{self, Holding};
+use super::table::Table;
 use crate::config::{Job, MountedSensor};
 use crate::error::Error;
-use crate::output::{Format, Kind, Manifest};
+use crate::output::{FileNames, Format, Kind, Manifest, SensorFrames};
 use crate::scene::Scene;
-use crate::sensor::Capture;
 
-/// The frames that a job casts and the files that they become.
+/// The frames that a job casts and the files that they become. Its size does not depend on the number of frames.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// The frames, in the order in which they are cast.
-    pub items: Vec<Item>,
+    /// The sensors, in the job's order.
+    sensors: Vec<Planned>,
+    shard: Shard,
+    /// The formats with a file for each frame.
+    formats: Vec<Format>,
     /// The files into which all frames go.
     pub streams: Vec<Output>,
+    /// The tables that have rows of all frames.
+    pub tables: Vec<Table>,
     /// Rays of all frames.
     pub rays: u64,
     /// An upper estimate of the memory that the frames take with everything that is made of them, in bytes. The memory of
     /// the scene comes on top.
     pub bytes: u64,
+}
+
+/// A sensor of a plan.
+#[derive(Clone, Debug)]
+struct Planned {
+    name: String,
+    /// The numbers of the frames.
+    frames: Range<u64>,
+    /// The frames that the job has of the sensor.
+    of: u64,
+    /// The digits of the numbers in the names of files.
+    digits: usize,
+}
+
+/// The frames of a job that a run casts.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Selection {
+    /// The numbers of the frames; those that a sensor does not have are left out.
+    pub frames: Range<u64>,
+    /// The part of these frames.
+    pub shard: Shard,
+}
+
+impl Selection {
+    /// All frames.
+    pub const ALL: Self = Self { frames: 0..u64::MAX, shard: Shard::WHOLE };
+    /// The first frame of each sensor.
+    pub const FIRST: Self = Self { frames: 0..1, shard: Shard::WHOLE };
+}
+
+/// A part of a run, of which several processes each cast one: frame k belongs to part k mod `count`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shard {
+    /// The number of the part, from 0.
+    pub index: u64,
+    /// The number of parts, at least 1.
+    pub count: u64,
+}
+
+impl Shard {
+    /// The only part of a run that is not parted.
+    pub const WHOLE: Self = Self { index: 0, count: 1 };
+
+    /// The least frame of the part that is not less than `frame`.
+    pub fn first_from(self, frame: u64) -> Option<u64> {
+        let Self { index, count } = self;
+        frame.checked_add((index + count - frame % count) % count)
+    }
+
+    /// The number of the part's frames among the frames of a range.
+    pub fn count_in(self, frames: &Range<u64>) -> u64 {
+        match self.first_from(frames.start) {
+            Some(first) if first < frames.end => (frames.end - 1 - first) / self.count + 1,
+            _ => 0,
+        }
+    }
 }
 
 /// A frame of a sensor.
@@ -41,46 +107,55 @@ pub struct Output {
     pub name: String,
 }
 
-impl Item {
-    /// The frame of a job before it is cast: the sensor, its pulses, and where they are sent from.
-    pub fn capture<'j>(&self, job: &'j Job) -> Capture<'j> {
-        let MountedSensor { sensor, body_from_sensor, .. } = &job.sensors[self.sensor];
-        Capture::new(sensor, *body_from_sensor, &job.trajectory, self.frame, job.seed)
-    }
-}
-
 impl Plan {
-    /// Plans a job whose run holds so much in memory at the same time.
+    /// Plans the chosen frames of a job whose run holds so much in memory at the same time.
     ///
     /// # Errors
-    /// [`Error::Usage`] if a frame does not fit one of its formats, or if the frames do not fit into the machine's memory.
-    pub fn of(job: &Job, holding: Holding) -> Result<Self, Error> {
+    /// [`Error::Usage`] if a frame does not fit one of its formats, or if the frames do not fit into the machine's memory, or if
+    /// none is chosen.
+    pub fn of(job: &Job, selection: &Selection, holding: Holding) -> Result<Self, Error> {
         if let Some(problem) = format_problems(job).into_iter().next() {
             return Err(Error::Usage(problem));
         }
-        let mut plan = Self { items: Vec::new(), streams: Vec::new(), rays: 0, bytes: 0 };
-        for (index, MountedSensor { name, sensor, .. }) in job.sensors.iter().enumerate() {
+        let shard = selection.shard;
+        let is_of_frame = |format: &&Format| matches!(format.spec.kind, Kind::File(_));
+        let (formats, streams): (Vec<Format>, Vec<Format>) = job.output.formats.iter().partition(is_of_frame);
+        let of_run = |format: Format| Output { format, name: format!("run.{}", format.ending()) };
+        let streams = streams.into_iter().map(of_run).collect();
+        let mut plan =
+            Self { sensors: Vec::new(), shard, formats, streams, tables: Table::of(job), rays: 0, bytes: 0 };
+        let mut longest = 0;
+        for MountedSensor { name, sensor, .. } in &job.sensors {
+            let all = job.sequence.frames_of(sensor);
+            longest = longest.max(all);
+            let frames = selection.frames.start.min(all)..selection.frames.end.min(all);
             let (rows, columns) = (sensor.pattern.rows() as u64, sensor.pattern.columns() as u64);
-            let rays = rows.checked_mul(columns).and_then(|rays| plan.rays.checked_add(rays));
-            let too_many = || Error::Usage(format!("sensor {name:?} has too many rays: {rows} × {columns}"));
-            plan.rays = rays.ok_or_else(too_many)?;
-            let alone = memory::of_frames(&job.sensors[index..=index], &job.output.formats, holding);
-            memory::check(&format!("a frame of sensor {name:?}"), alone)?;
-            let frame = 0;
-            let output =
-                |&format: &Format| Output { format, name: format!("{name}/{frame:06}.{}", format.ending()) };
-            let a_file_a_frame = |format: &&Format| matches!(format.spec.kind, Kind::File(_));
-            let outputs = job.output.formats.iter().filter(a_file_a_frame).map(output).collect();
-            plan.items.push(Item { sensor: index, frame, outputs });
+            let of_frame = rows.checked_mul(columns);
+            let rays = of_frame.and_then(|rays| rays.checked_mul(shard.count_in(&frames)));
+            let too_many =
+                || Error::Usage(format!("sensor {name:?} has too many rays: {rows} × {columns} a frame"));
+            plan.rays = rays.and_then(|rays| plan.rays.checked_add(rays)).ok_or_else(too_many)?;
+            let digits = all
+                .saturating_sub(1)
+                .checked_ilog10()
+                .map_or(1, |digits| digits as usize + 1)
+                .max(LEAST_DIGITS);
+            plan.sensors.push(Planned { name: name.clone(), frames, of: all, digits });
         }
-        let streams = job.output.formats.iter().filter(|format| matches!(format.spec.kind, Kind::Stream(_)));
-        plan.streams =
-            streams.map(|&format| Output { format, name: format!("run.{}", format.ending()) }).collect();
-        plan.bytes = memory::of_tables(&job.sensors).saturating_add(memory::of_frames(
-            &job.sensors,
-            &job.output.formats,
-            holding,
-        ));
+        if plan.sensors.iter().all(|planned| planned.frames.is_empty()) {
+            let Range { start, end } = selection.frames;
+            let problem = format!(
+                "the job has no frames {start}..{end}: its sensors have at most {longest}, counted from 0"
+            );
+            return Err(Error::Usage(problem));
+        }
+        for (index, MountedSensor { name, .. }) in job.sensors.iter().enumerate() {
+            let alone = memory::of_frames(&job.sensors[index..=index], &[1], &job.output.formats, holding);
+            memory::check(&format!("a frame of sensor {name:?}"), alone)?;
+        }
+        let counts: Vec<u64> = plan.sensors.iter().map(|planned| shard.count_in(&planned.frames)).collect();
+        let of_frames = memory::of_frames(&job.sensors, &counts, &job.output.formats, holding);
+        plan.bytes = memory::of_tables(&job.sensors).saturating_add(of_frames);
         memory::check("the rig", plan.bytes)?;
         Ok(plan)
     }
@@ -90,23 +165,101 @@ impl Plan {
     /// # Errors
     /// [`Error::Usage`] with the label, or with the estimate.
     pub fn check_scene(&self, scene: &Scene) -> Result<(), Error> {
-        let outputs = self.items.iter().flat_map(|item| &item.outputs).chain(&self.streams);
-        if let Some(problem) = label_problem(outputs.map(|output| output.format), scene) {
+        let formats = self.formats.iter().copied().chain(self.streams.iter().map(|output| output.format));
+        if let Some(problem) = label_problem(formats, scene) {
             return Err(Error::Usage(problem));
         }
         memory::check("the job with its scene", self.bytes.saturating_add(memory::of_scene(scene)))
     }
 
-    /// The paths of all outputs in the output folder; the manifest is the last.
-    pub fn output_names(&self) -> Vec<String> {
-        let outputs = self.items.iter().flat_map(|item| &item.outputs);
-        outputs
-            .chain(&self.streams)
-            .map(|output| output.name.clone())
-            .chain([Manifest::NAME.to_owned()])
-            .collect()
+    /// The frames of the job that was planned, in the order in which they are cast: by the times at which they start, and at
+    /// the same time in the order of the sensors.
+    pub fn items<'p>(&'p self, job: &'p Job) -> impl Iterator<Item = Item> + 'p {
+        let next = move |sensor: usize, from: u64| {
+            let frame =
+                self.shard.first_from(from).filter(|frame| *frame < self.sensors[sensor].frames.end)?;
+            Some((job.capture(sensor, frame).start_s, frame))
+        };
+        let mut waiting: Vec<Option<(f64, u64)>> = self
+            .sensors
+            .iter()
+            .enumerate()
+            .map(|(sensor, planned)| next(sensor, planned.frames.start))
+            .collect();
+        std::iter::from_fn(move || {
+            let of_sensor = |(sensor, next): (usize, &Option<(f64, u64)>)| {
+                next.map(|(start_s, frame)| (start_s, sensor, frame))
+            };
+            let earliest = waiting.iter().enumerate().filter_map(of_sensor);
+            let (_, sensor, frame) = earliest.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
+            waiting[sensor] = next(sensor, frame + 1);
+            Some(self.item(sensor, frame))
+        })
+    }
+
+    /// A frame of a sensor with its files.
+    fn item(&self, sensor: usize, frame: u64) -> Item {
+        let Planned { name, digits, .. } = &self.sensors[sensor];
+        let output = |&format: &Format| Output {
+            format,
+            name: format!("{name}/{frame:0digits$}.{}", format.ending()),
+        };
+        Item { sensor, frame, outputs: self.formats.iter().map(output).collect() }
+    }
+
+    /// The part of the run that the plan is for.
+    pub fn shard(&self) -> Shard {
+        self.shard
+    }
+
+    /// The frames of the whole run, whatever part of it the plan is for.
+    pub fn sensors(&self) -> Vec<SensorFrames> {
+        let frames = |Planned { name, frames, of, .. }: &Planned| SensorFrames {
+            sensor: name.clone(),
+            first: frames.start,
+            count: frames.end - frames.start,
+            of: *of,
+        };
+        self.sensors.iter().map(frames).collect()
+    }
+
+    /// The number of frames of a sensor, by its index in the job.
+    pub fn frames_of(&self, sensor: usize) -> u64 {
+        self.shard.count_in(&self.sensors[sensor].frames)
+    }
+
+    /// The number of frames of all sensors.
+    pub fn frames(&self) -> u64 {
+        (0..self.sensors.len()).map(|sensor| self.frames_of(sensor)).sum()
     }
 }
+
+impl FileNames for Plan {
+    fn folders(&self) -> BTreeSet<String> {
+        let has_files = |planned: &&Planned| !self.formats.is_empty() && !planned.frames.is_empty();
+        self.sensors.iter().filter(has_files).map(|planned| planned.name.clone()).collect()
+    }
+
+    fn contains(&self, name: &str) -> bool {
+        let Some((folder, file)) = name.split_once('/') else {
+            let is_whole = self.shard == Shard::WHOLE;
+            let is_made_at_the_end =
+                name == Manifest::NAME || self.tables.iter().any(|table| table.name() == name);
+            return is_whole && is_made_at_the_end || self.streams.iter().any(|stream| stream.name == name);
+        };
+        let Some(planned) = self.sensors.iter().find(|planned| planned.name == folder) else { return false };
+        let Some((number, ending)) = file.split_once('.') else { return false };
+        let is_number = number.len() == planned.digits && number.bytes().all(|b| b.is_ascii_digit());
+        let frame: Option<u64> = Some(number).filter(|_| is_number).and_then(|number| number.parse().ok());
+        frame.is_some_and(|frame| {
+            planned.frames.contains(&frame) && frame % self.shard.count == self.shard.index
+        }) && self.formats.iter().any(|format| format.ending() == ending)
+    }
+}
+
+/// The fewest digits of a frame's number in the name of a file. A sequence of more frames has more in all its names, so that
+/// names are in the order of numbers.
+const LEAST_DIGITS: usize = 6;
 
 /// Sentences about the sensors whose frames do not fit a format of the job.
 pub fn format_problems(job: &Job) -> Vec<String> {
@@ -129,4 +282,115 @@ pub fn label_problem(formats: impl Iterator<Item = Format>, scene: &Scene) -> Op
     let problem = |format: Format| Some((format, check(format).err()?));
     let (format, problem) = formats.into_iter().find_map(problem)?;
     Some(format!("the scene has no {}: {problem}", format.name()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::config::{Length, load_job};
+
+    /// A job with a LiDAR of 10 Hz and a camera of 25 Hz.
+    fn job(length: Length) -> Job {
+        let folder = tempfile::tempdir().unwrap();
+        let text = "scene = \"a.glb\"\n[[sensor]]\nname = \"top\"\n[sensor.rotating]\nelevations_deg = [0.0]\ncolumns = 8\n\
+                    rate_hz = 10.0\n[[sensor]]\nname = \"front\"\n[sensor.pinhole]\nwidth_px = 4\nheight_px = 2\n\
+                    hfov_deg = 60.0\nrate_hz = 25.0\n[output]\ndir = \"out\"\nformats = [\"exr\", \"png\"]\n";
+        let path = folder.path().join("job.toml");
+        std::fs::write(&path, text).unwrap();
+        let mut job = load_job(Path::new(&path), &[]).unwrap();
+        job.sequence.length = length;
+        job
+    }
+
+    fn items(job: &Job, frames: Range<u64>, shard: Shard) -> Vec<(usize, u64)> {
+        let plan = Plan::of(job, &Selection { frames, shard }, Holding::Files).unwrap();
+        let items: Vec<_> = plan.items(job).map(|item| (item.sensor, item.frame)).collect();
+        assert_eq!(plan.frames(), items.len() as u64);
+        items
+    }
+
+    #[test]
+    fn frames_come_in_the_order_of_their_times() {
+        let job = job(Length::Duration(0.2));
+        let all = items(&job, 0..u64::MAX, Shard::WHOLE);
+        // The LiDAR's frames start at 0 and 100 ms, the camera's at 0, 40, 80, 120 and 160 ms. A frame at 200 ms is too late.
+        assert_eq!(all, [(0, 0), (1, 0), (1, 1), (1, 2), (0, 1), (1, 3), (1, 4)]);
+        assert_eq!(items(&job, 1..3, Shard::WHOLE), [(1, 1), (1, 2), (0, 1)]);
+        let problem =
+            Plan::of(&job, &Selection { frames: 5..9, ..Selection::ALL }, Holding::Files).unwrap_err();
+        assert_eq!(
+            problem.to_string(),
+            "the job has no frames 5..9: its sensors have at most 5, counted from 0"
+        );
+    }
+
+    #[test]
+    fn shards_part_the_frames_whatever_is_chosen_of_them() {
+        let job = job(Length::Frames(37));
+        for (frames, count) in [(0..u64::MAX, 3), (0..37, 16), (5..29, 7), (36..37, 2), (0..37, 100)] {
+            let whole = items(&job, frames.clone(), Shard::WHOLE);
+            let mut parts: Vec<_> =
+                (0..count).flat_map(|index| items(&job, frames.clone(), Shard { index, count })).collect();
+            parts.sort_by(|a, b| {
+                let start = |(sensor, frame): &(usize, u64)| job.capture(*sensor, *frame).start_s;
+                start(a).total_cmp(&start(b)).then(a.0.cmp(&b.0))
+            });
+            assert_eq!(parts, whole, "{frames:?} in {count}");
+        }
+    }
+
+    #[test]
+    fn the_numbers_of_a_sequence_have_the_same_number_of_digits() {
+        let first = |frames: u64| {
+            let job = job(Length::Frames(frames));
+            let plan = Plan::of(&job, &Selection { frames: 7..8, ..Selection::ALL }, Holding::Files).unwrap();
+            let item = plan.items(&job).next().unwrap();
+            item.outputs.into_iter().map(|output| output.name).collect::<Vec<_>>()
+        };
+        assert_eq!(first(8), ["front/000007.exr", "front/000007.png"]);
+        assert_eq!(first(1_000_000), ["front/000007.exr", "front/000007.png"]);
+        assert_eq!(first(1_000_001), ["front/0000007.exr", "front/0000007.png"]);
+    }
+
+    #[test]
+    fn a_plan_knows_its_files_without_a_list() {
+        let job = job(Length::Frames(12));
+        let shard = Shard { index: 1, count: 5 };
+        for selection in
+            [Selection::ALL, Selection { frames: 3..8, shard }, Selection { frames: 0..12, shard }]
+        {
+            let plan = Plan::of(&job, &selection, Holding::Files).unwrap();
+            let names: Vec<String> =
+                plan.items(&job).flat_map(|item| item.outputs).map(|output| output.name).collect();
+            for sensor in ["top", "front", "rear"] {
+                for (frame, ending) in
+                    (0..20).flat_map(|frame| [(frame, "exr"), (frame, "png"), (frame, "ply")])
+                {
+                    let name = format!("{sensor}/{frame:06}.{ending}");
+                    assert_eq!(plan.contains(&name), names.contains(&name), "{name} {selection:?}");
+                }
+            }
+            for name in ["top/00003.exr", "top/0000003.exr", "top/+00003.exr", "top", "top/", "000003.exr"] {
+                assert!(!plan.contains(name), "{name}");
+            }
+            assert_eq!(plan.contains("manifest.json"), selection.shard == Shard::WHOLE);
+        }
+    }
+
+    #[test]
+    fn a_duration_has_the_frames_that_start_within_it() {
+        let frames = |duration_s| {
+            let job = job(Length::Duration(duration_s));
+            [0, 1].map(|sensor| job.sequence.frames_of(&job.sensors[sensor].sensor))
+        };
+        assert_eq!(frames(0.1), [1, 3]);
+        assert_eq!(frames(0.1 + 1e-9), [2, 3]);
+        assert_eq!(frames(1e-9), [1, 1]);
+        for tenths in 1..2000_u64 {
+            let duration_s = tenths as f64 / 10.0;
+            assert_eq!(frames(duration_s)[0], tenths, "{duration_s} s");
+        }
+    }
 }

@@ -1,12 +1,15 @@
 //! A job with its scene and its tracer, which casts the job's frames.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::memory;
 use super::paths::tidy;
 use super::plan::{Item, Output};
-use crate::config::{Job, MountedSensor, OutputSettings};
+use super::tracked::Tracked;
+use crate::config::{Actor, ActorBody, Animation, InScene, Job, MountedSensor, OutputSettings};
 use crate::error::{Error, SceneError};
 use crate::output::{Names, SensorFrame};
 use crate::plausibility;
@@ -17,18 +20,43 @@ use crate::source::Diagnostic;
 use crate::source::suggest::missing_file_help;
 use crate::trace::{AnyTracer, Cast};
 
-/// Reads a job's scene, whose files may lie in its own folder and in those that are allowed besides.
+/// Reads a job's scene with its actors, and puts the bodies and sensors of the job whose places the scene decides there. The
+/// files may lie in their own scene's folder and in those that are allowed besides.
 ///
 /// # Errors
 /// With the element of the file that is wrong.
-pub fn load_scene(job: &Job, allowed_folders: &[PathBuf]) -> Result<gltf::Loaded, SceneError> {
+pub fn load_scene(job: &mut Job, allowed_folders: &[PathBuf]) -> Result<gltf::Loaded, SceneError> {
+    let Animation { clips, is_looped, start_s } = &job.animation;
+    let names = clips.as_ref().map(|clips| clips.iter().map(|(name, _)| name.clone()).collect());
+    let of_scene = gltf::Clips { names, is_looped: *is_looped, start_s: *start_s };
+    // The names of clips are those of the job's scene. All clips of an actor's own file play.
+    let of_actors = gltf::Clips { names: None, ..of_scene.clone() };
+    let actors = job.actors.iter().map(|Actor { name, body, trajectory, label, .. }| {
+        let model = match body {
+            ActorBody::File { path, as_written } => {
+                gltf::Model::File { path, display_name: as_written, clips: &of_actors }
+            }
+            ActorBody::Node(name) => gltf::Model::Node(name),
+        };
+        gltf::Actor { name, model, trajectory, label: *label }
+    });
+    let places = job.from_scene.iter().map(|asked| match &asked.wanted {
+        InScene::Node(name) => gltf::Place::Node(name),
+        InScene::Camera(name) => gltf::Place::Camera(name),
+    });
     let options = gltf::Options {
         scene_name: job.scene_name.as_deref(),
         up: job.up,
         labels: &job.labels,
         allowed_folders,
+        clips: &of_scene,
+        actors: &actors.collect::<Vec<_>>(),
+        places: &places.collect::<Vec<_>>(),
+        start_s: job.sequence.start_s,
     };
-    open_scene(&job.scene_path, &job.scene_as_written, &options)
+    let loaded = open_scene(&job.scene_path, &job.scene_as_written, &options)?;
+    job.settle(&loaded.places);
+    Ok(loaded)
 }
 
 /// Reads a scene. The error about a scene that isn't there suggests files that are.
@@ -53,6 +81,8 @@ pub struct Session {
     /// The job.
     pub job: Arc<Job>,
     tracer: AnyTracer,
+    /// What boxes and tracks are made for, if the job asks for them.
+    pub(super) tracked: Option<Arc<Tracked>>,
 }
 
 impl Session {
@@ -65,7 +95,28 @@ impl Session {
 
     /// A job with a tracer that was built for its kernel over its scene. Jobs with the same of both can share it.
     pub fn new(job: impl Into<Arc<Job>>, tracer: AnyTracer) -> Self {
-        Self { job: job.into(), tracer }
+        let job = job.into();
+        let tracked = Tracked::of(&job, tracer.scene()).map(Arc::new);
+        Self { job, tracer, tracked }
+    }
+
+    /// What casts the frames of this number: this session or, if the job draws values for each frame, one of the job with them.
+    /// A scene that is drawn is read then; its files may lie in the allowed folders, too.
+    ///
+    /// # Errors
+    /// [`Error::Config`] if a drawn value makes the job invalid, [`Error::Scene`] if its scene can't be read, and
+    /// [`Error::Usage`] if that does not fit into the machine's memory.
+    pub fn of_frame(&self, frame: u64, allowed_folders: &[PathBuf]) -> Result<Cow<'_, Self>, Error> {
+        let mut job = match self.job.of_frame(frame)? {
+            Cow::Borrowed(_) => return Ok(Cow::Borrowed(self)),
+            Cow::Owned(job) => job,
+        };
+        if !self.job.has_drawn_scenes() {
+            return Ok(Cow::Owned(Self::new(job, self.tracer.clone())));
+        }
+        let scene = load_scene(&mut job, allowed_folders)?.scene;
+        memory::check(&format!("the scene of frame {frame}"), memory::of_scene(&scene))?;
+        Ok(Cow::Owned(Self::open(job, &scene)))
     }
 
     /// The job's scene.
@@ -90,23 +141,50 @@ impl Session {
 
     /// Casts a frame. `None` when `progress` was cancelled.
     pub fn cast(&self, item: &Item, progress: &Progress) -> Option<Frame> {
-        self.cast_with(&self.tracer, item, progress)
+        let tracer = self.frame_tracer(item);
+        scan::scan(tracer.scene(), &tracer, &self.capture(item), progress)
     }
 
     /// Casts a frame into the memory of an earlier one, which it replaces. Returns false when `progress` was cancelled; the
     /// frame is then of no use.
     pub fn cast_into(&self, frame: &mut Frame, item: &Item, progress: &Progress) -> bool {
-        scan::scan_into(frame, self.scene(), &self.tracer, &self.capture(item), progress)
+        let tracer = self.frame_tracer(item);
+        scan::scan_into(frame, tracer.scene(), &tracer, &self.capture(item), progress)
     }
 
-    /// Casts a frame with another tracer over the job's scene. `None` when `progress` was cancelled.
-    pub fn cast_with(&self, tracer: &impl Cast, item: &Item, progress: &Progress) -> Option<Frame> {
-        scan::scan(self.scene(), tracer, &self.capture(item), progress)
+    /// Casts a frame with another tracer over the frame's scene. `None` when `progress` was cancelled.
+    pub fn cast_with(
+        &self,
+        scene: &Scene,
+        tracer: &impl Cast,
+        item: &Item,
+        progress: &Progress,
+    ) -> Option<Frame> {
+        scan::scan(scene, tracer, &self.capture(item), progress)
+    }
+
+    /// The tracer for a frame: over the job's scene as it is during that frame.
+    pub fn frame_tracer(&self, item: &Item) -> AnyTracer {
+        self.arranged(&self.tracer, item)
+    }
+
+    /// A tracer over its scene as it is during a frame.
+    pub(super) fn arranged(&self, tracer: &AnyTracer, item: &Item) -> AnyTracer {
+        let (scene, capture) = (tracer.scene(), self.capture(item));
+        if !scene.has_movers() {
+            return tracer.clone();
+        }
+        let arranged = if capture.is_frozen {
+            scene.at(capture.start_s)
+        } else {
+            scene.during(capture.window(), self.job.sequence.slice_s)
+        };
+        tracer.rearranged(arranged.arrangement)
     }
 
     /// A frame before it is cast: the sensor, its pulses, and where they are sent from.
     pub fn capture(&self, item: &Item) -> Capture<'_> {
-        item.capture(&self.job)
+        self.job.capture(item.sensor, item.frame)
     }
 
     /// A frame that was cast, with everything that is known about where it came from.
@@ -114,7 +192,10 @@ impl Session {
         let name = &self.sensor(item).name;
         let names = Names { objects: &self.scene().geometry.objects, labels: Some(&self.job.labels) };
         let OutputSettings { cloud_frame, legend, .. } = self.job.output;
-        SensorFrame { capture: self.capture(item), frame, name, cloud_frame, names, legend }
+        let cloud_time = self.job.sequence.cloud_time;
+        let made = SensorFrame::new(self.capture(item), frame, name);
+        let targets = self.tracked.as_ref().map(|tracked| &tracked.targets);
+        SensorFrame { cloud_frame, cloud_time, names, legend, targets, ..made }
     }
 
     /// The content of a frame's file.

@@ -1,23 +1,32 @@
-//! The two sides of a comparison: recorded files, or the frames of a job.
+//! The two sides of a comparison: recorded files, or the frames of a job. Their frames are read or cast one at a time.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::Path;
 
-use super::plan::Item;
+use super::plan::{Item, Plan};
 use super::session::Session;
 use crate::error::Error;
 use crate::output::Image;
-use crate::output::recorded::{Cloud, Part, Recorded};
-use crate::scan::Frame;
+use crate::output::recorded::{Cloud, Folder, FrameKey, Part, Recorded};
+use crate::scan::Progress;
 use crate::source::words::joined;
 
-/// The images and clouds of one side.
-#[derive(Default)]
+/// One side of a comparison.
 pub struct Side {
-    /// The images and clouds by name. A single file has the empty name.
-    contents: BTreeMap<String, Content>,
+    source: Source,
     /// What labels stand for, in words, as far as the side tells.
     pub labels: BTreeMap<u32, String>,
+}
+
+/// Where the frames of a side come from.
+enum Source {
+    /// A file that was read, with its images or its cloud by name.
+    File(Vec<(String, Content)>),
+    /// A folder of recorded frames, with the file of each.
+    Folder { folder: Box<Folder>, files: BTreeMap<FrameKey, String>, memory: u64 },
+    /// A job, whose frames are cast when they are asked for.
+    Job { session: Box<Session>, items: BTreeMap<FrameKey, Item> },
 }
 
 /// An image or a cloud.
@@ -28,124 +37,169 @@ pub enum Content {
     Cloud(Cloud),
 }
 
-/// A name, with the images or clouds that go by it on the two sides.
-pub type Pair<'a> = (String, &'a Content, &'a Content);
+/// The frames of two sides that are compared, and those that only one of them has.
+#[derive(Debug, Default)]
+pub struct Pairing {
+    /// The names by which frames are told, each with those of the two sides.
+    pub pairs: Vec<(String, [FrameKey; 2])>,
+    /// The frames that only the first, and only the second side has.
+    pub only: [Vec<FrameKey>; 2],
+}
 
 impl Side {
-    /// Reads an EXR, a PLY or the folder that a scan wrote, whose numbers may take `memory` bytes in all.
+    /// Opens an EXR, a PLY or the folder that a scan wrote. The numbers of one frame may take `memory` bytes. Of a folder, the
+    /// frames with these numbers count.
     ///
     /// # Errors
     /// [`Error::Input`] if a file can't be read, or if the folder has neither images nor clouds.
-    pub fn of_recording(path: &Path, mut memory: u64) -> Result<Self, Error> {
-        let mut side = Self::default();
-        match Recorded::open(path, memory)? {
+    pub fn of_recording(path: &Path, frames: &Range<u64>, memory: u64) -> Result<Self, Error> {
+        let single = match Recorded::open(path, memory)? {
             Recorded::Folder(folder) => {
-                side.labels = folder.manifest.label_names();
-                let is = |output: &str, extension: &str| {
-                    Path::new(output).extension().is_some_and(|e| e == extension)
-                };
-                let all: BTreeSet<&Path> = folder.outputs().map(Path::new).collect();
-                let has_image = |cloud: &str| all.contains(Path::new(cloud).with_extension("exr").as_path());
+                let labels = folder.manifest.label_names();
+                let mut files: BTreeMap<FrameKey, String> = BTreeMap::new();
                 // A cloud says nothing that the image of the same frame doesn't say.
-                let wanted = |output: &&str| is(output, "exr") || (is(output, "ply") && !has_image(output));
-                for output in folder.outputs().filter(wanted) {
-                    let frame = output.rsplit_once('.').map_or(output, |(stem, _)| stem);
-                    let recorded = folder.read(output, memory)?;
-                    memory = memory.saturating_sub(recorded.memory());
-                    side.add_recorded(frame, recorded);
+                for extension in ["ply", "exr"] {
+                    for output in folder.outputs() {
+                        let Some((stem, end)) = output.rsplit_once('.') else { continue };
+                        let key = FrameKey::of_stem(stem);
+                        if end == extension && key.frame().is_none_or(|frame| frames.contains(&frame)) {
+                            files.insert(key, output.to_owned());
+                        }
+                    }
                 }
-                if side.contents.is_empty() {
-                    return Err(Error::input(path, "has neither EXR images nor PLY clouds"));
+                if files.is_empty() {
+                    return Err(Error::input(path, "has neither EXR images nor PLY clouds of such frames"));
                 }
+                return Ok(Self { source: Source::Folder { folder, files, memory }, labels });
             }
-            single => {
-                side.labels = match &single {
-                    Recorded::Exr(parts) => parts.iter().flat_map(Part::labels).collect(),
-                    Recorded::Cloud(cloud) => cloud.labels(),
-                    Recorded::Folder(_) => BTreeMap::new(),
-                };
-                side.add_recorded("", single);
-            }
-        }
-        Ok(side)
-    }
-
-    /// Adds the images or the cloud of a file.
-    fn add_recorded(&mut self, frame: &str, recorded: Recorded) {
-        match recorded {
-            Recorded::Exr(parts) => {
-                for (index, part) in parts.into_iter().enumerate() {
-                    let name = match index {
-                        0 => frame.to_owned(),
-                        _ => format!("{frame}:{}", part.name),
-                    };
-                    self.contents.insert(name, Content::Image(part.image.without_repeats()));
-                }
-            }
-            Recorded::Cloud(cloud) => {
-                self.contents.insert(frame.to_owned(), Content::Cloud(cloud));
-            }
-            Recorded::Folder(_) => {}
-        }
-    }
-
-    /// A side for the frames of a job.
-    pub fn of_session(session: &Session) -> Self {
-        Self { contents: BTreeMap::new(), labels: session.label_names() }
-    }
-
-    /// Adds a frame that was cast, by the name of the file that it would be written to.
-    pub fn add_frame(&mut self, session: &Session, item: &Item, frame: &Frame) {
-        let image = Image::of(&session.sensor_frame(item, frame));
-        let name = format!("{}/{:06}", session.sensor(item).name, item.frame);
-        self.contents.insert(name, Content::Image(image.without_repeats()));
-    }
-
-    /// Bytes of memory that the numbers take.
-    pub fn memory(&self) -> u64 {
-        let of_content = |content: &Content| match content {
-            Content::Image(image) => image.memory(),
-            Content::Cloud(cloud) => cloud.memory(),
+            single => single,
         };
-        self.contents.values().map(of_content).sum()
+        let labels = match &single {
+            Recorded::Exr(parts) => parts.iter().flat_map(Part::labels).collect(),
+            Recorded::Cloud(cloud) => cloud.labels(),
+            Recorded::Folder(_) => BTreeMap::new(),
+        };
+        Ok(Self { source: Source::File(contents(single)), labels })
     }
 
-    /// Whether an image has a channel of that name, or a cloud a field.
-    pub fn has(&self, field: &str) -> bool {
-        self.contents.values().any(|content| match content {
-            Content::Image(image) => image.channel(field).is_some(),
-            Content::Cloud(cloud) => cloud.field(field).is_some(),
-        })
+    /// The frames of a plan of a session's job.
+    pub fn of_session(session: Session, plan: &Plan) -> Self {
+        let labels = session.label_names();
+        let key = |item: &Item| FrameKey::new(&session.sensor(item).name, item.frame);
+        let items = plan.items(&session.job).map(|item| (key(&item), item)).collect();
+        Self { source: Source::Job { session: Box::new(session), items }, labels }
     }
 
-    /// Pairs two sides by name, or the only content of one with the only content of the other. `paths` name the sides.
+    /// The names of the frames, in order.
+    fn keys(&self) -> BTreeSet<FrameKey> {
+        match &self.source {
+            Source::File(_) => BTreeSet::from([FrameKey::default()]),
+            Source::Folder { files, .. } => files.keys().cloned().collect(),
+            Source::Job { items, .. } => items.keys().cloned().collect(),
+        }
+    }
+
+    /// The images or the cloud of a frame, each with what its name has beyond the frame's. `None` when `progress` was cancelled.
     ///
     /// # Errors
-    /// [`Error::Input`] if a side lacks a name that the other has.
-    pub fn pairs<'a>(&'a self, other: &'a Self, paths: [&Path; 2]) -> Result<Vec<Pair<'a>>, Error> {
-        let single =
-            |side: &'a Self| if side.contents.len() == 1 { side.contents.first_key_value() } else { None };
-        if let (Some((name, content)), Some((other_name, other))) = (single(self), single(other)) {
-            let name = if name.is_empty() { other_name } else { name };
-            return Ok(vec![(name.clone(), content, other)]);
-        }
-        let only = |one: &Self, other: &Self| -> Vec<String> {
-            one.contents.keys().filter(|name| !other.contents.contains_key(*name)).cloned().collect()
-        };
-        let [path, other_path] = paths;
-        for (lacking, path, other_path) in
-            [(only(self, other), other_path, path), (only(other, self), path, other_path)]
-        {
-            if !lacking.is_empty() {
-                let problem =
-                    format!("has no {}, and {} does", joined(&lacking, "and"), other_path.display());
-                return Err(Error::input(path, problem));
+    /// [`Error::Input`] if the frame's file can't be read.
+    pub fn read(
+        &mut self,
+        key: &FrameKey,
+        progress: &Progress,
+    ) -> Result<Option<Vec<(String, Content)>>, Error> {
+        match &mut self.source {
+            Source::File(contents) => Ok(Some(std::mem::take(contents))),
+            Source::Folder { folder, files, memory } => match files.get(key) {
+                Some(file) => Ok(Some(contents(folder.read(file, *memory)?))),
+                None => Ok(Some(Vec::new())),
+            },
+            Source::Job { session, items } => {
+                let Some(item) = items.get(key) else { return Ok(Some(Vec::new())) };
+                let Some(frame) = session.cast(item, progress) else { return Ok(None) };
+                let image = Image::of(&session.sensor_frame(item, &frame)).without_repeats();
+                Ok(Some(vec![(String::new(), Content::Image(image))]))
             }
         }
-        Ok(self
-            .contents
-            .iter()
-            .map(|(name, content)| (name.clone(), content, &other.contents[name]))
-            .collect())
+    }
+
+    /// Pairs the frames of two sides by name, or the only frame of one with the only frame of the other. `paths` name the sides.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the sides have no frame in common.
+    pub fn pair(&self, other: &Self, paths: [&Path; 2]) -> Result<Pairing, Error> {
+        let (keys, others) = (self.keys(), other.keys());
+        let alone = |keys: &BTreeSet<FrameKey>| if keys.len() == 1 { keys.first().cloned() } else { None };
+        if let (Some(key), Some(other)) = (alone(&keys), alone(&others)) {
+            let name = if key.sensor().is_empty() { other.to_string() } else { key.to_string() };
+            return Ok(Pairing { pairs: vec![(name, [key, other])], only: Default::default() });
+        }
+        let pairs: Vec<_> =
+            keys.intersection(&others).map(|key| (key.to_string(), [key.clone(), key.clone()])).collect();
+        let only: [Vec<FrameKey>; 2] =
+            [keys.difference(&others).cloned().collect(), others.difference(&keys).cloned().collect()];
+        if pairs.is_empty() {
+            let [path, other_path] = paths;
+            let problem = format!("has no {}, and {} does", frames_in_words(&only[0]), path.display());
+            return Err(Error::input(other_path, problem));
+        }
+        Ok(Pairing { pairs, only })
+    }
+}
+
+/// The images or the cloud of a file. The first image has an empty name.
+fn contents(recorded: Recorded) -> Vec<(String, Content)> {
+    match recorded {
+        Recorded::Exr(parts) => {
+            let part = |(index, part): (usize, Part)| {
+                let name = if index == 0 { String::new() } else { format!(":{}", part.name) };
+                (name, Content::Image(part.image.without_repeats()))
+            };
+            parts.into_iter().enumerate().map(part).collect()
+        }
+        Recorded::Cloud(cloud) => vec![(String::new(), Content::Cloud(cloud))],
+        Recorded::Folder(_) => Vec::new(),
+    }
+}
+
+/// Names of frames in words, successive ones together: `roof/000003 to 000009 and left/000000`.
+pub fn frames_in_words(keys: &[FrameKey]) -> String {
+    const MOST: usize = 8;
+    let mut runs: Vec<(&FrameKey, &FrameKey)> = Vec::new();
+    for key in keys {
+        match runs.last_mut() {
+            Some((_, last))
+                if last.sensor() == key.sensor()
+                    && last.frame().and_then(|frame| frame.checked_add(1)) == key.frame()
+                    && key.frame().is_some() =>
+            {
+                *last = key;
+            }
+            _ => runs.push((key, key)),
+        }
+    }
+    let words = |(first, last): &(&FrameKey, &FrameKey)| match last.frame() {
+        Some(end) if first != last => format!("{first} to {end:06}"),
+        _ => first.to_string(),
+    };
+    let mut parts: Vec<String> = runs.iter().take(MOST).map(words).collect();
+    if runs.len() > MOST {
+        parts.push(format!("{} more runs of frames", runs.len() - MOST));
+    }
+    joined(&parts, "and")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn successive_frames_are_told_together() {
+        let keys: Vec<FrameKey> = ["a/000003", "a/000004", "a/000005", "a/000009", "b/000010", "whole"]
+            .map(FrameKey::of_stem)
+            .into();
+        assert_eq!(frames_in_words(&keys), "a/000003 to 000005, a/000009, b/000010 and whole");
+        let many: Vec<FrameKey> = (0..30).map(|i| FrameKey::of_stem(&format!("a/{:06}", 2 * i))).collect();
+        assert!(frames_in_words(&many).ends_with(", a/000014 and 22 more runs of frames"));
     }
 }

@@ -1,6 +1,7 @@
 //! Scanning: the pulses of a capture and a scene give returns. Only this room knows both. It splits its work over rayon's
 //! threads.
 
+mod alone;
 mod frame;
 
 use std::cmp::Ordering;
@@ -11,9 +12,10 @@ use rayon::prelude::*;
 
 use crate::frame::Pose;
 use crate::scene::Scene;
-use crate::sensor::Capture;
+use crate::sensor::{Capture, Pulse};
 use crate::trace::{Cast, Hit, Origins, PACKET_RAYS, Rays};
 
+pub use alone::alone;
 use frame::ReturnsMut;
 pub use frame::{Cause, Frame, Return, Returns};
 
@@ -34,8 +36,9 @@ const _: () = assert!(TILE.0 * TILE.1 == PACKET_RAYS);
 /// The number of columns of a strip, which is cast as one batch, tile by tile.
 const STRIP: usize = 16 * TILE.1;
 
-/// Casts every pulse of a capture, each from the sensor's pose at the pulse's own time. `None` if `progress.cancelled` was
-/// set before the end.
+/// Casts every pulse of a capture, each from the sensor's pose at the pulse's own time. What moves in the scene is hit where it is at
+/// that time, if the scene is arranged for the capture ([`Scene::during`](crate::scene::Scene::during) its
+/// [window](Capture::window)). `None` if `progress.cancelled` was set before the end.
 ///
 /// The scan runs on rayon's current thread pool. The frame is the same for any number of threads.
 pub fn scan(scene: &Scene, tracer: &impl Cast, capture: &Capture, progress: &Progress) -> Option<Frame> {
@@ -107,8 +110,12 @@ struct Batch {
     pixels: Vec<(u8, u8)>,
     origins: Vec<DVec3>,
     directions: Vec<DVec3>,
+    /// The time of each ray, if something in the scene moves.
+    times_s: Vec<f64>,
     /// The sensor's pose for each ray, if the sensor moves.
     poses: Vec<SensorPose>,
+    /// The pulse of each ray, if the sensor needs more than the length of a ray to say what it reports of a hit.
+    pulses: Vec<Pulse>,
     hits: Vec<Option<Hit>>,
 }
 
@@ -136,11 +143,15 @@ struct Scanner<'a, C> {
 impl<C: Cast> Scanner<'_, C> {
     /// Casts the pulses of a strip and writes the returns. Returns the number of rays.
     fn fill(&self, strip: &mut Strip, batch: &mut Batch) -> usize {
-        let Batch { pixels, origins, directions, poses, hits } = batch;
+        let Batch { pixels, origins, directions, times_s, poses, pulses, hits } = batch;
         pixels.clear();
         origins.clear();
         directions.clear();
+        times_s.clear();
         poses.clear();
+        pulses.clear();
+        let moves = self.scene.arrangement.window.is_some();
+        let keeps_pulses = !self.capture.sensor.judges_by_length();
         let width = strip.rows[0].causes.len();
         for first in (0..width).step_by(TILE.1) {
             for row in 0..strip.rows.len() {
@@ -154,9 +165,15 @@ impl<C: Cast> Scanner<'_, C> {
                         Some(pose) => pose,
                         None => poses.push_mut(SensorPose::new(self.capture.world_from_sensor(pulse.time_s))),
                     };
+                    if moves {
+                        times_s.push(self.capture.cast_at_s(pulse.time_s));
+                    }
                     pixels.push((row as u8, column as u8));
                     origins.push(pose.world_from_sensor.point(pulse.origin));
                     directions.push(pose.world_from_sensor.direction(pulse.direction));
+                    if keeps_pulses {
+                        pulses.push(pulse);
+                    }
                 }
             }
         }
@@ -172,6 +189,7 @@ impl<C: Cast> Scanner<'_, C> {
             t_min: 0.0,
             t_max: f64::INFINITY,
             after: None,
+            times_s: moves.then_some(&times_s[..]),
         };
         self.tracer.cast(&rays, hits);
         let mut last: Option<SeenTriangle> = None;
@@ -181,9 +199,14 @@ impl<C: Cast> Scanner<'_, C> {
                 piece.set(usize::from(column), None, Cause::Nothing);
                 continue;
             };
-            let at = (strip.first_row + usize::from(row), strip.first_column + usize::from(column));
-            let range_m = self.capture.range_m(at.0, at.1, hit.t);
-            let cause = match limits.place(self.capture.limited_m(at.0, at.1, range_m)) {
+            let (range_m, place) = match pulses.get(ray) {
+                None => (hit.t, limits.place(hit.t)),
+                Some(pulse) => {
+                    let range_m = pulse.range_m(hit.t);
+                    (range_m, limits.place_of(pulse, range_m))
+                }
+            };
+            let cause = match place {
                 Ordering::Less => Cause::TooNear,
                 Ordering::Equal => Cause::Surface,
                 Ordering::Greater => {
@@ -260,7 +283,7 @@ mod tests {
     use super::*;
     use crate::angle::Angle;
     use crate::motion::Trajectory;
-    use crate::scene::{Material, Object, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
+    use crate::scene::{Material, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
     use crate::sensor::{Camera, Pattern, RangeLimits, RingOrder, Sensor};
     use crate::trace::Tracer;
     use glam::Vec3;
@@ -297,13 +320,17 @@ mod tests {
         };
         let material =
             Material { base_color: [0.5, 0.5, 0.5, 1.0], job_label: Some(7), ..Material::default() };
-        let placed =
-            SourceInstance { mesh: 0, world_from_mesh: glam::DAffine3::IDENTITY, object: Object::default() };
+        let placed = SourceInstance {
+            mesh: 0,
+            world_from_mesh: glam::DAffine3::IDENTITY,
+            ..SourceInstance::default()
+        };
         let builder = SceneBuilder {
             meshes: vec![wall],
             instances: vec![placed],
             materials: vec![material],
             files: vec![],
+            groups: vec![],
         };
         let scene = builder.build().unwrap();
         let camera = Camera::from_hfov((33, 33), Angle::deg(60.0), None).unwrap();

@@ -1,12 +1,15 @@
 //! The half of a scene that time changes, which says where its meshes are; and the scene, which is a geometry so arranged.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DVec3};
 
-use super::geometry::{Geometry, Part};
+use super::bounds::Bounds;
+use super::geometry::{Geometry, Mesh, Part};
+use super::moving::{Moving, inverted};
+use crate::motion::Window;
 
 /// A geometry, arranged: ready to be traced, and cheap to clone.
 #[derive(Clone, Debug, Default)]
@@ -26,48 +29,68 @@ pub struct Surface {
     pub material: u32,
 }
 
-/// Where the meshes of a [`Geometry`] are at one time: the value of an animation at that time. Meshes that are nowhere at
-/// that time have no placement.
+/// Where the meshes of a [`Geometry`] are at one time or during a frame. Meshes that are nowhere then have no placement.
 #[derive(Clone, Debug, Default)]
 pub struct Arrangement {
     /// The first placements are the [regions](Geometry::regions), in order, which do not move: placement 0 is mesh 0 as it
-    /// stands. The ids of triangles rise from placement to placement.
+    /// stands. The ids of triangles rise from placement to placement. Only the shapes that a mesh has one after the other have
+    /// the same ids.
     pub placements: Vec<Placement>,
+    /// The shapes of meshes that bend. Their indices follow those of [`Geometry::meshes`]: see [`Scene::mesh`].
+    pub shapes: Vec<Mesh>,
+    /// The times for which the arrangement holds, if a placement moves: rays need times in this window then.
+    pub window: Option<Window>,
 }
 
 /// A mesh at a place.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Placement {
-    /// Index into [`Geometry::meshes`](Geometry::meshes).
+    /// The number of the mesh in [`Scene::mesh`].
     pub mesh: u32,
     /// The id of the mesh's first triangle at this placement.
     pub first_triangle: u32,
     /// The id of the object of the mesh's part with `object` 0 at this placement.
     pub first_object: u32,
-    scene_from_mesh: DAffine3,
-    mesh_from_scene: DAffine3,
+    pub(super) scene_from_mesh: DAffine3,
+    pub(super) mesh_from_scene: DAffine3,
+    pub(super) moving: Option<Arc<Moving>>,
 }
 
 impl Scene {
+    /// A mesh by its number: one of [`Geometry::meshes`], or after these one of [`Arrangement::shapes`].
+    #[inline]
+    pub fn mesh(&self, number: u32) -> &Mesh {
+        let meshes = &self.geometry.meshes;
+        let number = number as usize;
+        meshes.get(number).unwrap_or_else(|| &self.arrangement.shapes[number - meshes.len()])
+    }
+
     /// The same geometry, arranged otherwise.
     ///
     /// # Panics
     /// If the arrangement is not one of this geometry: it does not begin with the placements of the regions as they are, or a
-    /// mesh or an object does not exist, or the ids of triangles do not rise from placement to placement.
+    /// mesh or an object does not exist, or the ids of triangles do not rise from placement to placement (but for the shapes that
+    /// a mesh has one after the other), or a placement moves and the arrangement has no window.
     pub fn rearranged(&self, arrangement: Arc<Arrangement>) -> Self {
         let placements = &arrangement.placements;
         let regions = self.geometry.regions as usize;
         let fixed = &self.arrangement.placements[..regions];
         assert_eq!(placements.get(..regions), Some(fixed), "the regions stay where they are");
         let mut next_triangle = 0_u64;
+        let meshes = self.geometry.meshes.iter().chain(&arrangement.shapes).collect::<Vec<_>>();
         for (index, placement) in placements.iter().enumerate() {
-            let mesh = self.geometry.meshes.get(placement.mesh as usize);
+            assert!(
+                !placement.is_moving() || arrangement.window.is_some(),
+                "placement {index} moves without a time"
+            );
+            let mesh = meshes.get(placement.mesh as usize);
             let mesh = mesh.unwrap_or_else(|| panic!("placement {index} is of a mesh that does not exist"));
             let objects =
                 mesh.parts.iter().map(|part| placement.first_object as usize + part.object as usize);
             assert!(objects.max() < Some(self.geometry.objects.len()), "placement {index} has no object");
+            let is_next_shape = index > 0 && placement.follows(&placements[index - 1]);
             assert!(
-                u64::from(placement.first_triangle) >= next_triangle,
+                u64::from(placement.first_triangle) >= next_triangle || is_next_shape,
                 "the ids of placement {index} do not rise"
             );
             next_triangle = u64::from(placement.first_triangle) + mesh.triangles.len() as u64;
@@ -75,28 +98,28 @@ impl Scene {
         Self { geometry: self.geometry.clone(), arrangement }
     }
 
-    /// The number of triangles, each counted as often as it is placed: one more than the largest triangle id.
+    /// The number of triangles, each counted as often as it is placed: one more than the largest triangle id. What is hidden at
+    /// times counts.
     pub fn triangle_count(&self) -> u64 {
-        let meshes = self.arrangement.placements.iter().map(|p| &self.geometry.meshes[p.mesh as usize]);
-        meshes.map(|mesh| mesh.triangles.len() as u64).sum()
+        u64::from(self.geometry.triangle_ids)
     }
 
     /// The surface that triangle `triangle` of the mesh at placement `placement` is part of.
     pub fn surface(&self, placement: u32, triangle: u32) -> Surface {
         let placement = &self.arrangement.placements[placement as usize];
-        let parts = &self.geometry.meshes[placement.mesh as usize].parts;
+        let parts = &self.mesh(placement.mesh).parts;
         let part = parts[parts.partition_point(|p| p.first_triangle <= triangle) - 1];
-        placement.surface(&part)
+        part.surface(placement.first_object)
     }
 
     /// The triangles whose surface is meant: for each run of them the placement, and their range in its mesh.
     pub fn triangles_of(&self, is_meant: impl Fn(Surface) -> bool) -> Vec<(&Placement, Range<usize>)> {
         let mut found = Vec::new();
         for placement in &self.arrangement.placements {
-            let mesh = &self.geometry.meshes[placement.mesh as usize];
+            let mesh = self.mesh(placement.mesh);
             let ends = mesh.parts.iter().skip(1).map(|next| next.first_triangle as usize);
             for (part, end) in mesh.parts.iter().zip(ends.chain([mesh.triangles.len()])) {
-                if is_meant(placement.surface(part)) {
+                if is_meant(part.surface(placement.first_object)) {
                     found.push((placement, part.first_triangle as usize..end));
                 }
             }
@@ -112,33 +135,38 @@ impl Scene {
         object.job_label.or(material.job_label).or(object.file_label).unwrap_or(0)
     }
 
-    /// Every label that a surface has, in ascending order.
+    /// Every label that a surface has, in ascending order. What is hidden now counts.
     pub fn labels(&self) -> Vec<u32> {
-        let Geometry { meshes, objects, .. } = &*self.geometry;
-        let is_one_object: Vec<bool> =
-            meshes.iter().map(|mesh| mesh.parts.iter().all(|part| part.object == 0)).collect();
+        let Geometry { objects, movers, .. } = &*self.geometry;
+        let placed = self.arrangement.placements.iter().map(|p| (p.mesh, p.first_object));
+        let moved = movers.iter().map(|mover| (mover.mesh, mover.object));
+        let mut is_one_object = BTreeMap::new();
         let (mut labels, mut seen) = (BTreeSet::new(), BTreeSet::new());
-        for placement in &self.arrangement.placements {
-            let mesh = placement.mesh as usize;
+        for (mesh, first_object) in placed.chain(moved) {
+            let parts = &self.mesh(mesh).parts;
+            let is_one_object =
+                *is_one_object.entry(mesh).or_insert_with(|| parts.iter().all(|part| part.object == 0));
             // A mesh of many parts may be placed very often, and nearly always with the same labels.
-            if let Some(object) = objects.get(placement.first_object as usize)
-                && is_one_object[mesh]
+            if let Some(object) = objects.get(first_object as usize)
+                && is_one_object
                 && !seen.insert((mesh, object.job_label, object.file_label))
             {
                 continue;
             }
-            labels.extend(meshes[mesh].parts.iter().map(|part| self.label(placement.surface(part))));
+            labels.extend(parts.iter().map(|part| self.label(part.surface(first_object))));
         }
         labels.into_iter().collect()
     }
 }
 
-impl Placement {
-    /// The surface of a part of the mesh.
-    fn surface(&self, part: &Part) -> Surface {
-        Surface { object: self.first_object + part.object, material: part.material }
+impl Part {
+    /// The surface of the part at a placement whose object is given.
+    fn surface(&self, first_object: u32) -> Surface {
+        Surface { object: first_object + self.object, material: self.material }
     }
+}
 
+impl Placement {
     /// Mesh 0 as it stands, in the scene's space: placement 0 of every arrangement. (The placements of other regions are made by
     /// the [`SceneBuilder`](super::SceneBuilder).)
     pub const FIXED: Self = Self {
@@ -147,11 +175,12 @@ impl Placement {
         first_object: 0,
         scene_from_mesh: DAffine3::IDENTITY,
         mesh_from_scene: DAffine3::IDENTITY,
+        moving: None,
     };
 
     pub(super) fn new(mesh: u32, first_triangle: u32, first_object: u32, scene_from_mesh: DAffine3) -> Self {
         let mesh_from_scene = scene_from_mesh.inverse();
-        Self { mesh, first_triangle, first_object, scene_from_mesh, mesh_from_scene }
+        Self { mesh, first_triangle, first_object, scene_from_mesh, mesh_from_scene, moving: None }
     }
 
     /// The same mesh, with the same ids, at another place. `None` if rays cannot be carried into the mesh's space with
@@ -161,7 +190,8 @@ impl Placement {
             .then(|| Self::new(self.mesh, self.first_triangle, self.first_object, scene_from_mesh))
     }
 
-    /// The map from the mesh's space to the scene's: the identity for placement 0.
+    /// The map from the mesh's space to the scene's: the identity for placement 0. Of a placement that moves it is the map at one
+    /// time of the frame.
     #[inline]
     pub fn scene_from_mesh(&self) -> &DAffine3 {
         &self.scene_from_mesh
@@ -172,13 +202,54 @@ impl Placement {
     pub fn mesh_from_scene(&self) -> &DAffine3 {
         &self.mesh_from_scene
     }
+
+    /// Whether the map depends on time.
+    #[inline]
+    pub fn is_moving(&self) -> bool {
+        self.moving.is_some()
+    }
+
+    /// [`Placement::scene_from_mesh`] at a time of the frame. `None` if no ray of that time meets the mesh: it is hidden, it has
+    /// another shape, it reaches farther than [`SceneBuilder::MAX_COORDINATE_M`](super::SceneBuilder::MAX_COORDINATE_M), or the map
+    /// has no precise inverse (see [`Placement::at`]).
+    pub fn scene_from_mesh_at(&self, time_s: f64) -> Option<DAffine3> {
+        match &self.moving {
+            None => Some(self.scene_from_mesh),
+            Some(moving) => Some(moving.maps_at(time_s)?.0),
+        }
+    }
+
+    /// The inverse of [`Placement::scene_from_mesh_at`].
+    #[inline]
+    pub fn mesh_from_scene_at(&self, time_s: f64) -> Option<DAffine3> {
+        match &self.moving {
+            None => Some(self.mesh_from_scene),
+            Some(moving) => Some(moving.maps_at(time_s)?.1),
+        }
+    }
+
+    /// Whether this is the next shape of the mesh whose earlier shape is `before`: their times do not overlap.
+    fn follows(&self, before: &Self) -> bool {
+        let of_one = |p: &Self| (p.first_triangle, p.first_object);
+        let (Some(moving), Some(earlier)) = (&self.moving, &before.moving) else { return false };
+        of_one(self) == of_one(before) && earlier.is_before(moving)
+    }
+
+    /// The bounds in the scene's space of a box in the mesh's, over all times of the frame if the placement moves.
+    pub(crate) fn bounds_of(&self, own: &Bounds, window: Option<Window>) -> Bounds {
+        match (&self.moving, window) {
+            (Some(moving), Some(window)) => moving.bounds(own, window),
+            _ => own
+                .corners()
+                .map(|p| self.scene_from_mesh.transform_point3(p))
+                .fold(Bounds::EMPTY, Bounds::with),
+        }
+    }
 }
 
-/// Whether rays can be carried into the mesh's space and keep their precision: the condition number of the linear part
-/// (in the largest-row-sum norm) is at most 2¹², which holds for every map that does not crush the mesh almost flat.
+/// Whether a map has an [inverse](inverted) that rays can be carried by.
 pub(super) fn is_invertible(map: &DAffine3) -> bool {
-    let norm = |m: DMat3| (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
-    norm(map.matrix3) * norm(map.matrix3.inverse()) <= 4096.0 && map.inverse().is_finite()
+    inverted(map).is_some()
 }
 
 /// Whether the map leaves no triangle an area: it scales by zero along two axes or all three.

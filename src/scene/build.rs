@@ -1,5 +1,6 @@
 //! From meshes and where they are placed to a [`Scene`]: one space, one numbering.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
@@ -8,10 +9,12 @@ use super::arrangement::{Arrangement, Placement, Scene, crushes_to_a_line, is_in
 use super::bounds::Bounds;
 use super::flatten::{Flattened, Gathered, Numbers, half_step, is_degenerate, rounded};
 use super::geometry::{Geometry, Mesh, Part};
+use super::mover::{Mover, reach};
 use super::regions::{self, Region};
 use super::rounding::Rounding;
 use super::source::{SceneBuildError, SceneBuilder, SourceInstance, SourceMesh};
 use super::steps::origin_step;
+use crate::motion::{Link, Motion};
 
 impl SceneBuilder {
     /// Makes the scene: finds its centre, flattens the meshes that are placed once into mesh 0 or, where that would move
@@ -22,8 +25,9 @@ impl SceneBuilder {
         for instance in &self.instances {
             uses[instance.mesh] = uses[instance.mesh].saturating_add(1);
         }
-        // A map without a precise inverse (a scale of zero along an axis) leaves no space of its own to trace in.
-        let is_shared = |i: &SourceInstance| uses[i.mesh] > 1 && is_invertible(&i.world_from_mesh);
+        // A map without a precise inverse (a scale of zero along an axis) leaves no space of its own to trace in, unless it changes.
+        let is_shared =
+            |i: &SourceInstance| i.changes() || uses[i.mesh] > 1 && is_invertible(&i.world_from_mesh);
 
         let mut survey = Survey::of(&self, &is_shared)?;
         let Stored { mut centre, mut skipped, mut rounding, regions } = self.store_flat(&survey, &uses)?;
@@ -47,21 +51,29 @@ impl SceneBuilder {
         }
         let regions = meshes.len() as u32;
 
-        // The stored mesh of each source mesh that is shared, and the number of triangles that were left out of it.
-        let mut stored = vec![None; self.meshes.len()];
+        // The stored meshes of each source mesh that is shared: one that keeps its shape, and one that bends.
+        let mut stored = vec![[None, None]; self.meshes.len()];
+        let bending: BTreeSet<usize> =
+            self.instances.iter().filter(|i| i.deformer.is_some()).map(|i| i.mesh).collect();
+        let is_kept_twice = |i: &SourceInstance| uses[i.mesh] > 1 && bending.contains(&i.mesh);
+        let mut movers = Vec::new();
         for index in std::mem::take(&mut survey.shared) {
             let instance = &self.instances[index];
-            let (mesh, left_out) = match stored[instance.mesh] {
+            let kept: &mut Option<Kept> =
+                &mut stored[instance.mesh][usize::from(instance.deformer.is_some())];
+            let kept = match kept {
                 Some(known) => known,
                 None => {
-                    let source = std::mem::take(&mut self.meshes[instance.mesh]);
-                    let (mesh, left_out) = keep(source, index)?;
+                    let source = &mut self.meshes[instance.mesh];
+                    let source =
+                        if is_kept_twice(instance) { source.clone() } else { std::mem::take(source) };
+                    let (mesh, known) = keep(source, index, instance.deformer.is_some())?;
                     meshes.push(mesh);
-                    *stored[instance.mesh].insert(((meshes.len() - 1) as u32, left_out))
+                    kept.insert(Kept { mesh: (meshes.len() - 1) as u32, ..known })
                 }
             };
-            skipped += left_out;
-            let count = meshes[mesh as usize].triangles.len() as u64;
+            skipped += kept.left_out;
+            let count = meshes[kept.mesh as usize].triangles.len() as u64;
             if count == 0 {
                 continue;
             }
@@ -69,7 +81,26 @@ impl SceneBuilder {
                 return Err(SceneBuildError::TooManyTriangles { count: next_triangle + count });
             }
             let scene_from_mesh = DAffine3::from_translation(-centre) * instance.world_from_mesh;
-            placements.push(Placement::new(mesh, next_triangle as u32, index as u32, scene_from_mesh));
+            if !instance.changes() || is_invertible(&scene_from_mesh) {
+                placements.push(Placement::new(
+                    kept.mesh,
+                    next_triangle as u32,
+                    index as u32,
+                    scene_from_mesh,
+                ));
+            }
+            if instance.changes() {
+                let at_rest = || Arc::new(Motion { links: vec![Link::Fixed(instance.world_from_mesh)] });
+                movers.push(Mover {
+                    mesh: kept.mesh,
+                    first_triangle: next_triangle as u32,
+                    object: index as u32,
+                    motion: instance.motion.clone().unwrap_or_else(at_rest),
+                    deformer: instance.deformer.clone(),
+                    vertices: kept.vertices.clone(),
+                    reach: kept.reach,
+                });
+            }
             next_triangle += count;
         }
         if next_triangle > u64::from(u32::MAX) {
@@ -85,11 +116,15 @@ impl SceneBuilder {
             origin_step_m: origin_step(reach),
             rounding,
             objects: self.instances.into_iter().map(|instance| instance.object).collect(),
+            groups: self.groups,
             materials: self.materials,
+            movers,
+            triangle_ids: next_triangle as u32,
             skipped_triangles: skipped,
             files: self.files,
         };
-        Ok(Scene { geometry: Arc::new(geometry), arrangement: Arc::new(Arrangement { placements }) })
+        let arrangement = Arrangement { placements, ..Arrangement::default() };
+        Ok(Scene { geometry: Arc::new(geometry), arrangement: Arc::new(arrangement) })
     }
 
     /// Stores the meshes that are placed once, in one region or several.
@@ -158,8 +193,8 @@ struct Stored {
 
 /// What is known of a scene before anything is stored.
 struct Survey {
-    /// The middle of the bounds of all triangles that have an area (for a shared mesh: of the corners of its own bounds), rounded
-    /// to a multiple of a power of two that is at most a sixteenth of the largest half extent. So vertices with short
+    /// The middle of the bounds of all triangles that have an area and do not move (for a shared mesh: of the corners of its own
+    /// bounds), rounded to a multiple of a power of two that is at most a sixteenth of the largest half extent. So vertices with short
     /// coordinates, as people and exporters write them, are stored exactly, and a scene that is centred on its own origin
     /// stays there.
     centre: DVec3,
@@ -188,12 +223,12 @@ impl Survey {
         };
         // The bounds and the rounding of each shared mesh.
         let mut own = vec![None; builder.meshes.len()];
-        let mut all = Bounds::EMPTY;
+        let (mut all, mut moving) = (Bounds::EMPTY, Bounds::EMPTY);
         let (mut farthest, mut largest) = (0, 0.0);
         for (index, instance) in builder.instances.iter().enumerate() {
             let source = &builder.meshes[instance.mesh];
             let map = &instance.world_from_mesh;
-            if crushes_to_a_line(map) {
+            if crushes_to_a_line(map) && !instance.changes() {
                 // Scaling to nothing is a way to hide an object. It costs no memory, however many objects are hidden so.
                 survey.hidden += source.triangle_count();
                 continue;
@@ -220,15 +255,19 @@ impl Survey {
             if bounds.largest() > largest {
                 (farthest, largest) = (index, bounds.largest());
             }
-            all = all.union(bounds);
+            match instance.changes() {
+                true => moving = moving.union(bounds),
+                false => all = all.union(bounds),
+            }
             let m = &map.matrix3;
             let stretch = (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
             if error * stretch > survey.file_m {
                 (survey.file_m, survey.file_object) = (error * stretch, index);
             }
         }
-        if !all.is_empty() {
-            let half_extent = all.half_extent();
+        let both = all.union(moving);
+        if !both.is_empty() {
+            let half_extent = both.half_extent();
             // In this form an infinite extent, and one that is no number, is too large.
             let in_reach = half_extent <= SceneBuilder::MAX_COORDINATE_M;
             if !in_reach {
@@ -236,7 +275,9 @@ impl Survey {
                 let position = builder.meshes[*mesh].farthest(world_from_mesh);
                 return Err(SceneBuildError::TooFar { instance: farthest, position });
             }
-            survey.centre = all.middle(power_of_two_below(half_extent) / 16.0);
+            // What moves is stored in spaces of its own, so it does not count unless there is nothing else.
+            let counts = if all.is_empty() { moving } else { all };
+            survey.centre = counts.middle(power_of_two_below(counts.half_extent()) / 16.0);
         }
         Ok(survey)
     }
@@ -247,15 +288,31 @@ fn power_of_two_below(x: f64) -> f64 {
     f64::from_bits(x.to_bits() & 0x7ff0_0000_0000_0000)
 }
 
-/// Makes a mesh of `source` without transforming it. Returns the number of triangles that were left out, too.
-fn keep(source: SourceMesh, instance: usize) -> Result<(Mesh, u64), SceneBuildError> {
+/// A mesh that is stored in its own space.
+#[derive(Clone)]
+struct Kept {
+    /// Index into the stored meshes.
+    mesh: u32,
+    /// The number of triangles that were left out.
+    left_out: u64,
+    /// As in [`Mover`].
+    vertices: Arc<[u32]>,
+    reach: f64,
+}
+
+/// Makes a mesh of `source` without transforming it. If it bends, a triangle that has no area now may have one later, so only those
+/// are left out that never have one.
+fn keep(source: SourceMesh, instance: usize, bends: bool) -> Result<(Mesh, Kept), SceneBuildError> {
     let mut mesh = Mesh::default();
     let mut left_out = 0;
     let mut is_used = vec![false; source.positions.len()];
     for part in &source.parts {
         let first_triangle = mesh.triangles.len() as u32;
         for &triangle in &part.triangles {
-            if is_degenerate(source.corners(triangle)) {
+            let [a, b, c] = triangle;
+            let is_nothing =
+                if bends { a == b || b == c || c == a } else { is_degenerate(source.corners(triangle)) };
+            if is_nothing {
                 left_out += 1;
                 continue;
             }
@@ -270,6 +327,10 @@ fn keep(source: SourceMesh, instance: usize) -> Result<(Mesh, u64), SceneBuildEr
         }
     }
     mesh.positions = source.positions;
+    let mut vertices = Vec::new();
+    if bends {
+        vertices.extend((0..is_used.len() as u32).filter(|&v| is_used[v as usize]));
+    }
     if is_used.contains(&false) {
         let mut number = vec![0; is_used.len()];
         let mut next = 0;
@@ -284,14 +345,15 @@ fn keep(source: SourceMesh, instance: usize) -> Result<(Mesh, u64), SceneBuildEr
         mesh.positions.retain(|_| is_used.next() == Some(true));
         mesh.positions.shrink_to_fit();
     }
-    Ok((mesh, left_out))
+    let kept = Kept { mesh: 0, left_out, vertices: vertices.into(), reach: reach(&mesh.positions) };
+    Ok((mesh, kept))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::flatten::f64_from;
-    use crate::scene::{Material, Object, SourcePart};
+    use crate::scene::{Material, SourcePart};
 
     fn square() -> SourceMesh {
         SourceMesh {
@@ -301,11 +363,17 @@ mod tests {
     }
 
     fn at(mesh: usize, world_from_mesh: DAffine3) -> SourceInstance {
-        SourceInstance { mesh, world_from_mesh, object: Object::default() }
+        SourceInstance { mesh, world_from_mesh, ..SourceInstance::default() }
     }
 
     fn builder(meshes: Vec<SourceMesh>, instances: Vec<SourceInstance>) -> SceneBuilder {
-        SceneBuilder { meshes, instances, materials: vec![Material::default()], files: vec![] }
+        SceneBuilder {
+            meshes,
+            instances,
+            materials: vec![Material::default()],
+            files: vec![],
+            groups: vec![],
+        }
     }
 
     fn moved(x: f64, y: f64, z: f64) -> DAffine3 {

@@ -1,12 +1,15 @@
 //! The half of a scene that no time changes: its meshes, its materials, and the names and labels of its objects.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::material::Material;
+use super::mover::Mover;
 use super::rounding::Rounding;
 use super::steps::rounded_origin;
+use crate::motion::Motion;
 
 /// Everything in a scene that no time changes.
 #[derive(Clone, Debug, Default)]
@@ -15,7 +18,7 @@ pub struct Geometry {
     pub centre: DVec3,
     /// The first meshes, of which there is at least one, hold every mesh that is placed once. Mesh 0 is in the scene's space;
     /// it may be empty. Where the scene is too large for that, the others are [regions](Geometry::regions) with spaces of
-    /// their own. After them follow the meshes that are placed more than once, each in its own space.
+    /// their own. After them follow the meshes that are placed more than once or that move, each in its own space.
     pub meshes: Vec<Mesh>,
     /// The number of meshes that hold what is placed once. It is 1, or more for a scene so large that rounding would move
     /// its vertices by more than [`Rounding::LIMIT_M`]. Placement i of every arrangement is region i,
@@ -30,6 +33,12 @@ pub struct Geometry {
     pub objects: Vec<Object>,
     /// A material's id is its index.
     pub materials: Vec<Material>,
+    /// What moves, hides or bends, in ascending order of the ids of triangles.
+    pub movers: Vec<Mover>,
+    /// One more than the largest id of a triangle.
+    pub triangle_ids: u32,
+    /// What moves as one.
+    pub groups: Vec<Group>,
     /// The number of triangles that were left out because their area is zero, in the file or when their vertices are stored.
     pub skipped_triangles: u64,
     /// Every file that was read to make the scene.
@@ -68,6 +77,20 @@ pub struct Object {
     pub job_label: Option<u32>,
     /// The label of the file: `extras.label` of the node, else of its nearest ancestor that has one.
     pub file_label: Option<u32>,
+}
+
+/// Objects that move as one, which is what is tracked: an actor, or an animated node with all below it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// The actor's name, or the node's.
+    pub name: String,
+    /// The semantic label of the actor or the node; if those have none, that of the first object.
+    pub label: Option<u32>,
+    /// Its objects: indices into [`Geometry::objects`], in ascending order.
+    pub objects: Vec<u32>,
+    /// The map to the world from its own frame, over time. The frame's axes are those of the file in the world, if the actor or
+    /// the node was not turned.
+    pub world_from_group: Arc<Motion>,
 }
 
 /// A file that the scene was read from.

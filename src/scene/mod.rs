@@ -2,14 +2,14 @@
 //!
 //! A [`Scene`] has two halves. Its [`Geometry`] holds everything that no time changes: vertices, triangles, materials, the
 //! names and labels of objects. Its [`Arrangement`] says where the meshes of the geometry are at one time. Both are shared,
-//! so a scene is cheap to clone, and two scenes that differ only in time share every vertex. An animation is a function from
-//! time to an arrangement; the tracer takes an arrangement and builds only its top level again. (Animations are not read from
-//! glTF yet. An object that one moves will need a placement of its own, where [`SceneBuilder`] now flattens every mesh that is
-//! placed once.)
+//! so a scene is cheap to clone, and two scenes that differ only in time share every vertex. What moves, hides or bends is a
+//! [`Mover`]: [`Scene::at`] is the arrangement of one time, and [`Scene::during`] that of a frame, in which each ray finds what moves
+//! where it is at the ray's own time. The tracer takes an arrangement and builds only its top level again, and the hierarchies
+//! of the shapes that are new.
 //!
 //! The scene's space is the world, translated (in f64) so that the scene's own centre is near its origin; only then are
 //! vertices rounded to f32. A mesh that is placed once is stored in that space, in mesh 0. A mesh that is placed more than
-//! once is stored once, in its own space, with one [`Placement`] for each time that it is placed.
+//! once, or moves, is stored once, in its own space, with one [`Placement`] for each time that it is placed.
 //!
 //! In a scene so large that this rounding would be felt (some kilometres), the meshes that are placed once are shared out to
 //! several [regions](Geometry::regions) with centres of their own; `regions` says how, and why rays find no seam between them.
@@ -21,29 +21,39 @@
 //! rounding     what it costs that vertices have 32 bits
 //! geometry     the half that no time changes; material: what surfaces are like
 //! arrangement  the half that says where meshes are, and the scene as both
+//! mover        what changes over time; moving: the maps of such a placement; frames: the scene at a time and during a frame
+//! only         a part of a scene, object by object
+//! bending      what it costs that a mesh which bends keeps its shape for a slice of time
 //! extent       how far a scene reaches; bounds: boxes
 //! notice       what is to be known of a scene though it can be used
 //! gltf/        reading glTF
 //! ```
 
 mod arrangement;
+mod bending;
 pub(crate) mod bounds;
 mod build;
 mod extent;
 mod flatten;
+mod frames;
 mod geometry;
 pub mod gltf;
 mod material;
+mod mover;
+mod moving;
 mod notice;
+mod only;
 mod regions;
 mod rounding;
 mod source;
 mod steps;
 
 pub use arrangement::{Arrangement, Placement, Scene, Surface};
+pub use bending::Slicing;
 pub use extent::Extent;
-pub use geometry::{Geometry, Mesh, Object, Part, SourceFile, label_names};
+pub use geometry::{Geometry, Group, Mesh, Object, Part, SourceFile, label_names};
 pub use material::Material;
+pub use mover::{Deformer, Mover};
 pub use notice::Notice;
 pub use rounding::Rounding;
 pub use source::{SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart};

@@ -1,9 +1,13 @@
 //! What a scene is made of before it is one: meshes as their files give them, and where they are placed.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3};
 
-use super::geometry::{Object, SourceFile};
+use super::geometry::{Group, Object, SourceFile};
 use super::material::Material;
+use super::mover::Deformer;
+use crate::motion::Motion;
 
 /// Meshes and where they are placed, in document order; [`SceneBuilder::build`] makes a scene of them.
 #[derive(Clone, Debug, Default)]
@@ -12,6 +16,8 @@ pub struct SceneBuilder {
     pub meshes: Vec<SourceMesh>,
     /// The places of the meshes, in document order.
     pub instances: Vec<SourceInstance>,
+    /// What moves as one.
+    pub groups: Vec<Group>,
     /// The materials.
     pub materials: Vec<Material>,
     /// The files that all of it was read from.
@@ -37,12 +43,18 @@ pub struct SourcePart {
 }
 
 /// A mesh at a place.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct SourceInstance {
     /// Index into [`SceneBuilder::meshes`].
     pub mesh: usize,
-    /// Any affine map. A mirroring map keeps the fronts of triangles in front.
+    /// Any affine map. A mirroring map keeps the fronts of triangles in front. Of a mesh that moves, it is the map at rest: where
+    /// the mesh stands as long as no time is given.
     pub world_from_mesh: DAffine3,
+    /// `world_from_mesh` over time, if the mesh moves or is hidden at times. Such a mesh is stored in its own space.
+    pub motion: Option<Arc<Motion>>,
+    /// The shape of the mesh over time, if it bends. Such a mesh is stored in its own space as well, in which it bends. It also moves
+    /// there if it has a motion. The source mesh is its shape at rest.
+    pub deformer: Option<Arc<Deformer>>,
     /// The object that the mesh is at this place.
     pub object: Object,
 }
@@ -78,6 +90,13 @@ pub enum SceneBuildError {
         /// The vertex's position.
         position: DVec3,
     },
+}
+
+impl SourceInstance {
+    /// Whether the mesh moves, hides or bends at this place.
+    pub(super) fn changes(&self) -> bool {
+        self.motion.is_some() || self.deformer.is_some()
+    }
 }
 
 impl SceneBuilder {

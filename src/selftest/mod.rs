@@ -33,10 +33,8 @@ use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::motion::Trajectory;
 use crate::output::{CloudFrame, Names, SensorFrame};
 use crate::scan::{Cause, Frame, Progress, scan};
-use crate::scene::{
-    Material, Object, Scene, SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart,
-};
-use crate::sensor::{Capture, Lens, Pattern, Pulse, RangeLimits, Sensor};
+use crate::scene::{Material, Scene, SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
+use crate::sensor::{Capture, Lens, Pattern, Pulse, RangeLimits, RowOrder, Sensor, Shutter};
 use crate::trace::AnyTracer;
 use crate::trace::methods::Method;
 use shapes::{Model, Solid};
@@ -252,12 +250,14 @@ impl Stage {
         let world_from_model = world_from_sensor * *sensor_from_model;
         let part = SourcePart { triangles: model.triangles.clone(), material: 0 };
         let mesh = SourceMesh { positions: model.positions(), parts: vec![part] };
-        let placed = SourceInstance { mesh: 0, world_from_mesh: world_from_model, object: Object::default() };
+        let placed =
+            SourceInstance { mesh: 0, world_from_mesh: world_from_model, ..SourceInstance::default() };
         let builder = SceneBuilder {
             meshes: vec![mesh],
             instances: vec![placed],
             materials: vec![Material::default()],
             files: vec![],
+            groups: vec![],
         };
         let scene = builder.build()?;
         let largest =
@@ -299,7 +299,7 @@ fn range_tolerance(t: f64) -> f64 {
 }
 
 /// The closed form's answer about a pixel's pulse, whose direction has unit length.
-fn expected(stage: &Stage, capture: &Capture, (row, column): (usize, usize), pulse: &Pulse) -> Expected {
+fn expected(stage: &Stage, limits: &RangeLimits, pulse: &Pulse) -> Expected {
     let crossing = |grown| stage.solid.crossing(pulse.origin, pulse.direction, grown);
     let Some(outer) = crossing(stage.vertex_error) else { return Expected::Miss(Cause::Nothing) };
     let (Some(ideal), Some(inner)) = (crossing(0.0), crossing(-stage.vertex_error)) else {
@@ -308,7 +308,7 @@ fn expected(stage: &Stage, capture: &Capture, (row, column): (usize, usize), pul
     };
     // Along the ray, a range grows by at most as much as the way, and a depth by at most as much as the range, so that neither
     // has a larger error.
-    let place = |range_m| capture.sensor.range.place(capture.limited_m(row, column, range_m));
+    let place = |range_m| limits.place_of(pulse, range_m);
     // The surface as the ray goes in, and as it comes out.
     for (low, high, ideal) in [(outer.0, inner.0, ideal.0), (inner.1, outer.1, ideal.1)] {
         let (low, high) = (low - range_tolerance(low), high + range_tolerance(high));
@@ -331,6 +331,7 @@ fn expected(stage: &Stage, capture: &Capture, (row, column): (usize, usize), pul
 /// Compares a frame of `target` with its closed form.
 fn judge(target: &Target, stage: &Stage, capture: &Capture, frame: &Frame) -> ShapeResult {
     let pose = capture.world_from_sensor(0.0);
+    let limits = &capture.sensor.range;
     let mut result = ShapeResult {
         shape: target.name,
         tessellated: matches!(stage.solid, Solid::Ball { .. }),
@@ -359,7 +360,7 @@ fn judge(target: &Target, stage: &Stage, capture: &Capture, frame: &Frame) -> Sh
             }
             continue;
         };
-        let expected = expected(stage, capture, (row, column), &pulse);
+        let expected = expected(stage, limits, &pulse);
         let cause = frame.causes()[row * frame.columns() + column];
         let found_m = found.map(|hit| hit.range_m);
         let mut right = true;
@@ -383,8 +384,7 @@ fn judge(target: &Target, stage: &Stage, capture: &Capture, frame: &Frame) -> Sh
             (&Expected::Hit(low, high, _), None) => (right, expected_m) = (false, Some((low, high))),
         }
         if let Some(hit) = found {
-            let limited_m = capture.limited_m(row, column, hit.range_m);
-            right &= capture.sensor.range.place(limited_m) == Ordering::Equal;
+            right &= limits.place_of(&pulse, hit.range_m).is_eq();
             let d = pose.direction(pulse.direction);
             let (n, h) = stage.plane(hit.triangle, pose.point(pulse.origin));
             let cos = n.dot(d);
@@ -443,10 +443,16 @@ impl Sum {
 fn geometry(sensor: &Sensor, frame: &Frame) -> Vec<Check> {
     let capture = Capture::at_origin(sensor);
     let names = Names::default();
-    let seen = SensorFrame { capture, frame, name: "", cloud_frame: CloudFrame::Body, names, legend: false };
+    let seen = SensorFrame { cloud_frame: CloudFrame::Body, names, ..SensorFrame::new(capture, frame, "") };
     let mut checks = angles(&capture, frame, &|row, column, range| seen.point(row, column, range));
     let time = |row, column| capture.time_s(row, column);
     checks.extend(times((capture.rows(), capture.columns()), sensor.pattern.rate_hz(), &time));
+    let shutter = match &sensor.pattern {
+        Pattern::Camera(camera) => Some(camera.shutter()),
+        Pattern::Raster(raster) => raster.shutter(),
+        _ => None,
+    };
+    checks.extend(shutter.map(|shutter| exposures((capture.rows(), capture.columns()), shutter, &time)));
     checks
 }
 
@@ -508,6 +514,34 @@ fn angles(
         _ => vec![],
     });
     checks
+}
+
+/// Checks the times at which the rows of an image are exposed: each pixel's is that of the last row exposed before its own,
+/// and the time of a row later. The first row is exposed at the frame's start.
+///
+/// Each of two times is a product and rounded once, and so is the sum: the difference is off by at most 3 u of the last time.
+fn exposures(
+    (rows, columns): (usize, usize),
+    shutter: &Shutter,
+    time_s: &dyn Fn(usize, usize) -> Option<f64>,
+) -> Check {
+    let mut exposure = Check::new("exposure of the rows", "s", 3.0 * U * shutter.last_s(rows));
+    // Some pixels have no ray, so a row's time is that of any of its pixels.
+    let time_of = |row: usize| (0..columns).find_map(|column| time_s(row, column));
+    for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+        let Some(time) = time_s(row, column) else { continue };
+        let before = match shutter.order() {
+            RowOrder::TopDown => row.checked_sub(1),
+            RowOrder::BottomUp => Some(row + 1).filter(|row| *row < rows),
+        };
+        let expected = match before {
+            None => Some(0.0),
+            Some(before) if column == 0 => time_of(before).map(|before| before + shutter.row_time_s()),
+            Some(_) => time_of(row),
+        };
+        exposure.add(expected.map_or(0.0, |expected| (time - expected).abs()), (row, column));
+    }
+    exposure
 }
 
 /// Checks the times along each row. They go back once at most, and by less than a frame's period, in an image that starts

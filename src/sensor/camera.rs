@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::Lens;
+use super::{Lens, Shutter};
 use crate::angle::Angle;
 use crate::frame::BODY_FROM_OPTICAL;
 
@@ -19,6 +19,7 @@ pub struct Camera {
     cx: f64,
     cy: f64,
     lens: Lens,
+    shutter: Shutter,
     rate_hz: Option<f64>,
     inverse: InverseLens,
 }
@@ -87,6 +88,7 @@ impl Camera {
             cx,
             cy,
             lens: Lens::Ideal,
+            shutter: Shutter::GLOBAL,
             rate_hz,
             inverse: InverseLens::default(),
         })
@@ -96,6 +98,12 @@ impl Camera {
     #[must_use]
     pub fn with_lens(self, lens: Lens) -> Self {
         Self { lens, inverse: InverseLens::default(), ..self }
+    }
+
+    /// The same camera with another shutter. A camera has a global one unless it is told otherwise.
+    #[must_use]
+    pub fn with_shutter(self, shutter: Shutter) -> Self {
+        Self { shutter, ..self }
     }
 
     /// A camera with square pixels, its principal point in the middle, and a horizontal field of view from the left edge of
@@ -140,6 +148,17 @@ impl Camera {
     /// The lens.
     pub fn lens(&self) -> &Lens {
         &self.lens
+    }
+
+    /// The shutter.
+    pub fn shutter(&self) -> &Shutter {
+        &self.shutter
+    }
+
+    /// The time at which a row is exposed, in seconds from the frame's start.
+    #[inline(always)]
+    pub(super) fn time_s(&self, row: usize) -> f64 {
+        self.shutter.time_s(row, self.height)
     }
 
     /// The unit direction through a pixel's centre in the optical frame (x right, y down, z forward). It is the direction

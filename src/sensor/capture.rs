@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::{Lens, Limited, Pattern, Pulse, Ranging, Sensor};
+use super::{Lens, Pattern, Pulse, Sensor};
 use crate::frame::Pose;
-use crate::motion::{AT_ORIGIN, Trajectory};
+use crate::motion::{AT_ORIGIN, Trajectory, Window};
 
 /// One frame of a sensor that is mounted on a moving body. It says which pulses go out, at what time, and from which pose.
 ///
@@ -23,6 +23,8 @@ pub struct Capture<'a> {
     /// The time at which the frame starts, in seconds from the moment at which the sensor is switched on. The trajectory's
     /// time has the same zero.
     pub start_s: f64,
+    /// Whether all pulses are cast at the frame's start, whatever their own times: nothing moves during the frame.
+    pub is_frozen: bool,
     /// The seed of all random numbers.
     pub seed: u64,
 }
@@ -38,7 +40,13 @@ impl<'a> Capture<'a> {
         seed: u64,
     ) -> Self {
         let start_s = sensor.pattern.rate_hz().map_or(0.0, |rate_hz| frame as f64 / rate_hz);
-        Self { sensor, body_from_sensor, trajectory, frame, start_s, seed }
+        Self { sensor, body_from_sensor, trajectory, frame, start_s, is_frozen: false, seed }
+    }
+
+    /// The same frame in a sequence whose frame 0 starts at `start_s`.
+    #[must_use]
+    pub fn in_sequence(self, start_s: f64, is_frozen: bool) -> Self {
+        Self { start_s: start_s + self.start_s, is_frozen, ..self }
     }
 
     /// The first frame of a sensor that stands at the world's origin, for questions about the sensor alone.
@@ -75,21 +83,9 @@ impl<'a> Capture<'a> {
     /// The time of a pixel's pulse, in seconds from the frame's start. `None` as for [`Self::pulse`].
     pub fn time_s(&self, row: usize, column: usize) -> Option<f64> {
         match &self.sensor.pattern {
-            // All pixels of a camera are exposed at once, and most lenses have a ray for each pixel, so the lens is not
-            // inverted.
-            Pattern::Camera(camera) => camera.has_ray(row, column).then_some(0.0),
+            // A row of a camera is exposed at once, and most lenses have a ray for each pixel, so the lens is not inverted.
+            Pattern::Camera(camera) => camera.has_ray(row, column).then_some(camera.time_s(row)),
             pattern => pattern.pulse(row, column, self.start_s).map(|pulse| pulse.time_s),
-        }
-    }
-
-    /// The range that the sensor reports of a point so many metres along a pixel's ray.
-    #[inline]
-    pub fn range_m(&self, row: usize, column: usize, along_m: f64) -> f64 {
-        match &self.sensor.pattern {
-            Pattern::Rotating(rotating) if rotating.ranging() != Ranging::default() => {
-                self.pulse(row, column).map_or(along_m, |pulse| pulse.range_m(along_m))
-            }
-            _ => along_m,
         }
     }
 
@@ -102,23 +98,37 @@ impl<'a> Capture<'a> {
         }
     }
 
-    /// The length at a range along a pixel's ray that the sensor's limits apply to, in metres: the range itself, or a
-    /// camera's depth.
-    #[inline]
-    pub fn limited_m(&self, row: usize, column: usize, range_m: f64) -> f64 {
-        match self.sensor.range.of {
-            Limited::Range => range_m,
-            Limited::Depth => self.depth_over_range(row, column).map_or(range_m, |ratio| range_m * ratio),
-        }
-    }
-
-    /// The sensor's pose at `time_s` seconds from the frame's start.
+    /// The sensor's pose at which a pulse is cast `time_s` seconds from the frame's start.
     pub fn world_from_sensor(&self, time_s: f64) -> Pose {
-        self.trajectory.pose_at(self.start_s + time_s) * self.body_from_sensor
+        self.trajectory.pose_at(self.cast_at_s(time_s)) * self.body_from_sensor
     }
 
-    /// The pose of the sensor for the whole frame, if the body stands still.
+    /// The time at which a pulse of `time_s` seconds from the frame's start is cast, on the clock of the trajectory and of the
+    /// scene.
+    pub fn cast_at_s(&self, time_s: f64) -> f64 {
+        if self.is_frozen { self.start_s } else { self.start_s + time_s }
+    }
+
+    /// The times at which pulses are cast, from the first to the last.
+    pub fn window(&self) -> Window {
+        let pattern = &self.sensor.pattern;
+        let [from_s, to_s] =
+            [pattern.first_pulse_s(), pattern.last_pulse_s()].map(|time_s| self.cast_at_s(time_s));
+        Window { from_s, to_s }
+    }
+
+    /// The time from the frame's start to its end, in seconds: to the start of the sensor's next frame, or to the last pulse of
+    /// a sensor without a rate.
+    pub fn duration_s(&self) -> f64 {
+        let pattern = &self.sensor.pattern;
+        pattern.rate_hz().map_or_else(|| pattern.last_pulse_s(), |rate_hz| 1.0 / rate_hz)
+    }
+
+    /// The pose of the sensor for the whole frame, if the body stands still or the frame is frozen.
     pub fn fixed_world_from_sensor(&self) -> Option<Pose> {
+        if self.is_frozen {
+            return Some(self.world_from_sensor(0.0));
+        }
         self.trajectory.fixed_pose().map(|world_from_body| world_from_body * self.body_from_sensor)
     }
 

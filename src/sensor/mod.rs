@@ -3,7 +3,9 @@
 //! ```text
 //! rotating raster mirror risley rays   the patterns of LiDARs, one file each
 //! camera     the directions of a camera's pixels; lens: models of distortion; polynomial: where a model folds
+//! shutter    the times at which the rows of an image are exposed
 //! capture    one frame of one sensor: the only door to pulses
+//! sight      where a sensor looks
 //! facts      what follows from a pattern: fields of view, steps, points a second
 //! ```
 
@@ -17,6 +19,8 @@ mod raster;
 mod rays;
 mod risley;
 mod rotating;
+mod shutter;
+mod sight;
 
 use std::cmp::Ordering;
 
@@ -32,6 +36,8 @@ pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};
 pub use risley::{Prism, Ripple, Risley, RisleyError, Tilted, TurningMirror};
 pub use rotating::{Beam, Phase, Rotating, RotatingError};
+pub use shutter::{RowOrder, Shutter};
+pub use sight::Sight;
 
 /// A LiDAR or a depth camera.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,6 +54,16 @@ impl Sensor {
     /// A sensor with a pattern and no limits of range. Its rings are the rows of its image.
     pub fn new(pattern: Pattern) -> Self {
         Self { pattern, range: RangeLimits::default(), ring: RingOrder::default() }
+    }
+
+    /// Whether the length of a ray alone says what the sensor reports of a hit: its range counts along the ray from the
+    /// pulse's origin, and the limits are those of the range.
+    pub(crate) fn judges_by_length(&self) -> bool {
+        let counts_along = match &self.pattern {
+            Pattern::Rotating(rotating) => rotating.ranging() == Ranging::default(),
+            _ => true,
+        };
+        counts_along && self.range.of == Limited::Range
     }
 }
 
@@ -92,6 +108,16 @@ impl RangeLimits {
         } else {
             Ordering::Greater
         }
+    }
+
+    /// Where a surface lies, as [`Self::place`] has it, that a sensor reports at a range along a pulse's ray.
+    #[inline]
+    pub fn place_of(&self, pulse: &Pulse, range_m: f64) -> Ordering {
+        self.place(match self.of {
+            Limited::Range => range_m,
+            // A camera looks along x of its body frame.
+            Limited::Depth => range_m * pulse.direction.x,
+        })
     }
 }
 
@@ -259,7 +285,7 @@ impl Pattern {
             Self::Rays(p) => Some(p.pulse(row, column, start_s)),
             Self::Camera(p) => {
                 let direction = p.direction(row, column)?;
-                Some(Pulse::new(DVec3::ZERO, direction, 0.0))
+                Some(Pulse::new(DVec3::ZERO, direction, p.time_s(row)))
             }
         }
     }
@@ -319,7 +345,7 @@ impl Pattern {
             Self::Mirror(p) => p.last_pulse_s(),
             Self::Risley(p) => p.last_pulse_s(),
             Self::Rays(p) => p.last_pulse_s(),
-            Self::Camera(_) => 0.0,
+            Self::Camera(p) => p.shutter().last_s(p.height()),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::Pulse;
+use super::{Pulse, Shutter};
 use crate::angle::Angle;
 
 /// A grid with an elevation for each row and an azimuth for each column.
@@ -14,6 +14,8 @@ pub struct Raster {
     elevations: Vec<(f64, f64)>,
     order: Order,
     pulse_rate_hz: f64,
+    /// The shutter of a grid whose rows are seen as a whole.
+    shutter: Shutter,
     rate_hz: Option<f64>,
 }
 
@@ -74,6 +76,7 @@ impl Raster {
             elevations: sin_cos(elevations),
             order,
             pulse_rate_hz,
+            shutter: Shutter::GLOBAL,
             rate_hz,
         })
     }
@@ -95,6 +98,12 @@ impl Raster {
         Self::new(&centres(columns, hfov), &centres(rows, vfov), Order::Flash, f64::INFINITY, rate_hz)
     }
 
+    /// The same grid behind a shutter, which says when its rows are seen if its order is [`Order::Flash`].
+    #[must_use]
+    pub fn with_shutter(self, shutter: Shutter) -> Self {
+        Self { shutter, ..self }
+    }
+
     /// The number of rows, which is that of the elevations.
     pub fn rows(&self) -> usize {
         self.elevations.len()
@@ -112,11 +121,23 @@ impl Raster {
 
     /// The time of the last pulse, in seconds from the first pulse.
     pub fn last_pulse_s(&self) -> f64 {
-        self.time_s(self.rows() * self.columns() - 1)
+        match self.order {
+            Order::Flash => self.shutter.last_s(self.rows()),
+            _ => (self.rows() * self.columns() - 1) as f64 / self.pulse_rate_hz,
+        }
     }
 
-    fn time_s(&self, index: usize) -> f64 {
-        if self.order == Order::Flash { 0.0 } else { index as f64 / self.pulse_rate_hz }
+    /// The shutter, if the rows are seen as wholes.
+    pub fn shutter(&self) -> Option<&Shutter> {
+        (self.order == Order::Flash).then_some(&self.shutter)
+    }
+
+    /// The time of a pulse by its place in its row, counted in the order of firing.
+    fn time_s(&self, row: usize, in_line: usize) -> f64 {
+        match self.order {
+            Order::Flash => self.shutter.time_s(row, self.rows()),
+            _ => (row * self.columns() + in_line) as f64 / self.pulse_rate_hz,
+        }
     }
 
     /// The pulse of a pixel.
@@ -127,14 +148,14 @@ impl Raster {
             if self.order == Order::BackAndForth && row % 2 == 1 { columns - 1 - column } else { column };
         let ((sin_az, cos_az), (sin_el, cos_el)) = (self.azimuths[column], self.elevations[row]);
         let direction = DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el);
-        Pulse::new(DVec3::ZERO, direction, self.time_s(row * columns + in_line))
+        Pulse::new(DVec3::ZERO, direction, self.time_s(row, in_line))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::azimuth_elevation;
+    use crate::sensor::{RowOrder, azimuth_elevation};
 
     fn grid(order: Order) -> Raster {
         let degrees = |list: &[f64]| list.iter().map(|&d| Angle::deg(d)).collect::<Vec<_>>();
@@ -167,7 +188,12 @@ mod tests {
         assert!(near(at(0, 0), (157.5, 67.5)), "{:?}", at(0, 0));
         assert!(near(at(3, 7), (-157.5, -67.5)));
         assert!(near(at(1, 3), (22.5, 22.5)));
-        assert_eq!(sphere.last_pulse_s(), 0.0);
+        assert_eq!((sphere.last_pulse_s(), sphere.pulse(3, 0).time_s), (0.0, 0.0));
+        let rolling = sphere.with_shutter(Shutter::rolling(1e-3, RowOrder::BottomUp).unwrap());
+        assert_eq!(
+            (rolling.last_pulse_s(), rolling.pulse(3, 0).time_s, rolling.pulse(0, 7).time_s),
+            (3e-3, 0.0, 3e-3)
+        );
     }
 
     #[test]

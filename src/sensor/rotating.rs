@@ -60,7 +60,7 @@ struct Firing {
     origin: DVec3,
 }
 
-/// What differs in one column of a cycle. A unit whose beams fire in turns repeats a few columns over and over: Hesai's
+/// The differences of one column of a cycle. A unit whose beams fire in turns repeats a few columns over and over: Hesai's
 /// Pandar128 and OT128 go through two or four azimuth states, and QT128 through two loops.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Phase {

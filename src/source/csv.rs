@@ -1,4 +1,4 @@
-//! CSV as tables of rays and calibration files have it: no quotes, one record a line.
+//! CSV as tables of rays, calibration files and poses have it: no quotes, one record a line. Some have blanks for commas.
 
 use super::words::quoted;
 use super::{Report, Span};
@@ -68,6 +68,20 @@ pub(crate) fn rows(text: &str, source: u32) -> impl Iterator<Item = Row<'_>> {
             cells: cells(line, source, start),
             span: Span::new(source, start..start + line.len()),
         })
+    })
+}
+
+/// The lines of the text number `source` that are not blank, with blanks between their fields.
+pub(crate) fn words(text: &str, source: u32) -> impl Iterator<Item = Row<'_>> {
+    rows(text, source).map(move |row| {
+        let start = row.span.start as usize;
+        let line = &text[start..row.span.end as usize];
+        let cell = |word: &str| {
+            let from = start + (word.as_ptr() as usize - line.as_ptr() as usize);
+            Span::new(source, from..from + word.len())
+        };
+        let cells = line.split_ascii_whitespace().map(|word| Cell { text: word, span: cell(word) });
+        Row { cells: cells.collect(), span: row.span }
     })
 }
 

@@ -49,11 +49,11 @@ pub struct Doubt {
     pub code: &'static str,
     /// The key that is meant, as messages write it.
     pub key: String,
-    /// What is odd, in one sentence, with the key and the value.
+    /// The oddity, in one sentence, with the key and the value.
     pub message: String,
     /// A short note under the marked text.
     pub label: String,
-    /// What was probably meant, in a sentence.
+    /// The likely intention, in a sentence.
     pub help: Option<String>,
 }
 

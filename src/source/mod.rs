@@ -29,7 +29,7 @@ use std::path::Path;
 pub use diagnostic::{Diagnostic, Doubt, Place, Severity};
 pub use file_kind::{FileKind, Unit, Wanted};
 pub(crate) use read::{Unreadable, is_config, read_file, recognise};
-pub(crate) use report::{Layer, MAX_TEXT_BYTES, Report};
+pub(crate) use report::{Layer, MAX_TEXT_BYTES, Report, Texts};
 
 /// A range of bytes in one of the texts of a [`Report`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -99,7 +99,7 @@ pub(crate) fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, Unreadable> 
 /// Most of a file that is read to recognise it.
 const MOST_TO_RECOGNISE: u64 = 16 << 20;
 
-/// What a file is, by its beginning; of JSON, as much is read as its keys may need.
+/// The kind of a file, by its beginning; of JSON, as much is read as its keys may need.
 ///
 /// # Errors
 /// As [`read_file`], except that no file is too large.

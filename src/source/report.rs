@@ -18,7 +18,7 @@ pub(crate) enum Layer {
     Override,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Source {
     path: PathBuf,
     text: Arc<str>,
@@ -32,6 +32,22 @@ struct Source {
 pub(crate) struct Report {
     sources: Vec<Source>,
     found: RefCell<Vec<(Span, Diagnostic)>>,
+}
+
+/// The texts of a report, without the problems found in them, for reading them anew.
+#[derive(Clone, Debug)]
+pub(crate) struct Texts(Vec<Source>);
+
+impl Texts {
+    /// A report of these texts in which nothing was found yet.
+    pub fn report(&self) -> Report {
+        Report { sources: self.0.clone(), found: RefCell::default() }
+    }
+
+    /// The length of all texts in bytes.
+    pub fn bytes(&self) -> usize {
+        self.0.iter().map(|source| source.text.len()).sum()
+    }
 }
 
 /// The largest text that is read. A parsed one takes about a hundred times its size in memory.
@@ -101,6 +117,15 @@ impl Report {
         let Ok(real) = fs::canonicalize(path) else { return false };
         // Everything lies under the root.
         folders.filter_map(whole).any(|folder| folder.parent().is_some() && real.starts_with(folder))
+    }
+
+    /// The texts, without those that are longer than any that values stand in: tables of rays.
+    pub fn texts(&self) -> Texts {
+        let kept = |source: &Source| match source.text.len() as u64 {
+            0..=MAX_TEXT_BYTES => source.clone(),
+            _ => Source { text: "".into(), ..source.clone() },
+        };
+        Texts(self.sources.iter().map(kept).collect())
     }
 
     /// The whole text of a number.

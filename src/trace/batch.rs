@@ -25,12 +25,26 @@ pub(super) struct Batch<'r> {
     pub t_max: f64,
     /// As in [`Rays::after`](super::rays::Rays::after).
     pub after: Option<&'r [Option<Hit>]>,
+    /// As in [`Rays::times_s`](super::rays::Rays::times_s).
+    pub times_s: Option<&'r [f64]>,
 }
 
 impl Batch<'_> {
     #[inline(always)]
     pub fn ray(&self, ray: usize) -> LocalRay {
         LocalRay { origin: self.origins.of(ray), direction: self.directions[ray] }
+    }
+
+    /// The time of one ray.
+    #[inline(always)]
+    pub fn time_s(&self, ray: usize) -> Option<f64> {
+        self.times_s.map(|times_s| times_s[ray])
+    }
+
+    /// Whether all rays are cast at the same time.
+    #[inline(always)]
+    pub fn are_of_one_time(&self) -> bool {
+        self.times_s.is_none_or(|times_s| times_s.iter().all(|time_s| time_s == &times_s[0]))
     }
 
     /// The limits on one ray's hits. `AFTER` tells whether [`Batch::after`] counts.
@@ -77,7 +91,8 @@ impl Batch<'_> {
             Origins::Each(origins) => Origins::Each(&origins[range.clone()]),
         };
         let after = self.after.map(|after| &after[range.clone()]);
-        Self { origins, directions: &self.directions[range], after, ..*self }
+        let times_s = self.times_s.map(|times_s| &times_s[range.clone()]);
+        Self { origins, directions: &self.directions[range], after, times_s, ..*self }
     }
 }
 

@@ -16,8 +16,8 @@ pub struct BruteForce<'s>(
 
 impl Cast for BruteForce<'_> {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        rays.check(hits.len());
         let scene = self.0;
+        rays.check(hits.len(), &scene.arrangement);
         let all: Vec<LocalRay> = rays
             .directions
             .iter()
@@ -30,13 +30,17 @@ impl Cast for BruteForce<'_> {
         let limits: Vec<_> = (0..hits.len()).map(|ray| Limits::of(rays, ray)).collect();
         let mut nearest: Vec<Option<Candidate>> = vec![None; hits.len()];
         for (index, placement) in scene.arrangement.placements.iter().enumerate() {
-            let local: Vec<_> =
-                all.iter().map(|ray| ray.carried(placement)).map(|ray| (ray, unit(ray.direction))).collect();
-            let farthest = local.iter().map(|(ray, _)| ray.origin.abs().max_element()).fold(0.0, f64::max);
-            let mesh = &scene.geometry.meshes[placement.mesh as usize];
+            // The rays in the mesh's space, each with its number. A ray is left out if the mesh is nowhere at its time.
+            let carried =
+                |number: usize| Some((number, all[number].carried(placement, rays.time_s(number))?));
+            let local = (0..all.len()).filter_map(carried);
+            let local: Vec<_> = local.map(|(number, ray)| (number, ray, unit(ray.direction))).collect();
+            let farthest = local.iter().map(|(_, ray, _)| ray.origin.abs().max_element()).fold(0.0, f64::max);
+            let mesh = scene.mesh(placement.mesh);
             for triangle in 0..mesh.triangles.len() as u32 {
                 let sphere = Sphere::around(&Corners::of(mesh, triangle, DVec3::ZERO), farthest);
-                for ((&(ray, unit), limits), best) in local.iter().zip(&limits).zip(&mut nearest) {
+                for &(number, ray, unit) in &local {
+                    let (limits, best) = (&limits[number], &mut nearest[number]);
                     if sphere.is_clear_of(ray.origin, unit) {
                         continue;
                     }
@@ -52,12 +56,16 @@ impl Cast for BruteForce<'_> {
                 }
             }
         }
-        for ((ray, best), hit) in all.into_iter().zip(nearest).zip(hits) {
-            *hit = best.map(|found| {
+        for (number, (best, hit)) in nearest.into_iter().zip(hits).enumerate() {
+            *hit = best.and_then(|found| {
                 let placement = &scene.arrangement.placements[found.placement as usize];
-                let mesh = &scene.geometry.meshes[placement.mesh as usize];
-                let local = ray.carried(placement);
-                found.finish(&Corners::of(mesh, found.triangle, local.origin), local.direction, placement)
+                let map = match rays.time_s(number) {
+                    Some(time_s) => placement.mesh_from_scene_at(time_s)?,
+                    None => *placement.mesh_from_scene(),
+                };
+                let local = all[number].carried_by(&map);
+                let corners = Corners::of(scene.mesh(placement.mesh), found.triangle, local.origin);
+                Some(found.finish(&corners, local.direction, &map))
             });
         }
     }

@@ -8,7 +8,10 @@
 //! The definition is for rays whose direction's largest |component| is from [`SHORTEST`] to [`FARTHEST`], and for corners no farther
 //! than [`FARTHEST`] from the origin; all other rays miss. Within that, components may be of any size, subnormal numbers included.
 //!
-//! A ray is carried into the space of a placement by the inverse of that placement's map, in f64, once. A region of a large scene
+//! A ray is carried into the space of a placement by the inverse of that placement's map, in f64, once. The map of a placement that
+//! moves is that of the ray's own time, and so is its inverse: both are computed for that time alone, in the same way wherever the
+//! same time comes up, so a hit depends on the ray and its time and on nothing else. Where the mesh is hidden at that time, or the map
+//! has no precise inverse ([`Placement::mesh_from_scene_at`]), the ray misses it. A region of a large scene
 //! is placed by moving it only, and origins are rounded such that this is exact
 //! ([`Geometry::ray_origin`](crate::scene::Geometry::ray_origin)), so all regions decide as one mesh would.
 
@@ -233,10 +236,19 @@ pub struct LocalRay {
 }
 
 impl LocalRay {
-    /// Carries a ray from the scene's space into a placement's. Depths are the same numbers in both.
+    /// Carries a ray from the scene's space into a placement's. Depths are the same numbers in both. `None` if the placement moves
+    /// and is nowhere at the ray's time (NaN for none).
     #[inline]
-    pub fn carried(self, placement: &Placement) -> Self {
-        let map = placement.mesh_from_scene();
+    pub fn carried(self, placement: &Placement, time_s: Option<f64>) -> Option<Self> {
+        if !placement.is_moving() {
+            return Some(self.carried_by(placement.mesh_from_scene()));
+        }
+        Some(self.carried_by(&placement.mesh_from_scene_at(time_s?)?))
+    }
+
+    /// Carries a ray into another space by a map, in which depths are the same numbers.
+    #[inline]
+    pub fn carried_by(self, map: &DAffine3) -> Self {
         if *map == DAffine3::IDENTITY {
             return self;
         }
@@ -261,16 +273,15 @@ pub(super) fn carried_point<R: Real>(map: &DAffine3, p: Xyz<R>) -> Xyz<R> {
     carried_direction(map, p).add(Xyz::constant(map.translation))
 }
 
-/// Carries rays as [`LocalRay::carried`] does. The directions are written to `carried`; the origins are returned, and borrow
+/// Carries rays as [`LocalRay::carried_by`] does. The directions are written to `carried`; the origins are returned, and borrow
 /// `room`.
 pub(super) fn carry<'o>(
-    placement: &Placement,
+    map: &DAffine3,
     origins: Origins<'o>,
     directions: &[DVec3],
     carried: &mut Vec<DVec3>,
     room: &'o mut Vec<DVec3>,
 ) -> Origins<'o> {
-    let map = placement.mesh_from_scene();
     carried.clear();
     if *map == DAffine3::IDENTITY {
         carried.extend_from_slice(directions);
@@ -452,12 +463,13 @@ impl Candidate {
             || (self.t == other.t && (self.placement, self.triangle) < (other.placement, other.triangle))
     }
 
-    /// The whole hit, given the triangle's corners and the ray's direction in the placement's space.
+    /// The whole hit, given the triangle's corners and the ray's direction in the placement's space, and the map by which the ray was
+    /// carried there.
     #[inline]
-    pub fn finish(&self, corners: &Corners, direction: DVec3, placement: &Placement) -> Hit {
+    pub fn finish(&self, corners: &Corners, direction: DVec3, mesh_from_scene: &DAffine3) -> Hit {
         let facet = Facet::new(corners.xyz());
         let (u, v) = facet.weights(xyz(direction));
-        let normal = out_of(placement, facet.normal).normalized();
+        let normal = out_of(mesh_from_scene, facet.normal).normalized();
         let normal = DVec3::new(normal.0, normal.1, normal.2);
         Hit { t: self.t, u, v, normal, placement: self.placement, triangle: self.triangle }
     }
@@ -501,11 +513,10 @@ impl Limits {
     }
 }
 
-/// Carries a normal from a placement's space to the scene's; its length changes. Normals transform by the transpose of the
-/// inverse, and a mirroring map reverses the winding.
+/// Carries a normal from a placement's space to the scene's, given the map from the scene's space; its length changes. Normals
+/// transform by the transpose of the inverse, and a mirroring map reverses the winding.
 #[inline(always)]
-pub(super) fn out_of<R: Real>(placement: &Placement, normal: Xyz<R>) -> Xyz<R> {
-    let map = placement.mesh_from_scene();
+pub(super) fn out_of<R: Real>(map: &DAffine3, normal: Xyz<R>) -> Xyz<R> {
     if *map == DAffine3::IDENTITY {
         return normal;
     }

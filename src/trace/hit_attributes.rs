@@ -6,22 +6,34 @@ use glam::{DAffine3, DVec3};
 use super::batch::{Batch, NearestHit, NearestHits, group_of};
 use super::bvh::{Bvh8, LeafBlock, TriangleRef};
 use super::exact::{self, Candidate, Corners, Facet, LocalRay, Xyz};
+use super::maps::Maps;
 use super::rays::{Hit, Origins};
 use super::simd::{F32x8, F64x8, Mask8, U32x8};
 use crate::scene::Placement;
 
-/// The triangles of a scene: its placements, and the hierarchy of each mesh.
+/// The triangles of a scene: its placements, and the hierarchies of its meshes and, after them, of the shapes of meshes that bend.
 #[derive(Clone, Copy)]
 pub(super) struct Surfaces<'a> {
     pub placements: &'a [Placement],
-    pub bvhs: &'a [Bvh8],
+    pub meshes: &'a [Bvh8],
+    pub shapes: &'a [Bvh8],
 }
 
 impl<'a> Surfaces<'a> {
     /// The hierarchy of a placement's mesh.
     #[inline(always)]
     pub fn bvh(&self, placement: u32) -> &'a Bvh8 {
-        &self.bvhs[self.placements[placement as usize].mesh as usize]
+        self.bvh_of_mesh(self.placements[placement as usize].mesh)
+    }
+
+    /// The hierarchy of a mesh by its number in the scene.
+    #[inline(always)]
+    pub fn bvh_of_mesh(&self, mesh: u32) -> &'a Bvh8 {
+        let mesh = mesh as usize;
+        match self.meshes.get(mesh) {
+            Some(bvh) => bvh,
+            None => &self.shapes[mesh - self.meshes.len()],
+        }
     }
 
     /// The part of a hit that decides its place in the order of hits.
@@ -30,18 +42,23 @@ impl<'a> Surfaces<'a> {
         Candidate { t: hit.t, placement: hit.placement, triangle: block.id(hit.triangle.lane()) }
     }
 
-    /// The hit of one ray, which is given in the scene's space.
-    pub fn hit(&self, ray: LocalRay, hit: &NearestHit) -> Hit {
-        let placement = &self.placements[hit.placement as usize];
-        let local = ray.carried(placement);
+    /// The hit of one ray, which is given in the scene's space, and the map by which it is carried to what it hits.
+    pub fn hit(&self, ray: LocalRay, map: &DAffine3, hit: &NearestHit) -> Hit {
+        let local = ray.carried_by(map);
         let block = LeafBlock::at(&self.bvh(hit.placement).blocks, hit.triangle.block_offset());
         let corners = Corners::from_positions(block.positions(hit.triangle.lane()), local.origin);
-        self.candidate(hit).finish(&corners, local.direction, placement)
+        self.candidate(hit).finish(&corners, local.direction, map)
     }
 
     /// Writes the hits of a batch of at most [`PACKET_RAYS`](super::batch::PACKET_RAYS) rays.
     #[inline(always)]
-    pub fn write_hits<S: F32x8>(&self, rays: &Batch, nearest: &NearestHits, hits: &mut [Option<Hit>]) {
+    pub fn write_hits<S: F32x8>(
+        &self,
+        rays: &Batch,
+        nearest: &NearestHits,
+        hits: &mut [Option<Hit>],
+        maps: &mut Maps,
+    ) {
         let mut last = None;
         let mut buffer = [DVec3::ZERO; 8];
         for (group, hits) in hits.chunks_mut(8).enumerate() {
@@ -58,7 +75,7 @@ impl<'a> Surfaces<'a> {
             {
                 continue;
             }
-            self.write_hits_of_group::<S>(rays, nearest, (group, found), hits);
+            self.write_hits_of_group::<S>(rays, nearest, (group, found), hits, maps);
         }
     }
 
@@ -118,6 +135,7 @@ impl<'a> Surfaces<'a> {
         nearest: &NearestHits,
         (group, found): (usize, u32),
         hits: &mut [Option<Hit>],
+        maps: &mut Maps,
     ) {
         let (triangles, placements) = nearest.triangles_of_group(group);
         let (scene_o, scene_d) = rays.group::<S>(group);
@@ -125,7 +143,17 @@ impl<'a> Surfaces<'a> {
         while rest != 0 {
             let first = rest.trailing_zeros() as usize & 7;
             let placement = placements[first];
-            let lanes = rest & (0..8).fold(0, |set, k| set | u32::from(placements[k] == placement) << k);
+            let mut lanes = rest & (0..8).fold(0, |set, k| set | u32::from(placements[k] == placement) << k);
+            let place = &self.placements[placement as usize];
+            let (mut moved, mut map) = (DAffine3::IDENTITY, place.mesh_from_scene());
+            if place.is_moving() {
+                // Only rays of the same time are carried by the same map.
+                let time = |k: usize| rays.time_s(group * 8 + k).unwrap_or(f64::NAN).to_bits();
+                let same = |k: &usize| lanes >> k & 1 != 0 && time(*k) == time(first);
+                lanes = (0..8).filter(same).fold(0, |set, k| set | 1 << k);
+                moved = maps.of(placement, place, rays.time_s(group * 8 + first)).copied().unwrap_or(moved);
+                map = &moved;
+            }
             rest &= !lanes;
             // The lanes of other placements repeat the computation of the first lane, and their results are dropped.
             let refs = S::select(
@@ -133,11 +161,10 @@ impl<'a> Surfaces<'a> {
                 S::U32x8::load(triangles).bitcast(),
                 S::U32x8::splat(triangles[first]).bitcast(),
             );
-            let place = &self.placements[placement as usize];
             let (mut d, mut o) = (scene_d, scene_o);
-            if placement != 0 && *place.mesh_from_scene() != DAffine3::IDENTITY {
-                d = exact::carried_direction(place.mesh_from_scene(), d);
-                o = exact::carried_point(place.mesh_from_scene(), o);
+            if placement != 0 && *map != DAffine3::IDENTITY {
+                d = exact::carried_direction(map, d);
+                o = exact::carried_point(map, o);
             }
             let bvh = self.bvh(placement);
             let (corners, ids) = if *triangles == [triangles[first]; 8] {
@@ -152,7 +179,7 @@ impl<'a> Surfaces<'a> {
             let facet = Facet::new([a.sub(o), b.sub(o), c.sub(o)]);
             let (t, within) = facet.plane_depth(d);
             let (u, v) = facet.weights(d);
-            let normal = exact::out_of(place, facet.normal).normalized();
+            let normal = exact::out_of(map, facet.normal).normalized();
             let (mut t, u, v) = (store(t), store(u), store(v));
             let (x, y, z) = (store(normal.0), store(normal.1), store(normal.2));
             let mut id = [0; 8];
@@ -162,7 +189,7 @@ impl<'a> Surfaces<'a> {
                     let triangle = TriangleRef(triangles[k]);
                     let positions =
                         LeafBlock::at(&bvh.blocks, triangle.block_offset()).positions(triangle.lane());
-                    let LocalRay { origin, direction } = rays.ray(group * 8 + k).carried(place);
+                    let LocalRay { origin, direction } = rays.ray(group * 8 + k).carried_by(map);
                     t[k] = Corners::from_positions(positions, origin).depth(direction);
                 }
             }

@@ -11,14 +11,16 @@
 //! brute        every triangle, by the definition
 //! tracer       the hierarchies of a scene: top, over its placements, and bvh/, over a mesh
 //! packet/      neighbouring rays together; policy: how many of them
-//! single       rays alone; stream: many of them in turns
+//! single       rays alone; stream: many of them in turns; scalar: in f64
 //! simd/        eight lanes: portable, AVX2, AVX-512; rounding: the constants of f32 bounds
 //! rays batch   rays and hits as callers and as traversals have them; hit_attributes: what a hit's triangle tells
 //! methods/     the published methods; any: the tracer that a job casts with
+//! moving       packets among what moves; maps: where that is at the times of rays
 //! scratch      the memory of casting; stats: counters of its work
 //! ```
 //!
 //! Rays come in batches of neighbours, such as a tile of an image or the beams of a firing. They are fast if they share an origin.
+//! Where things move, each ray has a time ([`Rays::times_s`]), and finds them where they are then.
 //! Where one ray has several hits to give (cut-outs, glass, further returns), [`Rays::after`] asks for the next one.
 
 #[cfg(test)]
@@ -30,11 +32,14 @@ mod bvh;
 mod dyadic;
 pub mod exact;
 mod hit_attributes;
+mod maps;
 pub mod methods;
+mod moving;
 mod packet;
 mod policy;
 mod rays;
 mod rounding;
+mod scalar;
 mod scratch;
 mod simd;
 mod single;

@@ -19,6 +19,8 @@ pub(super) const PACKET_LEAF: u64 = 30;
 pub(super) const PACKET_LEAF_MET: u64 = 40;
 /// The work of one ray of a packet that is prepared for a mesh.
 pub(super) const PACKET_RAY: u64 = 8;
+/// The work of one ray that is carried to a placement by the map of its own time.
+pub(super) const MOVING_RAY: u64 = 20;
 
 /// The work of a single ray beside its visits.
 const SINGLE_RAY: u64 = 60;
@@ -28,7 +30,7 @@ const STREAM_NODE: u64 = 9;
 const ALONE_NODE: u64 = 30;
 const SINGLE_LEAF: u64 = 10;
 
-/// The fewest rays that are tried as a packet.
+/// The fewest rays of a smaller packet that is tried in place of a larger one that was given up.
 pub(super) const LEAST: usize = 16;
 
 /// A packet is given up at so many times the work of its rays one by one. It is above 1 because the estimates are rough, and
@@ -92,7 +94,7 @@ impl PacketPolicy {
         if self.most < PACKET_RAYS {
             if self.wait == 0 {
                 self.most = (2 * self.most).max(LEAST);
-                // What smaller packets saved is no reason to lose as much on larger ones, but one loss is no proof.
+                // Savings of smaller packets are no reason to lose as much on larger ones, but one loss is no proof.
                 self.credit = PATIENCE * self.single * self.most as f64;
                 self.wait = self.next_wait;
                 self.grew = true;

@@ -4,6 +4,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use crate::scene::Arrangement;
+
 /// A batch of rays that are cast in one call.
 #[derive(Clone, Copy, Debug)]
 pub struct Rays<'a> {
@@ -24,6 +26,10 @@ pub struct Rays<'a> {
     /// ray that is cast again and again after its latest hit meets every triangle on its way exactly once. This is what
     /// alpha cut-outs, glass and further returns need. The limits on depth hold as well.
     pub after: Option<&'a [Option<Hit>]>,
+    /// For each ray the time at which it is cast, in seconds on the clock of the scene. A mesh that moves is hit where it is at the
+    /// ray's time. The rays of a scene in which something moves ([`Arrangement::window`](crate::scene::Arrangement::window)) need
+    /// times, all of them in its window. Other scenes take no notice of times.
+    pub times_s: Option<&'a [f64]>,
 }
 
 /// The origins of rays, in world coordinates and metres.
@@ -49,7 +55,7 @@ impl Origins<'_> {
 impl<'a> Rays<'a> {
     /// Rays without limits on their depth.
     pub fn unlimited(origins: Origins<'a>, directions: &'a [DVec3]) -> Self {
-        Self { origins, directions, t_min: 0.0, t_max: f64::INFINITY, after: None }
+        Self { origins, directions, t_min: 0.0, t_max: f64::INFINITY, after: None, times_s: None }
     }
 
     /// The origin of one ray.
@@ -58,12 +64,12 @@ impl<'a> Rays<'a> {
         self.origins.of(ray)
     }
 
-    /// Checks that there is one direction, and if the rays differ in them one origin and one hit to come after, for each of
-    /// `results` results.
+    /// Checks that there is one direction, and if the rays differ in them one origin, one hit to come after and one time, for
+    /// each of `results` results, and that each ray has a time for which an arrangement holds.
     ///
     /// # Panics
-    /// If a length differs.
-    pub(super) fn check(&self, results: usize) {
+    /// If a length differs, or if something moves in the arrangement and a ray has no time in its window.
+    pub(super) fn check(&self, results: usize, arrangement: &Arrangement) {
         assert_eq!(self.directions.len(), results);
         if let Origins::Each(origins) = self.origins {
             assert_eq!(origins.len(), results);
@@ -71,6 +77,19 @@ impl<'a> Rays<'a> {
         if let Some(after) = self.after {
             assert_eq!(after.len(), results);
         }
+        if let Some(times_s) = self.times_s {
+            assert_eq!(times_s.len(), results);
+        }
+        if let Some(window) = arrangement.window {
+            let times_s = self.times_s.expect("something moves in the scene, so rays need times");
+            let outside = times_s.iter().find(|&&time_s| !window.contains(time_s));
+            assert_eq!(outside, None, "the scene is arranged for {} s to {} s", window.from_s, window.to_s);
+        }
+    }
+
+    /// The time of one ray.
+    pub(super) fn time_s(&self, ray: usize) -> Option<f64> {
+        self.times_s.map(|times_s| times_s[ray])
     }
 
     /// The maximal runs of consecutive rays that share an origin: the range of rays and the origin of each run.
@@ -115,7 +134,8 @@ pub trait Cast: Sync {
     /// long as `rays.directions`.
     ///
     /// # Panics
-    /// If the lengths of the directions, the hits, the origins or [`Rays::after`] differ.
+    /// If the lengths of the directions, the hits, the origins, [`Rays::after`] or [`Rays::times_s`] differ, or if a ray lacks the
+    /// time that it needs.
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]);
 
     /// Writes whether each ray hits anything within its limits, for shadows and lines of sight. If a direction reaches from

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::bvh::Child;
+use super::maps::Maps;
 use super::packet::{PacketStack, RayData};
 use super::policy::PacketPolicy;
 use super::single::RayStack;
@@ -50,6 +51,7 @@ pub(super) struct SingleScratch {
     pub top: RayStack,
     pub mesh: RayStack,
     pub stream: RayStream,
+    pub maps: Maps,
     pub scalar: ScalarScratch,
 }
 

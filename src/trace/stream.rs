@@ -394,7 +394,14 @@ mod tests {
         };
         let directions: Vec<_> = (0..20).map(|k| DVec3::new(f64::from(k) * 1e-3, 0.0, 1.0)).collect();
         let origins = Origins::Common(DVec3::new(0.0, 0.0, -1.0));
-        let rays = Batch { origins, directions: &directions, t_min: 0.0, t_max: f64::INFINITY, after: None };
+        let rays = Batch {
+            origins,
+            directions: &directions,
+            t_min: 0.0,
+            t_max: f64::INFINITY,
+            after: None,
+            times_s: None,
+        };
         for (count, is_deep) in [(10, false), (1300, true)] {
             let bvh = nested(count);
             let (mut stream, mut nearest) = (RayStream::default(), NearestHits::new(rays.t_max));

@@ -1,17 +1,18 @@
 //! The hierarchy over the placements of a scene.
 
 use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
 
 use super::bvh::{self, Bvh8};
 use crate::scene::bounds::Bounds;
 use crate::scene::{Mesh, Placement, Scene};
 
 /// The hierarchy over the placements of a scene.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Top {
     /// It has no nodes if there is only one placement. The number of a leaf is that of a placement.
     pub bvh: Bvh8,
-    /// For each placement the next one of the same mesh in the very same place, or [`Top::LAST`]; empty if there are none. Such
+    /// For each placement that does not move the next one of the same mesh in the very same place, or [`Top::LAST`]; empty if there are none. Such
     /// copies are hit at the same depths, to the bit, and the first has the lowest ids. So only the first is in the hierarchy, and
     /// the others are looked at only for the hits that come after another. (Exporters stack copies by the thousand.)
     copies: Vec<u32>,
@@ -20,23 +21,49 @@ pub(super) struct Top {
 impl Top {
     const LAST: u32 = u32::MAX;
 
-    pub fn new(scene: &Scene, bounds: &[Bounds]) -> Self {
+    /// The hierarchy over the placements of a scene, given the bounds of its meshes and of its shapes in their own spaces.
+    pub fn new(scene: &Scene, meshes: &[Bounds], shapes: &[Bounds]) -> Self {
         let placements = &scene.arrangement.placements;
         if placements.len() < 2 {
             return Self { bvh: Bvh8::default(), copies: Vec::new() };
         }
-        let size = placements.iter().map(|p| carried_bounds(&bounds[p.mesh as usize], p, 0.0));
-        let size = size.filter(|b| !b.is_empty()).fold(Bounds::EMPTY, Bounds::union).largest();
+        let own = |p: &Placement| {
+            let mesh = p.mesh as usize;
+            meshes.get(mesh).unwrap_or_else(|| &shapes[mesh - meshes.len()])
+        };
+        let window = scene.arrangement.window;
+        // What each placement reaches, and of one that moves what the origin of its space reaches.
+        let reached = |p: &Placement| {
+            if !p.is_moving() {
+                return (carried_bounds(own(p), p, 0.0), Bounds::EMPTY);
+            }
+            let of_mesh = p.bounds_of(own(p), window);
+            if own(p).contains(DVec3::ZERO) {
+                return (of_mesh, of_mesh);
+            }
+            (of_mesh, p.bounds_of(&Bounds::EMPTY.with(DVec3::ZERO), window))
+        };
+        let reached: Vec<_> = placements.par_iter().map(reached).collect();
+        let all = reached.iter().map(|(of_mesh, _)| *of_mesh).filter(|b| !b.is_empty());
+        let size = all.fold(Bounds::EMPTY, Bounds::union).largest();
         let (copies, is_copy) = copies(placements);
         let mut boxes = Vec::with_capacity(placements.len());
         for (placement, number) in placements.iter().zip(0..) {
             if is_copy.get(number as usize).copied().unwrap_or(false) {
                 continue;
             }
-            let bounds = match scene.geometry.meshes[placement.mesh as usize].triangles.is_empty() {
+            let own = own(placement);
+            let (of_mesh, of_origin) = &reached[number as usize];
+            if placement.is_moving() && of_mesh.is_empty() {
+                continue;
+            }
+            let bounds = if own.is_empty() {
                 // An empty mesh 0 has a placement too. Its box is a point, where a ray finds nothing.
-                true => Bounds { low: DVec3::ZERO, high: DVec3::ZERO },
-                false => carried_bounds(&bounds[placement.mesh as usize], placement, size),
+                Bounds { low: DVec3::ZERO, high: DVec3::ZERO }
+            } else if placement.is_moving() {
+                padded(of_mesh, of_origin, size, scene.geometry.centre)
+            } else {
+                carried_bounds(own, placement, size)
             };
             boxes.push((bounds, number));
         }
@@ -71,8 +98,8 @@ fn copies(placements: &[Placement]) -> (Vec<u32>, Vec<bool>) {
     let (mut next, mut is_copy) = (Vec::new(), Vec::new());
     for pair in order.windows(2) {
         let [(_, before), (_, after)] = [pair[0], pair[1]];
-        if pair[0].0 == pair[1].0 && place(&placements[before as usize]) == place(&placements[after as usize])
-        {
+        let (p, q) = (&placements[before as usize], &placements[after as usize]);
+        if pair[0].0 == pair[1].0 && place(p) == place(q) && !p.is_moving() && !q.is_moving() {
             next.resize(placements.len(), Top::LAST);
             is_copy.resize(placements.len(), false);
             next[before as usize] = after;
@@ -108,4 +135,22 @@ fn carried_bounds(mesh: &Bounds, placement: &Placement, size: f64) -> Bounds {
     let (low, high) = (mesh.low - pad, mesh.high + pad);
     let corners = Bounds { low, high }.corners();
     corners.map(|p| placement.scene_from_mesh().transform_point3(p)).fold(Bounds::EMPTY, Bounds::with)
+}
+
+/// The bounds in the scene's space of everything that a ray, carried into the space of a placement that moves, may hit there during the
+/// frame. `reached` is what the mesh reaches during the frame, and `origin` what the origin of its space reaches.
+///
+/// Let S be the map into the scene's space at the ray's time, with linear part L and translation s, A = L⁻¹, |·| the largest
+/// |component| and ‖·‖ the largest row sum, and κ = ‖L‖·‖A‖ ≤ 2¹² (no ray is carried where it is more). With u = 2⁻⁵³, carrying a ray
+/// from o along d costs 4u·(‖A‖·|o| + |A·s|) of its origin and 3u·‖A‖·|d| of its direction. At the depth t of a hit, whose point p lies
+/// in the mesh's own bounds, t·|d| ≤ ‖L‖·(|p| + |A·(o − s)|) to first order. So the point o + t·d, where boxes have to be, is off
+/// from S·p by ‖L‖ times these errors, at most 7u·κ²·(|o| + |s| + |S·p − s|) ≤ 7u·κ²·(|o| + 3B), where B is the largest |coordinate|
+/// of the two bounds. Inverting S costs a few u·κ²·B more. The box grows by 2⁻¹⁵·(B + `size`), so there is room for origins a thousand
+/// scene sizes away where κ is 2⁶, as of a mesh that is scaled by 64 along one axis, and a million where it is 2⁴ or less; at the
+/// extreme of 2¹² there is room for origins in the scene. Maps into the world are rounded at world coordinates, which costs some u
+/// of the scene's `centre`.
+fn padded(reached: &Bounds, origin: &Bounds, size: f64, centre: DVec3) -> Bounds {
+    let largest = reached.largest().max(origin.largest());
+    let pad = (largest + size) / f64::from(1 << 15) + centre.abs().max_element() / f64::from(1 << 30);
+    Bounds { low: reached.low - pad, high: reached.high + pad }
 }

@@ -6,15 +6,16 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::batch::{Batch, NearestHit, NearestHits, PACKET_RAYS, RaySet};
-use super::bvh::{self, Bvh8, Child, LeafBlock, TriangleRef};
-use super::exact::{self, Candidate, Corners, Limits, LocalRay};
+use super::bvh::{self, Bvh8};
+use super::exact::{self, Limits, LocalRay};
 use super::hit_attributes::Surfaces;
 use super::packet::{self, RayPacket};
 use super::policy::{self, PACKET_NODE, PACKET_RAY};
 use super::rays::{Cast, Hit, Origins, Rays};
-use super::scratch::{ScalarScratch, Scratch, SingleScratch};
+use super::scratch::{Scratch, SingleScratch};
 use super::simd::{self, F32x8, SimdTask};
 use super::single::{RayStack, SingleRay};
 use super::stats::TraversalStats;
@@ -33,6 +34,8 @@ pub struct Tracer {
     pub(super) meshes: Arc<[Bvh8]>,
     /// The bounds of each mesh in its own space.
     bounds: Arc<[Bounds]>,
+    /// The hierarchies of the shapes of meshes that bend, which follow those of the meshes.
+    shapes: Arc<[Bvh8]>,
     /// The hierarchy over the placements.
     pub(super) top: Arc<Top>,
     instructions: Instructions,
@@ -56,25 +59,38 @@ impl Tracer {
     /// Builds the hierarchies over a scene.
     pub fn build(scene: &Scene) -> Self {
         let meshes = &scene.geometry.meshes;
-        let bounds: Arc<[Bounds]> = meshes.iter().map(bounds_of).collect();
-        Self {
+        let unarranged = Self {
             meshes: meshes.iter().map(bvh::build).collect(),
-            top: Arc::new(Top::new(scene, &bounds)),
-            bounds,
+            bounds: meshes.iter().map(bounds_of).collect(),
+            shapes: Arc::default(),
+            top: Arc::default(),
             scene: scene.clone(),
             instructions: Instructions::Best,
             packets: true,
-        }
+        };
+        unarranged.with_scene(scene.clone())
     }
 
-    /// A tracer of the same geometry, arranged otherwise. Only the hierarchy over the placements is built again, which takes
-    /// milliseconds for tens of thousands of them; the meshes and their hierarchies are shared with this tracer.
+    /// A tracer of the same geometry, arranged otherwise, such as for another frame ([`Scene::during`]). Only the hierarchy over the
+    /// placements is built again, which takes milliseconds for tens of thousands of them, and those of [`Arrangement::shapes`]; the
+    /// meshes and their hierarchies are shared with this tracer.
     ///
     /// # Panics
     /// If the arrangement is not one of the scene's geometry: see [`Scene::rearranged`].
     pub fn rearranged(&self, arrangement: Arc<Arrangement>) -> Self {
-        let scene = self.scene.rearranged(arrangement);
-        Self { top: Arc::new(Top::new(&scene, &self.bounds)), scene, ..self.clone() }
+        self.with_scene(self.scene.rearranged(arrangement))
+    }
+
+    /// A tracer of a scene of the same geometry.
+    fn with_scene(&self, scene: Scene) -> Self {
+        let shapes = &scene.arrangement.shapes;
+        let bounds: Vec<Bounds> = shapes.par_iter().map(bounds_of).collect();
+        Self {
+            top: Arc::new(Top::new(&scene, &self.bounds, &bounds)),
+            shapes: shapes.par_iter().map(bvh::build).collect::<Vec<_>>().into(),
+            scene,
+            ..self.clone()
+        }
     }
 
     /// The scene that rays are cast against.
@@ -94,7 +110,8 @@ impl Tracer {
 
     /// The bytes that the tracer holds beside the scene.
     pub fn bytes(&self) -> usize {
-        self.top.bytes() + self.meshes.iter().map(Bvh8::bytes).sum::<usize>()
+        let hierarchies = self.meshes.iter().chain(&*self.shapes);
+        self.top.bytes() + hierarchies.map(Bvh8::bytes).sum::<usize>()
     }
 
     /// [`Cast::cast`], and the work that it took. ([`Instructions::Scalar`] counts nothing.)
@@ -102,7 +119,7 @@ impl Tracer {
     /// # Panics
     /// As [`Cast::cast`] does.
     pub fn cast_counted(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> TraversalStats {
-        rays.check(hits.len());
+        rays.check(hits.len(), &self.scene.arrangement);
         let stats = if rays.after.is_some() {
             self.with_simd(NearestTask::<true> { tracer: self, rays, hits: &mut *hits })
         } else {
@@ -128,9 +145,33 @@ impl Tracer {
         })
     }
 
+    /// The thread's scratch memory, ready for rays in the tracer's scene.
+    fn take_scratch(&self) -> Box<Scratch> {
+        let mut scratch = SCRATCH.take().unwrap_or_else(Scratch::boxed);
+        if self.scene.arrangement.window.is_some() {
+            scratch.single.maps.clear();
+        }
+        scratch
+    }
+
+    /// The whole hit of a ray in the scene's space. `None` if what it hits were nowhere at its time.
+    pub(super) fn whole_hit(&self, ray: LocalRay, time_s: Option<f64>, hit: &NearestHit) -> Option<Hit> {
+        let placement = &self.scene.arrangement.placements[hit.placement as usize];
+        let map = if placement.is_moving() {
+            placement.mesh_from_scene_at(time_s?)?
+        } else {
+            *placement.mesh_from_scene()
+        };
+        Some(self.surfaces().hit(ray, &map, hit))
+    }
+
     #[inline(always)]
-    fn surfaces(&self) -> Surfaces<'_> {
-        Surfaces { placements: &self.scene.arrangement.placements, bvhs: &self.meshes }
+    pub(super) fn surfaces(&self) -> Surfaces<'_> {
+        Surfaces {
+            placements: &self.scene.arrangement.placements,
+            meshes: &self.meshes,
+            shapes: &self.shapes,
+        }
     }
 
     /// Writes the hits of rays: packet by packet, and in streams where rays make no packet.
@@ -211,8 +252,14 @@ impl Tracer {
                 }
             }
         };
-        let after = rays.after.map(|after| &after[range.clone()]);
-        Batch { origins, directions: &rays.directions[range], t_min: rays.t_min, t_max: rays.t_max, after }
+        Batch {
+            origins,
+            directions: &rays.directions[range.clone()],
+            t_min: rays.t_min,
+            t_max: rays.t_max,
+            after: rays.after.map(|after| &after[range.clone()]),
+            times_s: rays.times_s.map(|times_s| &times_s[range]),
+        }
     }
 
     /// Writes the hits of the packets among up to [`PACKET_RAYS`] rays, and returns the rays that are in no packet.
@@ -243,7 +290,8 @@ impl Tracer {
                 let mut nearest = NearestHits::new(part.t_max);
                 match self.cast_packet::<S>(&part, &mut nearest, scratch) {
                     PacketEnd::Cast => {
-                        self.surfaces().write_hits::<S>(&part, &nearest, &mut hits[from..to]);
+                        let maps = &mut scratch.single.maps;
+                        self.surfaces().write_hits::<S>(&part, &nearest, &mut hits[from..to], maps);
                         continue;
                     }
                     PacketEnd::GivenUp => {
@@ -285,7 +333,8 @@ impl Tracer {
         while let Some(group) = self.next_group::<S, AFTER>(&batch, false, &mut groups, &mut nearest, scratch)
         {
             let rays = 8 * group..(8 * group + 8).min(hits.len());
-            self.surfaces().write_hits::<S>(&batch.part(rays.clone()), &nearest, &mut hits[rays]);
+            let (part, maps) = (batch.part(rays.clone()), &mut scratch.maps);
+            self.surfaces().write_hits::<S>(&part, &nearest, &mut hits[rays], maps);
         }
     }
 
@@ -367,8 +416,35 @@ impl Tracer {
             work += PACKET_RAY * ray_count as u64;
             let index = leaf.number;
             let placement = &self.scene.arrangement.placements[index as usize];
-            let origins = exact::carry(placement, rays.origins, rays.directions, directions, origin_buffer);
-            let bvh = &self.meshes[placement.mesh as usize];
+            let mut map = placement.mesh_from_scene();
+            let moved;
+            if placement.is_moving() {
+                if rays.are_of_one_time() {
+                    let Some(at) = single.maps.of(index, placement, rays.time_s(0)) else { continue };
+                    moved = *at;
+                    map = &moved;
+                } else {
+                    let more = self.visit_moving::<S>(
+                        index,
+                        rays,
+                        budget - done,
+                        nearest,
+                        (mesh_stack, mesh_rays),
+                        [directions, origin_buffer],
+                        single,
+                        policy.single_work(1),
+                    );
+                    let Some(more) = more else {
+                        policy.gave_up(ray_count);
+                        return PacketEnd::GivenUp;
+                    };
+                    work += more;
+                    top.update_depths(nearest);
+                    continue;
+                }
+            }
+            let origins = exact::carry(map, rays.origins, rays.directions, directions, origin_buffer);
+            let bvh = self.surfaces().bvh_of_mesh(placement.mesh);
             if let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
                 bvh, index, origins, directions, limits, nearest, mesh_rays,
             ) {
@@ -383,15 +459,8 @@ impl Tracer {
                 for ray in 0..rays.directions.len() {
                     let mut best = nearest.get(ray);
                     let limits = rays.limits::<false>(ray);
-                    let ray_stack = &mut single.mesh;
-                    self.intersect_placement::<S, false>(
-                        index,
-                        rays.ray(ray),
-                        &limits,
-                        false,
-                        &mut best,
-                        ray_stack,
-                    );
+                    let (local, ray_stack) = (rays.ray(ray).carried_by(map), &mut single.mesh);
+                    self.intersect_mesh::<S, false>(index, local, &limits, false, &mut best, ray_stack);
                     nearest.set(ray, best);
                 }
             }
@@ -419,7 +488,8 @@ impl Tracer {
                 let mut best = None;
                 let ray = 8 * group + k;
                 let limits = rays.limits::<AFTER>(ray);
-                self.cast_single::<S, AFTER>(rays.ray(ray), &limits, any, &mut best, scratch);
+                let time_s = rays.time_s(ray);
+                self.cast_single::<S, AFTER>(rays.ray(ray), time_s, &limits, any, &mut best, scratch);
                 nearest.set(k, best);
             }
             return Some(group);
@@ -431,14 +501,8 @@ impl Tracer {
             let mut best = None;
             let ray = 8 * group + k;
             let limits = rays.limits::<AFTER>(ray);
-            self.intersect_placement::<S, AFTER>(
-                0,
-                rays.ray(ray),
-                &limits,
-                any,
-                &mut best,
-                &mut scratch.mesh,
-            );
+            let (alone, stack) = (rays.ray(ray), &mut scratch.mesh);
+            self.intersect_mesh::<S, AFTER>(0, alone, &limits, any, &mut best, stack);
             nearest.set(k, best);
         }
         Some(group)
@@ -449,22 +513,31 @@ impl Tracer {
     fn cast_single<S: F32x8, const AFTER: bool>(
         &self,
         ray: LocalRay,
+        time_s: Option<f64>,
         limits: &Limits,
         any: bool,
         best: &mut Option<NearestHit>,
         scratch: &mut SingleScratch,
     ) {
         let Some(mut top) = SingleRay::new::<S>(ray, self.top.bvh.largest, limits) else {
-            return self.cast_in_f64(ray, limits, best, &mut scratch.scalar);
+            return self.cast_in_f64(ray, time_s, limits, best, &mut scratch.scalar);
         };
         scratch.top.push_root(&self.top.bvh);
         while let Some(index) = top.next_leaf::<S>(&self.top.bvh, &mut scratch.top) {
+            let local = if index == 0 {
+                ray
+            } else {
+                let placement = &self.scene.arrangement.placements[index as usize];
+                let Some(map) = scratch.maps.of(index, placement, time_s) else { continue };
+                ray.carried_by(map)
+            };
+            let stack = &mut scratch.mesh;
             if AFTER {
                 for copy in self.top.with_copies(index) {
-                    self.intersect_placement::<S, AFTER>(copy, ray, limits, any, best, &mut scratch.mesh);
+                    self.intersect_mesh::<S, AFTER>(copy, local, limits, any, best, stack);
                 }
             } else {
-                self.intersect_placement::<S, AFTER>(index, ray, limits, any, best, &mut scratch.mesh);
+                self.intersect_mesh::<S, AFTER>(index, local, limits, any, best, stack);
             }
             if let Some(best) = best {
                 if any {
@@ -475,9 +548,9 @@ impl Tracer {
         }
     }
 
-    /// Replaces `best` by the nearest hit of one ray in one placement, if that is nearer. The ray is given in the scene's space.
+    /// Replaces `best` by the nearest hit of one ray in one placement, if that is nearer. The ray is given in the placement's space.
     #[inline(always)]
-    fn intersect_placement<S: F32x8, const AFTER: bool>(
+    pub(super) fn intersect_mesh<S: F32x8, const AFTER: bool>(
         &self,
         placement: u32,
         ray: LocalRay,
@@ -486,11 +559,6 @@ impl Tracer {
         best: &mut Option<NearestHit>,
         stack: &mut RayStack,
     ) {
-        let ray = if placement == 0 {
-            ray
-        } else {
-            ray.carried(&self.scene.arrangement.placements[placement as usize])
-        };
         let bvh = self.surfaces().bvh(placement);
         let Some(mut single) = SingleRay::new::<S>(ray, bvh.largest, limits) else {
             return self.intersect_placement_in_f64(placement, ray, limits, best, &mut Vec::new());
@@ -507,86 +575,6 @@ impl Tracer {
             }
         }
     }
-
-    /// Writes the hits of rays, one ray after the other, in f64.
-    #[inline(never)]
-    fn cast_all_in_f64(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        let mut scratch = ScalarScratch::default();
-        for (index, hit) in hits.iter_mut().enumerate() {
-            let origin = self.scene.geometry.ray_origin(rays.origin(index));
-            let ray = LocalRay { origin, direction: rays.directions[index] };
-            let mut best = None;
-            self.cast_in_f64(ray, &Limits::of(rays, index), &mut best, &mut scratch);
-            *hit = best.map(|best| self.surfaces().hit(ray, &best));
-        }
-    }
-
-    /// Writes whether rays hit anything, one ray after the other, in f64.
-    #[inline(never)]
-    fn find_blocked_in_f64(&self, rays: &Rays, blocked: &mut [bool]) {
-        let mut scratch = ScalarScratch::default();
-        for (index, blocked) in blocked.iter_mut().enumerate() {
-            let origin = self.scene.geometry.ray_origin(rays.origin(index));
-            let ray = LocalRay { origin, direction: rays.directions[index] };
-            let mut best = None;
-            self.cast_in_f64(ray, &Limits::of(rays, index), &mut best, &mut scratch);
-            *blocked = best.is_some();
-        }
-    }
-
-    /// Finds the nearest hit of a ray, in f64.
-    #[inline(never)]
-    fn cast_in_f64(
-        &self,
-        ray: LocalRay,
-        limits: &Limits,
-        best: &mut Option<NearestHit>,
-        scratch: &mut ScalarScratch,
-    ) {
-        let ScalarScratch { top, mesh } = scratch;
-        if self.top.bvh.nodes.is_empty() {
-            return self.intersect_placement_in_f64(0, ray, limits, best, mesh);
-        }
-        self.top.bvh.traverse(&ray, (limits.t_min, limits.t_max), top, |index| {
-            let local = ray.carried(&self.scene.arrangement.placements[index as usize]);
-            let count = if limits.after.is_some() { usize::MAX } else { 1 };
-            for copy in self.top.with_copies(index).take(count) {
-                self.intersect_placement_in_f64(copy, local, limits, best, mesh);
-            }
-            best.map_or(limits.t_max, |b| b.t)
-        });
-    }
-
-    /// Replaces `best` by the nearest hit of one ray in one placement, if that is nearer, in f64. The ray is given in the
-    /// placement's space.
-    #[inline(never)]
-    fn intersect_placement_in_f64(
-        &self,
-        placement: u32,
-        ray: LocalRay,
-        limits: &Limits,
-        best: &mut Option<NearestHit>,
-        stack: &mut Vec<(Child, f64)>,
-    ) {
-        let surfaces = self.surfaces();
-        let bvh = surfaces.bvh(placement);
-        let far = best.map_or(limits.t_max, |b| b.t);
-        bvh.traverse(&ray, (limits.t_min, far), stack, |block_offset| {
-            let block = LeafBlock::at(&bvh.blocks, block_offset);
-            for lane in 0..block.triangles {
-                let corners = Corners::from_positions(block.positions(lane), ray.origin);
-                if !corners.passes(ray.direction) {
-                    continue;
-                }
-                let t = corners.depth(ray.direction);
-                let found = Candidate { t, placement, triangle: block.id(lane) };
-                if limits.admits(&found) && best.is_none_or(|b| found.beats(&surfaces.candidate(&b))) {
-                    *best = Some(NearestHit { t, placement, triangle: TriangleRef::new(block_offset, lane) });
-                }
-            }
-            best.map_or(limits.t_max, |b| b.t)
-        });
-    }
 }
 
 impl Cast for Tracer {
@@ -595,7 +583,7 @@ impl Cast for Tracer {
     }
 
     fn blocked(&self, rays: &Rays, blocked: &mut [bool]) {
-        rays.check(blocked.len());
+        rays.check(blocked.len(), &self.scene.arrangement);
         let done = if rays.after.is_some() {
             self.with_simd(BlockedTask::<true> { tracer: self, rays, blocked: &mut *blocked })
         } else {
@@ -618,7 +606,7 @@ impl<const AFTER: bool> SimdTask for NearestTask<'_, '_, AFTER> {
     #[inline(always)]
     fn run<S: F32x8>(self) -> TraversalStats {
         let Self { tracer, rays, hits } = self;
-        let mut scratch = SCRATCH.take().unwrap_or_else(Scratch::boxed);
+        let mut scratch = tracer.take_scratch();
         let before = scratch.stats();
         if AFTER {
             tracer.cast_all_after::<S>(rays, hits, &mut scratch.single);
@@ -644,7 +632,7 @@ impl<const AFTER: bool> SimdTask for BlockedTask<'_, '_, AFTER> {
     #[inline(always)]
     fn run<S: F32x8>(self) {
         let Self { tracer, rays, blocked } = self;
-        let mut scratch = SCRATCH.take().unwrap_or_else(Scratch::boxed);
+        let mut scratch = tracer.take_scratch();
         let mut origins = Vec::new();
         let mut nearest = NearestHits::new(rays.t_max);
         for (start, blocked) in (0..).step_by(STREAM_RUN).zip(blocked.chunks_mut(STREAM_RUN)) {
@@ -667,7 +655,7 @@ impl<const AFTER: bool> SimdTask for BlockedTask<'_, '_, AFTER> {
 const STREAM_RUN: usize = 512;
 
 /// The set of the first `count` rays.
-fn ones(count: usize) -> RaySet {
+pub(super) fn ones(count: usize) -> RaySet {
     RaySet::MAX >> (PACKET_RAYS - count)
 }
 

@@ -91,7 +91,7 @@
         if (!tool) return null;
         const { gl } = tool;
         const context = canvas.getContext("2d");
-        const clouds = parts.map(({ axes, mount }) => {
+        const cloudFrom = ({ axes, mount }) => {
             const count = axes[0].values.length;
             const grid = new Uint16Array(3 * count);
             for (let i = 0; i < count; i++) for (let k = 0; k < 3; k++) grid[3 * i + k] = axes[k].values[i];
@@ -99,7 +99,8 @@
             const at = (i, k) => (mount ? mount[k] * own(i, 0) + mount[4 + k] * own(i, 1) + mount[8 + k] * own(i, 2) + mount[12 + k] : own(i, k));
             const [low, size] = [axes.map((axis) => axis.low), axes.map((axis) => axis.step * 65535)];
             return { count, grid, at, low, size, mount, colours: new Uint8Array(4 * count), hidden: false };
-        });
+        };
+        const clouds = parts.map(cloudFrom);
         const count = clouds.reduce((sum, cloud) => sum + cloud.count, 0);
         // The eye starts behind and a little to the left, twice as far away as three quarters of the points.
         const sample = [];
@@ -111,7 +112,8 @@
         const middle = [0, 1, 2].map((k) => sorted(sample.map((p) => p[k]))[Math.floor((sample.length - 1) / 2)] ?? 0);
         const distances = sorted(sample.map((p) => Math.hypot(...p.map((x, k) => x - middle[k]))));
         const radius = Math.max(distances[Math.floor(0.75 * distances.length)] ?? 1, 0.1);
-        const start = () => ({ yaw: 0.92 * Math.PI, pitch: 0.5, distance: 2 * radius, target: [...middle] });
+        let home = middle;
+        const start = () => ({ yaw: 0.92 * Math.PI, pitch: 0.5, distance: 2 * radius, target: [...home] });
         let eye = start(), waiting = false, buffers;
 
         const upload = () => {
@@ -228,6 +230,26 @@
                 clouds[part].hidden = hidden;
                 redraw();
             },
+            // Puts the points of another frame in the place of a part's. They have no colour until they are painted.
+            replace(part, points) {
+                const { hidden } = clouds[part];
+                clouds[part] = Object.assign(cloudFrom(points), { hidden });
+                for (const old of Object.values(buffers.clouds[part])) gl.deleteBuffer(old);
+                buffers.clouds[part] = { grid: tool.buffer(clouds[part].grid), colour: tool.buffer(clouds[part].colours) };
+            },
+            // Gives a shape other points.
+            reshape(n, points, colours) {
+                Object.assign(shapes[n], { points, colours });
+                for (const old of Object.values(buffers.shapes[n])) gl.deleteBuffer(old);
+                buffers.shapes[n] = { grid: tool.buffer(points), colour: tool.buffer(colours) };
+            },
+            // Looks at another middle, which is also the one to go back to.
+            lookAt(target) {
+                home = target;
+                eye.target = [...target];
+                redraw();
+            },
+            middle,
             redraw,
             // The height below which a part of all points is.
             height: (part) => sorted(sample.map((p) => p[2]))[Math.floor((sample.length - 1) * part)] ?? 0,

@@ -3,16 +3,17 @@
 use std::collections::BTreeMap;
 
 use super::rig::Rig;
-use crate::output::{CloudFrame, Image, Names, SensorFrame, id_of};
-use crate::scan::{Frame, Return};
+use crate::output::{Image, SensorFrame, id_of};
+use crate::scan::Return;
 use crate::scene::Scene;
-use crate::sensor::{Capture, Sensor};
 
 /// A frame as the page shows it.
 #[derive(Clone, Debug)]
 pub struct View {
     /// The name of the frame's sensor or file.
     pub name: String,
+    /// The frame's number, if it is one of several.
+    pub frame: Option<u64>,
     /// The frame's channels.
     pub image: Image,
     /// The points of the pixels that have a return, in the pixels' order, in metres, with x forward, y left and z up; or a
@@ -34,29 +35,37 @@ pub struct Shown {
 }
 
 impl View {
-    /// Shows a frame that was cast. Its points are in the sensor's body frame.
-    pub fn of_frame(
-        name: &str,
-        sensor: &Sensor,
-        frame: &Frame,
-        scene: &Scene,
-        labels: &BTreeMap<u32, String>,
-    ) -> Self {
-        let capture = Capture::at_origin(sensor);
-        let names = Names::default();
-        let seen = SensorFrame { capture, frame, name, cloud_frame: CloudFrame::Body, names, legend: false };
+    /// Shows a frame that was cast. Its points are in the sensor's body frame, each at its own time.
+    pub fn of_frame(seen: &SensorFrame, scene: &Scene, labels: &BTreeMap<u32, String>) -> Self {
+        let frame = seen.frame;
         let point = |(i, hit): (usize, Return)| {
-            seen.point(i / frame.columns(), i % frame.columns(), hit.range_m).map(|p| p.as_vec3().to_array())
+            let pulse = seen.capture.pulse(i / frame.columns(), i % frame.columns())?;
+            Some(pulse.point(hit.range_m).as_vec3().to_array())
         };
         Self {
-            name: name.to_owned(),
-            image: Image::of(&seen),
+            name: seen.name.to_owned(),
+            frame: None,
+            image: Image::of(seen),
             points: Ok(frame.iter().filter_map(point).collect()),
             instances: (0..)
                 .map(id_of)
                 .zip(scene.geometry.objects.iter().map(|instance| instance.name.clone()))
                 .collect(),
             labels: labels.clone(),
+        }
+    }
+
+    /// The same as one of several frames, with its number.
+    #[must_use]
+    pub fn in_sequence(self, frame: Option<u64>) -> Self {
+        Self { frame, ..self }
+    }
+
+    /// What the frame is called: `roof`, or `roof, frame 50` of several.
+    pub fn title(&self) -> String {
+        match self.frame {
+            Some(frame) => format!("{}, frame {frame}", self.name),
+            None => self.name.clone(),
         }
     }
 }

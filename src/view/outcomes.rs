@@ -72,7 +72,12 @@ impl Job<'_> {
         );
         let differences = outcome.sensors.iter().flat_map(|s| s.differences.iter().map(move |d| (s, d)));
         html += &sentences(differences.map(|(sensor, difference)| {
-            match self.frame(&sensor.name, difference.channel.as_deref(), difference.pixel) {
+            match self.frame(
+                &sensor.name,
+                sensor.frame.unwrap_or(0),
+                difference.channel.as_deref(),
+                difference.pixel,
+            ) {
                 Some(link) => link.around(&difference.sentence),
                 None => format!("<bdi>{}</bdi>", escape(&difference.sentence)),
             }
@@ -81,9 +86,9 @@ impl Job<'_> {
         html += &changes(&outcome.changes);
         html += &statistics(&outcome.sensors);
         let (failing, others): (Vec<_>, Vec<_>) =
-            shown.views.iter().enumerate().partition(|(_, view)| self.is_failing(&view.name));
+            shown.views.iter().enumerate().partition(|(_, view)| self.is_failing(view));
         let frame = |(index, view): &(usize, &View)| {
-            let compared = outcome.sensors.iter().find(|sensor| sensor.name == view.name);
+            let compared = outcome.sensors.iter().find(|s| s.name == view.name && s.frame == view.frame);
             section(&format!("{id}-frame{index}"), view, compared, *frames)
         };
         html.extend(failing.iter().map(frame));
@@ -94,16 +99,24 @@ impl Job<'_> {
     }
 
     /// Whether something about a sensor's frame is not as it should be.
-    fn is_failing(&self, sensor: &str) -> bool {
-        let differs = self.outcome.sensors.iter().any(|s| s.name == sensor && !s.differences.is_empty());
+    fn is_failing(&self, view: &View) -> bool {
+        let of_view = |s: &&SensorOutcome| s.name == view.name && s.frame == view.frame;
+        let differs = self.outcome.sensors.iter().filter(of_view).any(|s| !s.differences.is_empty());
         let unmet = self.outcome.expectations.iter().filter(|e| !e.met).flat_map(|e| &e.sights);
-        differs
-            || unmet.into_iter().any(|sight| matches!(sight, Sight::Frame { sensor: s, .. } if s == sensor))
+        let shows = |sight: &Sight| matches!(sight, Sight::Frame { sensor, frame, .. } if *sensor == view.name && *frame == view.frame.unwrap_or(0));
+        differs || unmet.into_iter().any(shows)
     }
 
     /// The link to the frame of a sensor, if it is on the page.
-    fn frame(&self, sensor: &str, channel: Option<&str>, pixel: Option<[usize; 2]>) -> Option<Link> {
-        let index = self.shown.views.iter().position(|view| view.name == sensor)?;
+    fn frame(
+        &self,
+        sensor: &str,
+        frame: u64,
+        channel: Option<&str>,
+        pixel: Option<[usize; 2]>,
+    ) -> Option<Link> {
+        let is_shown = |view: &View| view.name == sensor && view.frame.unwrap_or(0) == frame;
+        let index = self.shown.views.iter().position(is_shown)?;
         Some(Link { to: format!("{}-frame{index}", self.id), channel: channel.map(str::to_owned), pixel })
     }
 
@@ -125,8 +138,8 @@ impl Job<'_> {
     /// Where an expectation's finding is, with links to what shows it.
     fn sights(&self, expectation: &ExpectationOutcome) -> Vec<(String, Option<Link>)> {
         let link = |sight: &Sight| match sight {
-            Sight::Frame { sensor, channel, pixel } => {
-                Some((sensor.clone(), self.frame(sensor, *channel, *pixel)?))
+            Sight::Frame { sensor, frame, channel, pixel } => {
+                Some((sensor.clone(), self.frame(sensor, *frame, *channel, *pixel)?))
             }
             Sight::Ground => {
                 self.shown.rig.ground.as_ref()?;
@@ -188,8 +201,11 @@ fn statistics(sensors: &[SensorOutcome]) -> String {
                 0 if !c.within_tolerance => "only where returns came or went".to_owned(),
                 _ => c.differing.words(sensor.rows, sensor.columns),
             };
-            let mut row =
-                vec![Cell::Text(sensor.name.clone()), Cell::Code(c.channel.clone()), Cell::Number(what)];
+            let name = match sensor.frame {
+                Some(frame) => format!("{}, frame {frame}", sensor.name),
+                None => sensor.name.clone(),
+            };
+            let mut row = vec![Cell::Text(name), Cell::Code(c.channel.clone()), Cell::Number(what)];
             let unit = output::channel(&c.channel).map_or("", |spec| spec.unit);
             let number = |x: f64| Cell::Number(format!("{} {unit}", digits(x)).trim_end().to_owned());
             // Below half of the step in which the baseline has its pixels, nothing is known.
@@ -247,7 +263,7 @@ mod tests {
             found: "5 points".to_owned(),
             place: String::new(),
             sights: vec![Sight::Ground],
-            written_at: None,
+            ..ExpectationOutcome::default()
         };
         let outcome = Outcome {
             job: "a.toml".to_owned(),

@@ -9,13 +9,134 @@
         return held.get(section);
     }
 
-    function pointsOf(section) {
-        const data = dataOf(section);
+    function pointsOf(data) {
         data.unpacked ??= (async () => {
             for (const axis of data.points) axis.values = await unpack(axis.packed);
             return data.points;
         })();
         return data.unpacked;
+    }
+
+    // ---- Sequences: the moment that all sections show ----
+
+    const player = { moment: 0, moments: [], turns: new Set() };
+
+    // The frames of a section of a sequence, of which a few are kept unpacked. Null for a section of one frame.
+    const films = new WeakMap();
+    function filmOf(section) {
+        if (!films.has(section)) {
+            const holder = section.querySelector(".frames");
+            films.set(section, holder && makeFilm(holder.children, JSON.parse(section.querySelector(":scope > script").textContent).scales));
+        }
+        return films.get(section);
+    }
+
+    const MOST_KEPT = 12;
+    function makeFilm(frames, scales) {
+        const kept = new Map();
+        const read = async (moment) => {
+            // At a moment without a frame the sensor shows its last one, or else its first.
+            const order = [...frames].map((_, i) => i).sort((a, b) => (a > moment) - (b > moment) || Math.abs(a - moment) - Math.abs(b - moment));
+            let data = null;
+            for (const at of order) if ((data = JSON.parse(frames[at].textContent))) break;
+            await unpackChannels(data.channels);
+            return data;
+        };
+        const frame = (moment) => {
+            if (!kept.has(moment)) {
+                kept.set(moment, read(moment));
+                if (kept.size > MOST_KEPT) kept.delete(kept.keys().next().value);
+            }
+            return kept.get(moment);
+        };
+        return { frame, scales };
+    }
+
+    // A section's data at a moment, with its channels unpacked.
+    async function frameOf(section, moment) {
+        const film = filmOf(section);
+        if (film) return film.frame(moment);
+        const data = dataOf(section);
+        data.ready ??= Promise.all([unpackChannels(data.channels), unpackChannels(data.baseline)]);
+        await data.ready;
+        return data;
+    }
+
+    // Has a section follow the player from now on.
+    async function follow(turn, moment) {
+        player.turns.add(turn);
+        if (player.moment !== moment) await turn(player.moment);
+    }
+
+    function startPlayer(section) {
+        const { moments } = dataOf(section);
+        player.moments = moments;
+        const button = section.querySelector(".play"), slider = section.querySelector(".moment");
+        const speeds = section.querySelector(".speed"), where = section.querySelector(".where");
+        for (const speed of [0.25, 0.5, 1, 2, 4]) speeds.append(element("option", speed + "×", { value: speed }));
+        speeds.value = "1";
+        const tell = (at) => {
+            const { frame, start_s: time, pose, boxes } = moments[at];
+            const parts = ["frame " + frame + " (" + (at + 1) + " of " + moments.length + ")"];
+            if (time !== null) parts.push(time.toFixed(3) + " s");
+            if (pose) parts.push(pose.words);
+            if (boxes.length) parts.push(boxes.length + (boxes.length === 1 ? " box" : " boxes"));
+            where.textContent = parts.join(", ");
+            slider.value = at;
+            slider.setAttribute("aria-valuetext", parts[0]);
+        };
+        // Of the moments that are asked for while one is being shown, the last counts.
+        let wanted = 0, going = null;
+        const goTo = (at) => {
+            wanted = at;
+            tell(at);
+            going ??= (async () => {
+                try {
+                    while (player.moment !== wanted) {
+                        player.moment = wanted;
+                        await Promise.all([...player.turns].map((turn) => turn(player.moment)));
+                    }
+                } finally {
+                    going = null;
+                }
+            })();
+            return going;
+        };
+        let isPlaying = false;
+        const wait = (milliseconds) => new Promise((done) => setTimeout(() => requestAnimationFrame(done), milliseconds));
+        const play = async () => {
+            while (isPlaying) {
+                const began = performance.now(), from = wanted, to = (wanted + 1) % moments.length;
+                await goTo(to);
+                const seconds = moments[to].start_s - moments[from].start_s;
+                // The sequence pauses before it begins again, and frames without times go ten times a second.
+                const gap = to <= from ? 0.6 : seconds > 0 ? seconds : 0.1;
+                await wait(Math.max(0, 1000 * gap / Number(speeds.value) - (performance.now() - began)));
+            }
+        };
+        const toggle = () => {
+            isPlaying = !isPlaying && moments.length > 1;
+            button.textContent = isPlaying ? "❚❚" : "▶";
+            button.setAttribute("aria-label", isPlaying ? "Pause" : "Play");
+            if (isPlaying) play();
+        };
+        const stop = () => { if (isPlaying) toggle(); };
+        button.addEventListener("click", toggle);
+        slider.addEventListener("input", () => {
+            stop();
+            goTo(Number(slider.value));
+        });
+        document.addEventListener("keydown", (event) => {
+            if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest("select, button, input[type=checkbox]")) return;
+            const step = { ",": -1, ".": 1 }[event.key];
+            if (event.key === " ") toggle();
+            else if (step) {
+                stop();
+                goTo(Math.min(moments.length - 1, Math.max(0, wanted + step)));
+            } else return;
+            event.preventDefault();
+        });
+        tell(0);
     }
 
     function withoutWebGl(section) {
@@ -54,13 +175,20 @@
     const short = (v) => String(Number(v.toPrecision(3))).replace("-", "\u2212");
 
     async function show(section) {
-        const view = dataOf(section);
-        await unpackChannels(view.channels);
-        await unpackChannels(view.baseline);
+        const film = filmOf(section);
+        let moment = player.moment;
+        let view = await frameOf(section, moment);
         const { rows, columns } = view;
         // A page has fewer pixels of a frame that is too large. People are told its own rows and columns, and links name them.
         const [rowStep, columnStep] = view.steps;
-        const depth = depthOf(view.channels);
+        let depth = depthOf(view.channels);
+        // The colours of a sequence mean the same in all its frames.
+        const scaleFor = (channel) => {
+            const known = film?.scales[channel.key];
+            if (!known) return scaleOf(channel, depth);
+            const low = channel.key === "intensity" ? 0 : channel.scale === "log" ? Math.max(known[0], 1e-3) : known[0];
+            return { low, high: Math.max(known[1], low) };
+        };
         const controls = section.querySelector(".controls"), legend = section.querySelector(".legend");
 
         const choice = element("select", "");
@@ -96,11 +224,15 @@
         let cloud = null, pixels = [];
         const canvas = section.querySelector("canvas.cloud");
         if (canvas) {
-            cloud = cloudOf(canvas, [{ axes: await pointsOf(section) }]);
-            // The pixels with a return, in order, are the points.
+            cloud = cloudOf(canvas, [{ axes: await pointsOf(view) }]);
             if (!cloud) withoutWebGl(section);
-            for (let i = 0; cloud && i < rows * columns; i++) if (isSeen(depth, i)) pixels.push(i);
         }
+        // The pixels with a return, in order, are the points.
+        const number = () => {
+            pixels = [];
+            for (let i = 0; cloud && i < rows * columns; i++) if (isSeen(depth, i)) pixels.push(i);
+        };
+        number();
 
         const tell = (channel, scale) => {
             legend.replaceChildren();
@@ -142,8 +274,8 @@
 
         const paint = () => {
             const key = choice.value;
-            const channel = view.channels.find((c) => c.key === key);
-            const scale = scaleOf(channel, depth);
+            const channel = view.channels.find((c) => c.key === key) ?? view.channels[0];
+            const scale = scaleFor(channel);
             const difference = view.baseline && differ(view, key);
             for (const canvas of pictures) {
                 const picture = canvas.dataset.picture;
@@ -215,6 +347,19 @@
         });
         differences?.addEventListener("change", paint);
         paint();
+        if (film) {
+            await follow(async (to) => {
+                const next = await film.frame(to);
+                const axes = cloud && next.points && await pointsOf(next);
+                // A frame of another size than the first is none of this section's.
+                if (next.rows !== rows || next.columns !== columns) return;
+                [view, depth] = [next, depthOf(next.channels)];
+                if (axes) cloud.replace(0, { axes });
+                number();
+                paint();
+                if (place) inspect(...place);
+            }, moment);
+        }
         section.setAttribute("aria-busy", "false");
         // Shows a channel and a pixel, as a link asks for.
         return (key, pixel) => {
@@ -234,11 +379,18 @@
     async function showRig(section) {
         const rig = dataOf(section);
         const parts = [], shapes = [];
-        for (const { section: id, mount } of rig.sensors) {
+        // What stands still in the vehicle's frame moves with `base` if the world is what stands still.
+        const poseAt = (at) => player.moments[at]?.pose?.matrix;
+        const moves = poseAt(0) !== undefined;
+        let base = null, moment = player.moment;
+        const placed = (mount) => (base ? times(base, new Float32Array(mount)) : new Float32Array(mount));
+        const partOf = async ({ section: id, mount }, at) => {
             const own = document.getElementById(id);
-            if (own && dataOf(own).points) parts.push({ axes: await pointsOf(own), mount: new Float32Array(mount) });
-            else parts.push({ axes: [0, 1, 2].map(() => ({ low: 0, step: 1, values: [] })) });
-        }
+            const data = own && await frameOf(own, at);
+            if (!data?.points) return { axes: [0, 1, 2].map(() => ({ low: 0, step: 1, values: [] })) };
+            return { axes: await pointsOf(data), mount: placed(mount) };
+        };
+        for (const sensor of rig.sensors) parts.push(await partOf(sensor, moment));
         const filled = (points, colour) => {
             const colours = new Uint8Array(points.length / 3 * 4);
             for (let i = 0; i < points.length / 3; i++) colours.set([...colour(i), 255], 4 * i);
@@ -258,8 +410,43 @@
                 const light = Math.abs(0.3 * n[0] + 0.5 * n[1] + 0.8 * n[2]) / (Math.hypot(...n) || 1);
                 return [0, 0, 0].map(() => 70 + 140 * Math.min(1, light));
             };
-            shapes.push({ points, colours: filled(points, shade) });
+            shapes.push({ points, colours: filled(points, shade), ofVehicle: true });
         }
+        // The way of the body and the boxes of objects stand in the world.
+        const way = shapes.length, boxes = way + 1;
+        const boxesAt = (at) => {
+            const shown = player.moments[at]?.boxes ?? [];
+            const lines = shown.map(({ edges }) => floatsOf(edges));
+            const points = new Float32Array(lines.reduce((sum, line) => sum + line.length, 0));
+            const colours = new Uint8Array(points.length / 3 * 4);
+            let from = 0;
+            lines.forEach((line, n) => {
+                points.set(line, from);
+                colours.set(filled(line, () => idColour(shown[n].label)), from / 3 * 4);
+                from += line.length;
+            });
+            return [points, colours];
+        };
+        if (moves) {
+            const steps = player.moments.map((_, at) => poseAt(at)).filter(Boolean).map((m) => m.slice(12, 15));
+            const points = new Float32Array(steps.slice(1).flatMap((to, n) => [...steps[n], ...to]));
+            shapes.push({ points, colours: filled(points, () => [255, 255, 255]), lines: true });
+            const [edges, colours] = boxesAt(moment);
+            shapes.push({ points: edges, colours, lines: true });
+        }
+        // The inverse of a rigid motion.
+        const inverse = (m) => {
+            const turn = [0, 1, 2].map((row) => [0, 1, 2].map((column) => m[4 * row + column]));
+            const back = turn.map((row) => -(row[0] * m[12] + row[1] * m[13] + row[2] * m[14]));
+            return new Float32Array([...[0, 1, 2].flatMap((column) => [...turn.map((row) => row[column]), 0]), ...back, 1]);
+        };
+        const place = (at) => {
+            const pose = poseAt(at);
+            rig.sensors.forEach(({ mount }, n) => { shapes[n].mount = placed(mount); });
+            for (const shape of shapes) if (shape.ofVehicle) shape.mount = base ?? undefined;
+            if (moves && pose) for (const n of [way, boxes]) shapes[n].mount = base ? undefined : inverse(pose);
+        };
+        place(moment);
         const cloud = cloudOf(section.querySelector("canvas.cloud"), parts, shapes);
         const controls = section.querySelector(".controls"), legend = section.querySelector(".legend");
         if (cloud) {
@@ -299,7 +486,42 @@
                 cloud.redraw();
             });
             choice.addEventListener("change", paint);
-            paint();
+            if (moves) {
+                if (player.moments.some((m) => m.boxes.length)) toggle("boxes", (hidden) => {
+                    shapes[boxes].hidden = hidden;
+                    cloud.redraw();
+                });
+                const view = element("select", "");
+                view.append(element("option", "vehicle", { value: "vehicle" }), element("option", "world", { value: "world" }));
+                const label = element("label", "Stand on the ");
+                label.append(view);
+                controls.append(label);
+                const turn = async (to) => {
+                    moment = to;
+                    base = view.value === "world" && poseAt(to) ? new Float32Array(poseAt(to)) : null;
+                    const now = await Promise.all(rig.sensors.map((sensor) => partOf(sensor, to)));
+                    if (to !== moment) return;
+                    now.forEach((part, n) => cloud.replace(n, part));
+                    cloud.reshape(boxes, ...boxesAt(to));
+                    place(to);
+                    paint();
+                };
+                view.addEventListener("change", async () => {
+                    await turn(player.moment);
+                    const [x, y, z] = cloud.middle;
+                    cloud.lookAt(base ? [0, 1, 2].map((k) => base[k] * x + base[4 + k] * y + base[8 + k] * z + base[12 + k]) : cloud.middle);
+                });
+                paint();
+                await follow(turn, moment);
+            } else if (player.moments.length) {
+                const turn = async (to) => {
+                    const now = await Promise.all(rig.sensors.map((sensor) => partOf(sensor, to)));
+                    now.forEach((part, n) => cloud.replace(n, part));
+                    paint();
+                };
+                paint();
+                await follow(turn, moment);
+            } else paint();
         } else withoutWebGl(section);
         section.setAttribute("aria-busy", "false");
         return () => {};
@@ -340,6 +562,8 @@
         section.append(element("p", "This can't be shown: " + why, { role: "alert" }));
         return () => {};
     };
+    const bar = document.getElementById("player");
+    if (bar) startPlayer(bar);
     const shows = { view: show, rig: showRig, ground: showGround };
     const showing = new Map();
     // Shows a section, once. The promise gives what looks at one of its channels and pixels.

@@ -53,7 +53,7 @@ pub(super) fn rig(id: &str, rig: &Rig, names: &[&str]) -> String {
     html + &rig.ground.as_ref().map_or(String::new(), |map| ground::section(&format!("{id}-ground"), map))
 }
 
-fn rig_section(id: &str, rig: &Rig, names: &[&str]) -> String {
+pub(super) fn rig_section(id: &str, rig: &Rig, names: &[&str]) -> String {
     let floats = |all: &mut dyn Iterator<Item = f32>| {
         pack::base64(&all.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())
     };
@@ -101,38 +101,67 @@ fn cloud(label: &str) -> String {
     )
 }
 
+/// What the section of a frame needs to know of it.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    /// Rows and columns, before anything was left out.
+    whole: [usize; 2],
+    /// Rows and columns that are shown.
+    shown: [usize; 2],
+    /// The ratio of height to width of a pixel.
+    stretch: usize,
+    /// The number of points, or why there are none.
+    points: Result<usize, String>,
+}
+
+impl Part {
+    pub fn of(whole: &View, thinned: &Thinned) -> Self {
+        let image = &thinned.view.image;
+        Self {
+            whole: [whole.image.rows, whole.image.columns],
+            shown: [image.rows, image.columns],
+            stretch: stretch(image),
+            points: thinned.view.points.as_ref().map(Vec::len).map_err(Clone::clone),
+        }
+    }
+}
+
 /// The section of a frame: controls, pictures, cloud, and the numbers behind them. The script fills it when it comes into
 /// sight. `compared` is the outcome of comparing the frame with its baseline. The page has so many `frames`, which share what
 /// a browser can show.
 pub(super) fn section(id: &str, view: &View, compared: Option<&SensorOutcome>, frames: usize) -> String {
-    let name = escape(&view.name);
-    let whole = &view.image;
-    let size = format!("{} × {}", whole.rows, whole.columns);
-    let Thinned { view, baseline, steps, note } =
-        Thinned::of(view, compared.and_then(|sensor| sensor.baseline.as_ref()), frames);
-    let (view, baseline) = (view.as_ref(), baseline.as_deref());
-    let image = &view.image;
-    let resolution = |channel: &str| {
-        let all = compared.map_or(&[][..], |sensor| &sensor.channels);
-        all.iter().find(|c| c.channel == channel).map_or(0.0, |c| c.resolution)
-    };
-    let (rows, columns) = (image.rows, image.columns);
+    let baseline = compared.and_then(|sensor| sensor.baseline.as_ref());
+    let thinned = Thinned::of(view, baseline, frames);
+    let captions = thinned.baseline.as_ref().map(|_| ["baseline", "run", "difference"]);
+    let data = script(&data(&thinned, compared));
+    section_of(id, &view.title(), &Part::of(view, &thinned), &thinned.note, captions, &data)
+}
+
+/// The section of a frame that is called `name`, of which `note` says what is left out. It has a picture of the run alone, or those
+/// of the captions. `data` are the elements that hold its numbers.
+pub(super) fn section_of(
+    id: &str,
+    name: &str,
+    part: &Part,
+    note: &str,
+    captions: Option<[&str; 3]>,
+    data: &str,
+) -> String {
+    let name = escape(name);
+    let ([rows, columns], [all_rows, all_columns], stretch) = (part.shown, part.whole, part.stretch);
+    let size = format!("{all_rows} × {all_columns}");
     let fits = rows <= MAX_PICTURE && columns <= MAX_PICTURE;
     let is_picture = fits && rows > 1 && columns > 1;
-    let stretch = stretch(image);
     let wide = columns > 2 * rows * stretch;
-    let mut pictures = match note.as_str() {
+    let mut pictures = match note {
         "" => String::new(),
         note => format!("<p class=\"hint\">{note}</p>"),
     };
     if is_picture {
-        let mut captions = vec!["run"];
-        if baseline.is_some() {
-            captions = vec!["baseline", "run", "difference"];
-        }
+        let captions: &[&str] = captions.as_ref().map_or(&["run"], |captions| captions);
         let class = if wide { "pictures wide" } else { "pictures" };
         let _ = write!(pictures, "<div class=\"{class}\">");
-        for caption in &captions {
+        for caption in captions {
             let shown = if captions.len() == 1 {
                 String::new()
             } else {
@@ -149,22 +178,37 @@ pub(super) fn section(id: &str, view: &View, compared: Option<&SensorOutcome>, f
         }
         pictures += "</div><p class=\"hint\">Point at a pixel, or move with the arrow keys (Shift: by ten).</p>\
                      <output class=\"values\"></output>";
-    } else if rows > 1 {
+    } else if all_rows > 1 {
         let _ =
             write!(pictures, "<p class=\"hint\">An image of {size} pixels is too large for a picture.</p>");
     }
-    let cloud = match &view.points {
+    let cloud = match &part.points {
         Ok(points) => cloud(&format!(
             "{name}: cloud of {}. Arrow keys turn it, plus and minus zoom, Shift with arrow keys moves it, 0 shows all again.",
-            counted(points.len(), "point")
+            counted(*points, "point")
         )),
         Err(why) => format!("<p class=\"hint\">{}</p>", escape(why)),
     };
-    let data = json!({
-        "rows": rows,
-        "columns": columns,
-        "steps": steps,
-        "stretch": stretch,
+    format!(
+        "<section id=\"{id}\" class=\"view\" aria-label=\"{name}\" aria-busy=\"true\"><h3><bdi>{name}</bdi> <small>{}</small></h3>\
+         <div class=\"controls\"></div>{pictures}<div class=\"legend\"></div>{cloud}{data}</section>",
+        if all_rows > 1 { format!("{size} pixels") } else { counted(all_columns, "point") },
+    )
+}
+
+/// The numbers of a frame, for the script.
+pub(super) fn data(thinned: &Thinned, compared: Option<&SensorOutcome>) -> Value {
+    let (view, baseline) = (thinned.view.as_ref(), thinned.baseline.as_deref());
+    let image = &view.image;
+    let resolution = |channel: &str| {
+        let all = compared.map_or(&[][..], |sensor| &sensor.channels);
+        all.iter().find(|c| c.channel == channel).map_or(0.0, |c| c.resolution)
+    };
+    json!({
+        "rows": image.rows,
+        "columns": image.columns,
+        "steps": thinned.steps,
+        "stretch": stretch(image),
         "channels": channels(image, &|_| json!({})),
         "baseline": baseline.map(|before| {
             channels(before, &|name| {
@@ -175,13 +219,7 @@ pub(super) fn section(id: &str, view: &View, compared: Option<&SensorOutcome>, f
         "points": view.points.as_ref().ok().map(|points| pack::points(points)),
         "instances": names_of_seen("id.instance", &view.instances, [Some(image), baseline]),
         "labels": names_of_seen("id.semantic", &view.labels, [Some(image), baseline]),
-    });
-    format!(
-        "<section id=\"{id}\" class=\"view\" aria-label=\"{name}\" aria-busy=\"true\"><h3><bdi>{name}</bdi> <small>{}</small></h3>\
-         <div class=\"controls\"></div>{pictures}<div class=\"legend\"></div>{cloud}{}</section>",
-        if rows > 1 { format!("{size} pixels") } else { counted(whole.columns, "point") },
-        script(&data)
-    )
+    })
 }
 
 /// The end of the scale that shows how a channel differs between a first and a second image. 0 if it does not, or if the
@@ -378,7 +416,14 @@ pub(super) mod tests {
         };
         let points = (0..5).map(|i| [i as f32, 0.0, 1.0]).collect();
         let instances = BTreeMap::from([(1, HOSTILE.to_owned()), (2, "not seen".to_owned())]);
-        View { name: HOSTILE.to_owned(), image, points: Ok(points), instances, labels: BTreeMap::new() }
+        View {
+            name: HOSTILE.to_owned(),
+            frame: None,
+            image,
+            points: Ok(points),
+            instances,
+            labels: BTreeMap::new(),
+        }
     }
 
     fn shown(view: View) -> Shown {

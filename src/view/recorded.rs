@@ -1,12 +1,17 @@
 //! The views of files that a scan wrote.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::Path;
 
 use super::frames::View;
+use super::playback::{self, Moment, Playback, chosen, note_of_chosen};
+use super::rig::{Mounted, Rig};
 use crate::error::Error;
 use crate::frame::BODY_FROM_OPTICAL;
-use crate::output::recorded::{Cloud, Folder, InstanceNames, Part, Recorded};
+use crate::output::recorded::{
+    BoxRow, Cloud, Folder, FrameKey, InstanceNames, Part, ReadError, Recorded, read_boxes, read_poses,
+};
 use crate::output::{Channel, Image, Samples};
 use crate::sensor::Camera;
 
@@ -20,12 +25,28 @@ struct Listed {
     labels: Option<BTreeMap<u32, String>>,
 }
 
-/// Reads the views of an EXR, a PLY or a folder that a scan wrote, with a note about what is left out, which may be empty. The
-/// numbers of all files may take `memory` bytes.
+/// What there is to show of recorded files.
+pub enum Recording {
+    /// Frames, and a note about what is left out of them, which may be empty.
+    Frames(Vec<View>, String),
+    /// The page of a sequence, and the note that is on it.
+    Sequence(String, String),
+}
+
+/// Reads what there is to show of an EXR, a PLY or a folder that a scan wrote, which is called `title`. Of a sequence, the frames
+/// with these numbers count. The numbers of all files that are shown at the same time may take `memory` bytes. `go_on` is asked
+/// between frames, and its error ends the reading.
 ///
 /// # Errors
 /// [`Error::Input`] if a file can't be read or has nothing to show.
-pub fn of_recording(path: &Path, memory: u64) -> Result<(Vec<View>, String), Error> {
+pub fn of_recording(
+    path: &Path,
+    title: &str,
+    frames: &Range<u64>,
+    memory: u64,
+    go_on: &dyn Fn() -> Result<(), Error>,
+) -> Result<Recording, Error> {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
     match Recorded::open(path, memory)? {
         Recorded::Exr(parts) => {
             let beside = path.with_extension("ply");
@@ -33,27 +54,74 @@ pub fn of_recording(path: &Path, memory: u64) -> Result<(Vec<View>, String), Err
                 Some(Ok(Recorded::Cloud(cloud))) => Some(cloud),
                 _ => None,
             };
-            let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            Ok((of_exr(&name, parts, cloud.as_ref(), &Listed::default()), String::new()))
+            let views = of_exr(&name, parts, cloud.as_ref(), &Listed::default());
+            Ok(Recording::Frames(views, String::new()))
         }
         Recorded::Cloud(cloud) => {
-            let name = path.file_stem().unwrap_or_default().to_string_lossy();
-            Ok((vec![of_cloud(&name, &cloud, &Listed::default())], String::new()))
+            Ok(Recording::Frames(vec![of_cloud(&name, &cloud, &Listed::default())], String::new()))
         }
-        Recorded::Folder(folder) => of_folder(&folder, memory),
+        Recorded::Folder(folder) => of_folder(&folder, title, frames, memory, go_on),
     }
 }
 
-/// The frames of a scan's folder. Each is read from its EXR with the points of its PLY, or from the one that is there.
-fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Error> {
-    let mut frames: BTreeMap<&str, [bool; 2]> = BTreeMap::new();
+/// The files of a frame: whether it has an image and a cloud, and the path of both without the ending.
+#[derive(Clone, Debug, Default)]
+struct Files {
+    stem: String,
+    has_exr: bool,
+    has_ply: bool,
+}
+
+impl Files {
+    /// Reads the frame from its image with the points of its cloud, or from the one that is there. Gives its parts, and whether its
+    /// points are in the frame of its sensor.
+    fn read(
+        &self,
+        name: &str,
+        folder: &Folder,
+        listed: &Listed,
+        memory: &mut u64,
+    ) -> Result<(Vec<View>, bool), Error> {
+        let mut read = |extension: &str| -> Result<Recorded, Error> {
+            let recorded = folder.read(&format!("{}.{extension}", self.stem), *memory)?;
+            *memory = memory.saturating_sub(recorded.memory());
+            Ok(recorded)
+        };
+        let cloud = match self.has_ply.then(|| read("ply")).transpose()? {
+            Some(Recorded::Cloud(cloud)) => Some(cloud),
+            _ => None,
+        };
+        let is_in_sensor = |cloud: &Cloud| {
+            let frame = cloud.comments.iter().find_map(|comment| comment.strip_prefix("frame:"));
+            frame.is_some_and(|frame| !frame.contains("body") && !frame.contains("world"))
+        };
+        let in_sensor = cloud.as_ref().is_none_or(is_in_sensor);
+        let views = match self.has_exr.then(|| read("exr")).transpose()? {
+            Some(Recorded::Exr(parts)) => of_exr(name, parts, cloud.as_ref(), listed),
+            _ => cloud.iter().map(|cloud| of_cloud(name, cloud, listed)).collect(),
+        };
+        Ok((views, in_sensor))
+    }
+}
+
+/// The frames of a scan's folder, or its sequence.
+fn of_folder(
+    folder: &Folder,
+    title: &str,
+    range: &Range<u64>,
+    mut memory: u64,
+    go_on: &dyn Fn() -> Result<(), Error>,
+) -> Result<Recording, Error> {
+    let mut frames: BTreeMap<FrameKey, Files> = BTreeMap::new();
     for output in folder.outputs() {
         let Some((stem, extension)) = output.rsplit_once('.') else { continue };
-        match extension {
-            "exr" => frames.entry(stem).or_default()[0] = true,
-            "ply" => frames.entry(stem).or_default()[1] = true,
-            _ => {}
+        let key = FrameKey::of_stem(stem);
+        if !matches!(extension, "exr" | "ply") || key.frame().is_some_and(|frame| !range.contains(&frame)) {
+            continue;
         }
+        let files = frames.entry(key).or_default();
+        files.stem = stem.to_owned();
+        *(if extension == "exr" { &mut files.has_exr } else { &mut files.has_ply }) = true;
     }
     if frames.is_empty() {
         let problem =
@@ -62,26 +130,21 @@ fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Er
     }
     let manifest = &folder.manifest;
     let listed = Listed { instances: Some(manifest.scene.instances()), labels: Some(manifest.label_names()) };
-    let mut seen = Vec::new();
-    for (&stem, &[has_exr, has_ply]) in frames.iter().take(MAX_FRAMES) {
-        let mut read = |extension: &str| -> Result<Recorded, Error> {
-            let recorded = folder.read(&format!("{stem}.{extension}"), memory)?;
-            memory = memory.saturating_sub(recorded.memory());
-            Ok(recorded)
-        };
-        let cloud = match has_ply.then(|| read("ply")).transpose()? {
-            Some(Recorded::Cloud(cloud)) => Some(cloud),
-            _ => None,
-        };
-        // In a folder with one frame of each sensor, the sensor's name is enough.
-        let name = match stem.rsplit_once('/') {
-            Some((sensor, "000000")) => sensor,
-            _ => stem,
-        };
-        match has_exr.then(|| read("exr")).transpose()? {
-            Some(Recorded::Exr(parts)) => seen.extend(of_exr(name, parts, cloud.as_ref(), &listed)),
-            _ => seen.extend(cloud.map(|cloud| of_cloud(name, &cloud, &listed))),
+    let mut by_sensor: BTreeMap<&str, BTreeMap<u64, &Files>> = BTreeMap::new();
+    for (key, files) in &frames {
+        if let Some(frame) = key.frame() {
+            by_sensor.entry(key.sensor()).or_default().insert(frame, files);
         }
+    }
+    if by_sensor.values().any(|frames| frames.len() > 1) {
+        return sequence(folder, title, &by_sensor, &listed, memory, go_on);
+    }
+    let mut seen = Vec::new();
+    for (key, files) in frames.iter().take(MAX_FRAMES) {
+        go_on()?;
+        // In a folder with one frame of each sensor, the sensor's name is enough.
+        let name = if key.frame() == Some(0) { key.sensor().to_owned() } else { key.to_string() };
+        seen.extend(files.read(&name, folder, &listed, &mut memory)?.0);
     }
     let note = match frames.len() {
         all if all > MAX_FRAMES => {
@@ -89,7 +152,104 @@ fn of_folder(folder: &Folder, mut memory: u64) -> Result<(Vec<View>, String), Er
         }
         _ => String::new(),
     };
-    Ok((seen, note))
+    Ok(Recording::Frames(seen, note))
+}
+
+/// The page of a recorded sequence. Its moments are the frames of the sensor that has the fewest, and to each belongs the frame of
+/// every other sensor that is nearest in time or, where no table of poses tells the times, the one of the same number.
+fn sequence(
+    folder: &Folder,
+    title: &str,
+    by_sensor: &BTreeMap<&str, BTreeMap<u64, &Files>>,
+    listed: &Listed,
+    memory: u64,
+    go_on: &dyn Fn() -> Result<(), Error>,
+) -> Result<Recording, Error> {
+    let broken = |name: &str, e: ReadError| Error::input(folder.path().join(name), e);
+    let poses = match folder.table("poses.csv")? {
+        Some(text) => read_poses(&text).map_err(|e| broken("poses.csv", e))?,
+        None => BTreeMap::new(),
+    };
+    let Some((slowest, moments)) = by_sensor.iter().min_by_key(|(_, frames)| frames.len()) else {
+        return Ok(Recording::Frames(Vec::new(), String::new()));
+    };
+    let time = |sensor: &str, frame: u64| poses.get(&FrameKey::new(sensor, frame)).map(|row| row.start_s);
+    // The frame of a sensor that belongs to a moment.
+    let frame_at = |sensor: &str, frames: &BTreeMap<u64, &Files>, moment: u64| -> Option<u64> {
+        let Some(at) = time(slowest, moment).filter(|_| sensor != *slowest) else {
+            return frames.contains_key(&moment).then_some(moment);
+        };
+        let off = |frame: u64| time(sensor, frame).map(|time| (time - at).abs());
+        let nearest = frames.keys().filter_map(|&frame| Some((off(frame)?, frame)));
+        nearest.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, frame)| frame)
+    };
+    let count = moments.len() as u64;
+    let numbers: Vec<u64> = moments.keys().copied().collect();
+    let shown: Vec<(u64, Vec<(&str, u64)>)> = chosen(count)
+        .map(|index| {
+            let moment = numbers[index as usize];
+            let of_sensor = by_sensor
+                .iter()
+                .filter_map(|(&sensor, frames)| Some((sensor, frame_at(sensor, frames, moment)?)));
+            (moment, of_sensor.collect())
+        })
+        .collect();
+    let wanted: BTreeSet<FrameKey> = shown
+        .iter()
+        .flat_map(|(_, all)| all.iter().map(|(sensor, frame)| FrameKey::new(sensor, *frame)))
+        .collect();
+    let mut boxes = match folder.table("boxes.jsonl")? {
+        Some(text) => read_boxes(&text, &|key| wanted.contains(key)).map_err(|e| broken("boxes.jsonl", e))?,
+        None => BTreeMap::new(),
+    };
+    let mut playback: Option<Playback> = None;
+    for (number, of_moment) in &shown {
+        let (mut views, mut all_in_sensor, mut memory) = (Vec::new(), true, memory);
+        // Without a table of poses, frames count from 0 s.
+        let rate_hz = folder.manifest.rate_hz(slowest).filter(|_| poses.is_empty());
+        let start_s = rate_hz.map(|rate| *number as f64 / rate);
+        let mut moment = Moment { frame: *number, start_s, ..Moment::default() };
+        for (sensor, frame) in of_moment {
+            go_on()?;
+            let Some(files) = by_sensor.get(sensor).and_then(|frames| frames.get(frame)) else { continue };
+            let (parts, in_sensor) = files.read(sensor, folder, listed, &mut memory)?;
+            // The first return of each pixel is what a page of a sequence shows.
+            let first = parts.into_iter().next();
+            views.extend(first.map(|view| View { name: (*sensor).to_owned(), frame: Some(*frame), ..view }));
+            all_in_sensor &= in_sensor;
+            let key = FrameKey::new(sensor, *frame);
+            if let Some(row) = poses.get(&key) {
+                moment.start_s.get_or_insert(row.start_s);
+                moment.world_from_body.get_or_insert(row.world_from_body);
+            }
+            // Each sensor has its own boxes of the objects that it sees.
+            for found in boxes.remove(&key).into_iter().flatten() {
+                let is_known = |known: &BoxRow| known.name == found.name && known.label == found.label;
+                if found.name.is_empty() || !moment.boxes.iter().any(is_known) {
+                    moment.boxes.push(found);
+                }
+            }
+        }
+        let playback = playback.get_or_insert_with(|| {
+            let mounted = |(sensor, frame): &(&str, u64)| {
+                let row = poses.get(&FrameKey::new(sensor, *frame))?;
+                let body_from_sensor = row.world_from_body.inverse() * row.world_from_sensor;
+                Some(Mounted { name: (*sensor).to_owned(), body_from_sensor, edges: Vec::new() })
+            };
+            let sensors =
+                if all_in_sensor { of_moment.iter().filter_map(mounted).collect() } else { Vec::new() };
+            Playback::new(title, Rig { sensors, ..Rig::default() }, shown.len() as u64, by_sensor.len())
+        });
+        if !playback.add(moment, &views) {
+            break;
+        }
+    }
+    let longest = by_sensor.values().map(|frames| frames.len() as u64).max().unwrap_or(0);
+    let mut note = note_of_chosen(count);
+    if longest > count {
+        note = format!("{note} {}", playback::FASTER).trim().to_owned();
+    }
+    Ok(Recording::Sequence(playback.map_or(String::new(), |playback| playback.finish(&note)), note))
 }
 
 /// The parts of an EXR. The cloud belongs to the first part, if it has as many points as the part has returns.
@@ -114,7 +274,7 @@ fn of_exr(name: &str, parts: Vec<Part>, cloud: Option<&Cloud>, listed: &Listed) 
         };
         let instances = names_of_seen(&part.image, listed.instances.as_ref(), || part.instances());
         let labels = listed.labels.clone().unwrap_or_else(|| part.labels());
-        View { name, image: part.image, points, instances, labels }
+        View { name, frame: None, image: part.image, points, instances, labels }
     };
     parts.into_iter().enumerate().map(part).collect()
 }
@@ -186,5 +346,5 @@ fn of_cloud(name: &str, cloud: &Cloud, listed: &Listed) -> View {
     let points = positions.into_iter().map(|(_, p)| p).collect();
     let instances = names_of_seen(&image, listed.instances.as_ref(), || cloud.instances());
     let labels = listed.labels.clone().unwrap_or_else(|| cloud.labels());
-    View { name: name.to_owned(), image, points: Ok(points), instances, labels }
+    View { name: name.to_owned(), frame: None, image, points: Ok(points), instances, labels }
 }

@@ -29,8 +29,12 @@ pub(super) struct Thinned<'v> {
 impl<'v> Thinned<'v> {
     /// Thins out a frame of a page that has so many frames.
     pub fn of(view: &'v View, baseline: Option<&'v Image>, frames: usize) -> Self {
+        Self::to(view, baseline, MOST_PIXELS.min(MOST_PIXELS_OF_A_PAGE / frames.max(1)))
+    }
+
+    /// Thins out a frame to about so many pixels.
+    pub fn to(view: &'v View, baseline: Option<&'v Image>, most: usize) -> Self {
         let Image { rows, columns, .. } = view.image;
-        let most = MOST_PIXELS.min(MOST_PIXELS_OF_A_PAGE / frames.max(1));
         let steps = steps(rows, columns, most);
         if steps == [1, 1] {
             let (view, baseline) = (Cow::Borrowed(view), baseline.map(Cow::Borrowed));
@@ -39,6 +43,7 @@ impl<'v> Thinned<'v> {
         let points = view.points.as_ref().map(|points| points_of(&view.image, points, steps));
         let thin = View {
             name: view.name.clone(),
+            frame: view.frame,
             image: thinned(&view.image, steps),
             points: points.map_err(Clone::clone),
             instances: view.instances.clone(),
@@ -133,6 +138,7 @@ mod tests {
         let seen = (0..rows * columns).filter(|i| !i.is_multiple_of(3));
         View {
             name: "top".into(),
+            frame: None,
             image: Image { rows, columns, channels },
             points: Ok(seen.map(|i| [i as f32, 0.0, 0.0]).collect()),
             instances: BTreeMap::new(),

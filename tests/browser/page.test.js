@@ -56,6 +56,35 @@ returns = { at_least = 0.99 }
 `);
 }
 
+// A recorded sequence of a sensor that drives 1 m a frame past a car, with tables of its poses and of the car's boxes.
+const MOMENTS = 12;
+function writeSequence(run) {
+    const job = readFileSync(path.join(folder, "walls.toml"), "utf8").replace("rate_hz = 10.0", "rate_hz = 10.0\n[sequence]\nframes = " + MOMENTS);
+    // A pattern that does not repeat sees something else in each frame.
+    const prisms = job.replace(/\[sensor\.rotating\][^[]*/, `[sensor.risley]
+prisms = [{ rate_hz = -121.6, wedge_deg = 18.7, index = 1.51 }, { rate_hz = 77.7, wedge_deg = 18.0, index = 1.51 }]
+beams_deg = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
+pulse_rate_hz = 20000.0
+rate_hz = 10.0
+`);
+    writeFileSync(path.join(folder, "sequence.toml"), prisms);
+    run("scan", "sequence.toml", "--out", "sequence");
+    const numbers = [...Array(MOMENTS).keys()];
+    const header = "frame,sensor,t_s,x_m,y_m,z_m,qx,qy,qz,qw,body_x_m,body_y_m,body_z_m,body_qx,body_qy,body_qz,body_qw";
+    const pose = (k) => `${k},top,${k / 10},${k},0,1.8,0,0,0,1,${k},0,0,0,0,0,1`;
+    writeFileSync(path.join(folder, "sequence/poses.csv"), [header, ...numbers.map(pose), ""].join("\n"));
+    const car = (k) => JSON.stringify({
+        frame: k, sensor: "top", name: HOSTILE, label: 4, length_m: 4, width_m: 2, height_m: 1.5,
+        in_world: { centre_m: [9 + k / 2, -2, 0.7], quaternion_xyzw: [0, 0, 0, 1] },
+    });
+    writeFileSync(path.join(folder, "sequence/boxes.jsonl"), numbers.map(car).join("\n"));
+    const file = path.join(folder, "sequence/manifest.json");
+    const manifest = JSON.parse(readFileSync(file, "utf8"));
+    manifest.outputs = manifest.outputs.filter((o) => !["poses.csv", "boxes.jsonl"].includes(o.path));
+    manifest.outputs.push({ path: "poses.csv" }, { path: "boxes.jsonl" });
+    writeFileSync(file, JSON.stringify(manifest));
+}
+
 before(async () => {
     folder = mkdtempSync(path.join(tmpdir(), "beamcast-browser-"));
     writeScene();
@@ -68,6 +97,9 @@ before(async () => {
     const large = readFileSync(path.join(folder, "walls.toml"), "utf8").replace("count = 31", "count = 300").replace("columns = 360", "columns = 15000");
     writeFileSync(path.join(folder, "large.toml"), large);
     run("view", "large.toml", "-o", pages.large);
+    writeSequence(run);
+    pages.sequence = path.join(folder, "sequence.html");
+    run("view", "sequence", "-o", pages.sequence);
     // A baseline, and a run with the sensor 20 cm nearer to the wall.
     const environment = { ...process.env, CI: "" };
     spawnSync(BEAMCAST, ["check", "--accept", "walls.toml"], { cwd: folder, env: environment });
@@ -313,6 +345,56 @@ test("of a frame that is too large there are fewer pixels, with their own rows a
     await page.mouse.move(box.x + box.width * 3750.5 / 7500, box.y + box.height * 75.5 / 150);
     // Row 150 of 300 is level but for a twentieth of a degree, column 7500 of 15000 looks straight ahead.
     assert.match(await page.locator("output.values").textContent(), /row 150, column 7500: range 10\.000\d m/);
+});
+
+test("a sequence plays, stops and goes to any frame, and everything on the page goes with it", async (t) => {
+    const { page } = await open(t, pages.sequence);
+    await page.waitForFunction(() => document.querySelector("section.rig").getAttribute("aria-busy") === "false");
+    const RIG = "section.rig canvas.cloud", OWN = "section.view canvas.cloud";
+    const where = page.locator(".where"), slider = page.locator(".moment");
+    const sums = async () => {
+        await settle(page);
+        return [await drawn(page, RIG), await drawn(page, OWN)].map(({ sum, lit }) => (assert.ok(lit > 300, `${lit} pixels`), sum));
+    };
+    assert.match(await where.innerText(), /^frame 0 \(1 of 12\), 0\.000 s, body at \(0\.00, 0\.00, 0\.00\) m, yaw 0\.0°, 1 box$/);
+    const first = await sums();
+    await shoot(page, "sequence-0");
+    await slider.focus();
+    for (let i = 0; i < 7; i++) await page.keyboard.press("ArrowRight");
+    assert.match(await where.innerText(), /^frame 7 \(8 of 12\), 0\.700 s, body at \(7\.00, /);
+    await page.waitForTimeout(300);
+    const eighth = await sums();
+    first.forEach((sum, n) => assert.notEqual(sum, eighth[n], "cloud " + n));
+    // Keys step from anywhere on the page, and the same frame looks the same again.
+    await page.locator("h1").click();
+    for (let i = 0; i < 7; i++) await page.keyboard.press(",");
+    assert.match(await where.innerText(), /^frame 0 /);
+    await page.waitForTimeout(300);
+    assert.deepEqual(await sums(), first);
+    await page.keyboard.press(",");
+    assert.match(await where.innerText(), /^frame 0 /, "there is nothing before the first");
+    // Playback goes on until it is stopped.
+    await page.locator(".speed").selectOption("4");
+    await page.locator("h1").click();
+    await page.keyboard.press("Space");
+    assert.equal(await page.getByRole("button", { name: "Pause" }).count(), 1);
+    await page.waitForFunction(() => /^frame [3-9]/.test(document.querySelector(".where").textContent));
+    await page.getByRole("button", { name: "Pause" }).click();
+    await page.waitForTimeout(400);
+    const stopped = await where.innerText();
+    await page.waitForTimeout(400);
+    assert.equal(await where.innerText(), stopped);
+    // In the world the body stands elsewhere, and without boxes there is less to see.
+    const before = await drawn(page, RIG);
+    await page.locator("section.rig").getByLabel("Stand on the").selectOption("world");
+    await page.waitForTimeout(300);
+    const world = await drawn(page, RIG);
+    assert.ok(world.lit > 300, JSON.stringify(world));
+    assert.notEqual(world.sum, before.sum);
+    await shoot(page, "sequence-world");
+    await page.locator("section.rig").getByLabel("boxes").uncheck();
+    await settle(page);
+    assert.notEqual((await drawn(page, RIG)).sum, world.sum);
 });
 
 test("both themes can be read, by the system's wish or the page's switch", async (t) => {

@@ -9,7 +9,7 @@ use std::process::{Command, Output};
 
 use beamcast::check::{Baseline, Changes, Settings, Snapshot, StoredPixels, judge};
 use beamcast::config;
-use beamcast::output::{Names, SensorFrame};
+use beamcast::output::SensorFrame;
 use beamcast::rng::Rng;
 use beamcast::scan::{Progress, scan};
 use beamcast::scene::gltf;
@@ -159,8 +159,7 @@ fn baselines_hold_for_portable_code_and_for_single_rays() {
         let capture = Capture::new(&mounted.sensor, mounted.body_from_sensor, &job.trajectory, 0, job.seed);
         let frame = &scan(&scene, &tracer, &capture, &Progress::default()).unwrap();
         let cloud_frame = job.output.cloud_frame;
-        let names = Names::default();
-        let seen = SensorFrame { capture, frame, name: &mounted.name, cloud_frame, names, legend: false };
+        let seen = SensorFrame { cloud_frame, ..SensorFrame::new(capture, frame, &mounted.name) };
         let taken = Snapshot::of(&seen, &scene, &Default::default());
         let now = Baseline::of(&job.resolved, &scene, vec![taken.record.clone()]);
         let changes = Changes::between(&accepted, &now);
@@ -617,7 +616,7 @@ fn the_page_says_what_the_program_does() {
     }
     copy.accept();
     let (code, out, err) = copy.run(&["check", "configs"]);
-    assert_eq!((code, out.as_str()), (0, "configs/room_vlp16.toml: passed, 9 expectations met\n"), "{err}");
+    assert_eq!((code, out.as_str()), (0, "configs/room_vlp16.toml: passed, 10 expectations met\n"), "{err}");
 
     let workflow = fs::read_to_string(shipped(".github/workflows/sensor-regression.yml")).unwrap();
     assert!(workflow.ends_with(&blocks(&page, "yaml")[0]), "the page and the workflow differ");

@@ -226,3 +226,38 @@ fn bash_knows_presets_and_channels() {
         assert_eq!(completed, found, "{words}");
     }
 }
+
+/// A drive is there with one command, and its job can be linted, cast and looked at.
+#[test]
+fn a_drive_is_ready_to_run() {
+    let tmp = tempfile::tempdir().unwrap();
+    let here = tmp.path();
+    let init = beamcast(here, &["init", "--drive"]);
+    let said = String::from_utf8_lossy(&init.stderr);
+    assert!(init.status.success() && said.contains("wrote drive/drive.toml and 5 files beside it"), "{said}");
+    let lint = beamcast(here, &["lint", "--strict", "drive/drive.toml"]);
+    assert!(lint.status.success() && lint.stderr.is_empty(), "{}", String::from_utf8_lossy(&lint.stderr));
+    ok(here, &["scan", "drive/drive.toml", "-q", "--frames", "50..52"]);
+    ok(here, &["film", "drive/out", "-o", "drive.png", "--width", "160"]);
+    let film = fs::read(here.join("drive.png")).unwrap();
+    assert!(film.windows(4).any(|chunk| chunk == b"acTL"), "it is animated");
+    // What moves has the labels of its files: 5 is a car, 6 a person, and 11 a bicycle.
+    let manifest: Value =
+        serde_json::from_slice(&fs::read(here.join("drive/out/manifest.json")).unwrap()).unwrap();
+    let instances = manifest["scene"]["instances"].as_array().unwrap();
+    for (actor, label) in
+        [("oncoming car", 5), ("car ahead", 5), ("cyclist", 11), ("cyclist", 6), ("walker", 6)]
+    {
+        let is_one = |i: &&Value| {
+            i["name"].as_str().is_some_and(|name| name.starts_with(actor)) && i["file_label"] == label
+        };
+        assert!(instances.iter().any(|i| is_one(&i)), "{actor}: {instances:?}");
+    }
+
+    let (code, said) = fails(here, &["init", "--drive"]);
+    assert!(code == 4 && said.contains("is there already (--overwrite replaces it)"), "{code}: {said}");
+    ok(here, &["init", "--drive", "--overwrite"]);
+    ok(here, &["init", "--drive", "other/place"]);
+    assert!(here.join("other/place/drive.toml").exists());
+    assert_eq!(fails(here, &["init", "--drive", "--preset", "velodyne/vlp-16"]).0, 2);
+}

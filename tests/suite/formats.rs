@@ -10,7 +10,7 @@ use beamcast::config::{Job, load_job};
 use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
 use beamcast::output::recorded::read_exr;
-use beamcast::output::{Channels, CloudFrame, Format, Image, Names, SensorFrame};
+use beamcast::output::{Channels, CloudFrame, Format, Image, SensorFrame};
 use beamcast::scan::{Cause, Frame, Return};
 use beamcast::sensor::{Beam, Camera, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
 use glam::DVec3;
@@ -59,14 +59,7 @@ fn seen<'a>(sensor: &'a Sensor, frame: &'a Frame) -> SensorFrame<'a> {
     let mount =
         Pose::from_rpy(DVec3::new(0.5, -0.25, 1.75), Angle::deg(3.0), Angle::deg(-20.0), Angle::deg(110.0));
     let capture = Capture::new(sensor, mount, &BODY, 0, 0);
-    SensorFrame {
-        capture,
-        frame,
-        name: "top",
-        cloud_frame: CloudFrame::Sensor,
-        names: Names::default(),
-        legend: false,
-    }
+    SensorFrame::new(capture, frame, "top")
 }
 
 /// A format as a job asks for it, in TOML.
@@ -277,7 +270,7 @@ fn an_npz_has_an_array_a_channel() {
     ];
     assert_eq!(names, expected);
     for number in 0..2 {
-        let image = Image::with_channels(&seen, number, Channels::ALL.iter());
+        let image = Image::with_channels(&seen, number, Channels::USUAL.iter());
         let key =
             |name: &str| if number == 0 { format!("{name}.npy") } else { format!("return1/{name}.npy") };
         for name in ["range", "Z", "intensity", "time"] {
@@ -327,7 +320,7 @@ fn channels_are_chosen_for_all_formats_that_hold_them() {
     assert_eq!((of(formats[0]), of(Format::EXR)), (3 * 4, 12 * 4));
     // All channels of a LiDAR's EXR are there as before.
     assert_eq!(
-        Format::EXR.with_channels(Channels::ALL).encode(&seen).unwrap(),
+        Format::EXR.with_channels(Channels::USUAL).encode(&seen).unwrap(),
         Format::EXR.encode(&seen).unwrap()
     );
     let depth = Format::EXR.with_channels(Channels::named(["Z"]));
@@ -357,7 +350,7 @@ impl Room {
         (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
     }
 
-    /// What `lint` says about the job, without the text of the job.
+    /// The answer of `lint` about the job, without the text of the job.
     fn lint(&self) -> (i32, String) {
         self.run(&["lint", "job.toml"])
     }

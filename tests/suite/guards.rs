@@ -1,4 +1,4 @@
-//! What hostile input, other processes and the system do to a run: each test that begins with "case" holds one that was found in
+//! Hostile input, other processes and the system, and how a run stands them: each test that begins with "case" holds one that was found in
 //! the field.
 
 use std::fs;
@@ -270,7 +270,7 @@ fn recorded_files_and_calibrations_print_nothing_raw() {
     }
 }
 
-/// What `lint` says of a job or a sensor file with this text, beside the scene of a workplace.
+/// The answer of `lint` about a job or a sensor file with this text, beside the scene of a workplace.
 fn lint(text: &str) -> (i32, String) {
     let work = Workplace::new();
     let path = work.path("a.toml");
@@ -429,7 +429,7 @@ fn lint_finds_what_a_format_can_not_hold() {
 
 /// Runs a command and gives the most memory that it had, in bytes, as the system tells while it runs.
 #[cfg(target_os = "linux")]
-fn peak(mut command: Command) -> f64 {
+pub(super) fn peak(mut command: Command) -> f64 {
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let status = format!("/proc/{}/status", child.id());
     let mut peak = 0.0_f64;
@@ -473,7 +473,7 @@ fn case_memory_estimates() {
         fs::write(work.path("job.toml"), job + expect).unwrap();
     }
     let job = beamcast::load_job(&rig.path("job.toml"), &[]).unwrap();
-    let estimate = |holding| memory::of_frames(&job.sensors, &job.output.formats, holding);
+    let estimate = |holding| memory::of_frames(&job.sensors, &[1; 8], &job.output.formats, holding);
     let check = |compared, page| Holding::Check { compared, page };
     let page = rig.path("page.html");
     let page = page.to_str().unwrap();
@@ -604,7 +604,7 @@ fn case_diff_outputs_repeated() {
     assert!(stderr(&output).contains("lists \"top/000000.ply\" twice"), "{}", stderr(&output));
 }
 
-/// What one end writes, the other reads: `import` refuses as many channels as `lint` would, and takes as many as it takes.
+/// One end reads what the other writes: `import` refuses as many channels as `lint` would, and takes as many as it takes.
 #[test]
 fn import_writes_no_more_than_is_read() {
     let work = Workplace::new();

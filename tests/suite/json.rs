@@ -34,10 +34,13 @@ fn job(x: f64, columns: usize, kernel: &str) -> String {
     )
 }
 
-/// A scene of a triangle and a camera.
+/// A scene of a triangle and a camera, with an animation and a skin.
 const TRIANGLE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}],
     "nodes": [{"mesh": 0}, {"camera": 0}],
     "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}],
+    "animations": [{"name": "walk", "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+        "samplers": [{"input": 0, "output": 0}]}],
+    "skins": [{"joints": [1]}],
     "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
     "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
     "bufferViews": [{"buffer": 0, "byteLength": 36}],
@@ -49,6 +52,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ("a.toml", job(0.0, 36, "exact")),
         ("b.toml", job(0.3, 36, "exact")),
         ("d.toml", job(0.0, 18, "exact")),
+        ("sequence.toml", job(0.0, 36, "exact") + "[sequence]\nframes = 2\n"),
         ("leaky.toml", job(0.0, 36, "moller-trumbore")),
         ("wrong.toml", "scene = 3\n".to_owned()),
         ("triangle.gltf", TRIANGLE.to_owned()),
@@ -63,6 +67,13 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
     let scan = json(&["scan", "a.toml", "--out", "a", "--json"]);
     let fine = ["--set", "output.formats=[{ format = \"depth16\", scale = 1e5 }]"];
     let lossy = json(&["scan", "a.toml", "--out", "lossy", fine[0], fine[1], "--json"]);
+    let lines = stdout_of(folder, &["scan", "a.toml", "--out", "lines", fine[0], fine[1], "--json-lines"]);
+    for part in ["1/2", "2/2"] {
+        stdout_of(folder, &["scan", "a.toml", "--out", "parts", "--shard", part]);
+    }
+    let merged = json(&["merge", "parts", "--json"]);
+    fs::write(folder.join("parts/notes.txt"), "mine").unwrap();
+    let verified = json(&["verify", "parts", "--json"]);
     for name in ["b", "d"] {
         stdout_of(folder, &["scan", &format!("{name}.toml"), "--out", name]);
     }
@@ -76,6 +87,9 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
     BTreeMap::from([
         ("scan", vec![scan, lossy]),
         ("scan --dry-run", vec![plan]),
+        ("scan --json-lines", lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect()),
+        ("merge", vec![merged]),
+        ("verify", vec![verified]),
         ("check", vec![check, broken]),
         (
             "diff",
@@ -86,11 +100,12 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
                 diff("/top/000000.ply", "d"),
             ],
         ),
-        ("lint", vec![json(&["lint", "a.toml", "wrong.toml", "--json"])]),
+        ("lint", vec![json(&["lint", "a.toml", "sequence.toml", "wrong.toml", "--json"])]),
         (
             "info",
             vec![
                 info("a.toml"),
+                info("sequence.toml"),
                 info("triangle.gltf"),
                 info("a"),
                 info("a/top/000000.exr"),

@@ -525,13 +525,13 @@ fn in_the_street_rounding_at_edges_explains_every_difference() {
     }
     let why = |method: &Method, direction: DVec3, triangle: u32| {
         let from = scene.arrangement.placements.iter().rev().find(|p| {
-            let count = scene.geometry.meshes[p.mesh as usize].triangles.len() as u32;
+            let count = scene.mesh(p.mesh).triangles.len() as u32;
             (p.first_triangle..p.first_triangle + count).contains(&triangle)
         });
         let placement = from.unwrap();
-        let mesh = &scene.geometry.meshes[placement.mesh as usize];
-        let local =
-            LocalRay { origin: scene.geometry.ray_origin(pose.translation), direction }.carried(placement);
+        let mesh = scene.mesh(placement.mesh);
+        let local = LocalRay { origin: scene.geometry.ray_origin(pose.translation), direction }
+            .carried_by(placement.mesh_from_scene());
         let ray = Ray { origin: local.origin.as_vec3(), direction: local.direction.as_vec3() };
         let corners = mesh.triangles[(triangle - placement.first_triangle) as usize];
         let corners = corners.map(|v| Vec3::from(mesh.positions[v as usize]));

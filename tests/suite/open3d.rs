@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
 
+/// The pixels of each sensor, by its name.
+type Sensors = Vec<(String, Vec<Pixel>)>;
+
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
@@ -47,40 +50,52 @@ fn read_ranges(path: &Path) -> (Vec<f32>, usize) {
 
 #[test]
 fn shipped_jobs_see_what_open3d_sees() {
-    let mut tables: BTreeMap<String, Vec<(String, Vec<Pixel>)>> = BTreeMap::new();
+    // By job, for each sensor and frame: `job.sensor.tsv` is of frame 0, and `job.sensor.000037.tsv` of a frame of a drive.
+    let mut tables: BTreeMap<String, BTreeMap<u64, Sensors>> = BTreeMap::new();
     for path in files("tests/open3d", "tsv") {
         let name = path.file_stem().unwrap().to_str().unwrap();
-        let (job, sensor) = name.split_once('.').unwrap();
-        tables.entry(job.to_owned()).or_default().push((sensor.to_owned(), read_table(&path)));
+        let (job, rest) = name.split_once('.').unwrap();
+        let (sensor, frame) = rest.split_once('.').unwrap_or((rest, "0"));
+        let frames = tables.entry(job.to_owned()).or_default();
+        frames.entry(frame.parse().unwrap()).or_default().push((sensor.to_owned(), read_table(&path)));
     }
     let out = tempfile::tempdir().unwrap();
     for job in files("configs", "toml") {
         let name = job.file_stem().unwrap().to_str().unwrap();
-        let sensors = tables.remove(name).unwrap_or_else(|| panic!("no table in tests/open3d for {name}"));
-        let folder = out.path().join(name);
-        let run = super::cli::program()
-            .args(["scan", "-q", "--set", "output.formats=[\"exr\"]"])
-            .args([&job, Path::new("--out"), &folder])
-            .output()
-            .unwrap();
-        assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
-        for (sensor, pixels) in sensors {
-            let (ranges, width) = read_ranges(&folder.join(&sensor).join("000000.exr"));
-            let (mut hits, mut misses) = (0, 0);
-            for (row, column, theirs, tolerance) in pixels {
-                let ours = f64::from(ranges[row * width + column]);
-                let at = format!("{name}/{sensor}, row {row}, column {column}: {ours} m, Open3D {theirs} m");
-                if theirs.is_finite() {
-                    hits += 1;
-                    assert!((ours - theirs).abs() <= tolerance, "{at}, ± {tolerance} m");
-                } else {
-                    misses += 1;
-                    assert_eq!(ours, f64::INFINITY, "{at}");
-                }
+        let frames = tables.remove(name).unwrap_or_else(|| panic!("no table in tests/open3d for {name}"));
+        for (frame, sensors) in frames {
+            let folder = out.path().join(format!("{name}.{frame}"));
+            let run = super::cli::program()
+                .args(["scan", "-q", "--set", "output.formats=[\"exr\"]"])
+                .args(["--frames", &format!("{frame}..{}", frame + 1)])
+                .args([&job, Path::new("--out"), &folder])
+                .output()
+                .unwrap();
+            assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
+            for (sensor, pixels) in sensors {
+                let path = folder.join(&sensor).join(format!("{frame:06}.exr"));
+                same_ranges(&format!("{name}/{sensor}/{frame}"), &path, &pixels);
             }
-            // The table must have enough hits and misses to be a test.
-            assert!(hits >= 400 && hits + misses >= 800, "{name}/{sensor}: {hits} hits, {misses} misses");
         }
     }
     assert!(tables.is_empty(), "tables of no job: {:?}", tables.keys());
+}
+
+/// Compares an image with what Open3D found for some of its pixels.
+fn same_ranges(name: &str, image: &Path, pixels: &[Pixel]) {
+    let (ranges, width) = read_ranges(image);
+    let (mut hits, mut misses) = (0, 0);
+    for &(row, column, theirs, tolerance) in pixels {
+        let ours = f64::from(ranges[row * width + column]);
+        let at = format!("{name}, row {row}, column {column}: {ours} m, Open3D {theirs} m");
+        if theirs.is_finite() {
+            hits += 1;
+            assert!((ours - theirs).abs() <= tolerance, "{at}, ± {tolerance} m");
+        } else {
+            misses += 1;
+            assert_eq!(ours, f64::INFINITY, "{at}");
+        }
+    }
+    // The table must have enough hits and misses to be a test.
+    assert!(hits >= 400 && hits + misses >= 800, "{name}: {hits} hits, {misses} misses");
 }

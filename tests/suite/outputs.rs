@@ -12,7 +12,7 @@ use beamcast::output::{
     ChannelSpec, CloudFrame, EncodeError, Format, FormatSpec, Image, Kind, Names, SensorFrame, Sensors,
     Stream, Values,
 };
-use beamcast::run::{Holding, Journal, Plan, Session, load_scene};
+use beamcast::run::{Holding, Journal, Output, Plan, Selection, Session, Start, load_scene};
 use beamcast::scan::{Cause, Frame, Progress, Return};
 use beamcast::scene::Object;
 use beamcast::sensor::{Beam, Camera, Capture, Pattern, RangeLimits, RingOrder, Rotating, Sensor};
@@ -72,8 +72,7 @@ fn capture<'a>(sensor: &'a Sensor, frame: &'a Frame) -> SensorFrame<'a> {
     let turned =
         Pose::from_rpy(DVec3::new(0.5, -0.25, 1.75), Angle::deg(3.0), Angle::deg(-20.0), Angle::deg(110.0));
     let capture = Capture::new(sensor, turned, &BODY, 0, 0);
-    let names = Names::default();
-    SensorFrame { capture, frame, name: "top", cloud_frame: CloudFrame::Sensor, names, legend: false }
+    SensorFrame::new(capture, frame, "top")
 }
 
 struct Exr {
@@ -537,6 +536,7 @@ fn a_channel_of_ones_own_is_one_declaration() {
         sensors: Sensors::All,
         shown: None,
         values: Values::F32(|f, at| libm::pow(f.frame.returns().range_m[at.slot], 2.0)),
+        is_chosen: false,
     };
     let sensor = lidar(2, 1);
     let frame = frame_of(2, 1, &[Some(Return { range_m: 3.0, ..Return::default() }), None]);
@@ -574,28 +574,32 @@ fn a_format_of_ones_own_is_one_declaration() {
     let folder = tempfile::tempdir().unwrap();
     job.output.dir = folder.path().to_owned();
     job.output.formats = vec![Format::of(&TALLY), Format::PLY];
-    let plan = Plan::of(&job, Holding::Files).unwrap();
-    let mut journal = Journal::check(&job, &plan, false).unwrap();
-    let scene = load_scene(&job, &[]).unwrap().scene;
+    let plan = Plan::of(&job, &Selection::ALL, Holding::Files).unwrap();
+    let mut journal = Journal::check(&job, &plan, Start::New).unwrap();
+    let scene = load_scene(&mut job, &[]).unwrap().scene;
     let session = Session::open(job, &scene);
-    journal.begin(&plan).unwrap();
+    journal.begin(&session, &plan, &mut |_, _| unreachable!()).unwrap();
     let mut returns = 0;
-    for item in &plan.items {
-        let frame = session.cast(item, &Progress::default()).unwrap();
-        let seen = session.sensor_frame(item, &frame);
-        for output in &item.outputs {
-            journal.write(output, &session.encode(output, &seen).unwrap()).unwrap();
-        }
-        journal.add(&seen).unwrap();
+    for item in plan.items(&session.job) {
+        let frame = session.cast(&item, &Progress::default()).unwrap();
+        let seen = session.sensor_frame(&item, &frame);
+        let write = |output: &Output| {
+            let content = session.encode(output, &seen).unwrap();
+            journal.destination().write(&output.name, &content).unwrap()
+        };
+        let written = item.outputs.iter().map(write).collect();
+        journal.record(&item, &seen, written, Default::default()).unwrap();
         returns += frame.return_count();
     }
     assert!(returns > 100);
     assert!(!folder.path().join("run.tally").exists(), "it is there when it is whole");
-    journal.finish(&session).unwrap();
+    journal.finish().unwrap();
     let tally = std::fs::read_to_string(folder.path().join("run.tally")).unwrap();
     assert_eq!(tally, format!("vlp16 0: {returns}\ntotal: {returns}\n"));
-    let outputs: Vec<_> = journal.written().iter().map(|file| file.path.as_str()).collect();
-    assert_eq!(outputs, ["vlp16/000000.ply", "run.tally"]);
     let manifest = std::fs::read_to_string(folder.path().join("manifest.json")).unwrap();
+    let read: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+    let outputs: Vec<_> = read["outputs"].as_array().unwrap().iter().map(|file| &file["path"]).collect();
+    assert_eq!(outputs, ["vlp16/000000.ply", "run.tally"]);
+    assert!(!folder.path().join("journal.jsonl").exists());
     assert!(manifest.contains(blake3::hash(tally.as_bytes()).to_hex().as_str()), "{manifest}");
 }

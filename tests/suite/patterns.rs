@@ -307,7 +307,7 @@ fn beams_that_fire_in_turns_leave_pixels_without_a_pulse() {
     assert_ne!(frame.causes()[2 * 9 + 1], beamcast::scan::Cause::NoPulse);
 }
 
-fn preset(name: &str) -> config::SensorFile {
+pub fn preset(name: &str) -> config::SensorFile {
     config::load_preset(name).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -448,7 +448,8 @@ fn each_built_in_sensor_has_its_data_sheets_figures_and_sees_the_street() {
         let capture = Capture::at_origin(&sensor);
         for (pixel, hit) in frame.iter() {
             let (row, column) = (pixel / frame.columns(), pixel % frame.columns());
-            assert!(sensor.range.place(capture.limited_m(row, column, hit.range_m)).is_eq());
+            let pulse = capture.pulse(row, column).unwrap();
+            assert!(sensor.range.place_of(&pulse, hit.range_m).is_eq());
         }
     }
 }

@@ -143,7 +143,7 @@ fn keys_of_other_programs_have_an_answer() {
         ("rate_hz = 10.0", "rpm = 600", "rpm", "rpm / 60"),
         ("from = 15.0, to = -15.0", "start = 15.0, end = -15.0", "start", "`from`"),
         ("max_m = 50.0", "max_m = 50.0\n[sensor.noise]\nstddev = 0.01", "noise", "not supported yet"),
-        ("[output]", "[trajectory]\nfile = \"a.csv\"\n[output]", "file", "not supported yet"),
+        ("[output]", "[trajectory]\nwaypoints = []\n[output]", "waypoints", "`poses`"),
         ("dir = \"out\"", "dir = \"out\"\nframes = 10", "frames", "one frame"),
         ("[output]", "[imu]\nrate_hz = 100\n[output]", "imu", "not supported yet"),
         ("[output]", "[weather]\nrain_mm_h = 10\n[output]", "weather", "not supported yet"),

@@ -19,14 +19,14 @@ use beamcast::config::{self, presets};
 use beamcast::sensor::{Capture, Pattern, Sensor};
 use glam::DVec3;
 
-/// What a source says of a preset.
+/// A preset as its source describes it.
 struct Truth {
     preset: &'static str,
     /// One of its modes.
     mode: Option<&'static str>,
     /// Where the numbers are from.
     source: &'static str,
-    /// What in the preset is no published figure of the model.
+    /// The figures of the preset that nobody published for the model.
     nominal: &'static str,
     allowed: Errors,
     shots: Vec<Shot>,
@@ -204,7 +204,7 @@ struct Beams<'a> {
 }
 
 impl Beams<'_> {
-    /// What the table says of some columns of a turn. `formula` gives the place of a beam's point from the beam's numbers and
+    /// Some columns of a turn as the table has them. `formula` gives the place of a beam's point from the beam's numbers and
     /// from the head's azimuth when the beam fires, in degrees, clockwise from forward.
     fn truth(
         &self,

@@ -254,12 +254,14 @@ fn triangles_keep_their_surfaces_in_regions() {
         mesh,
         world_from_mesh: turn(z),
         object: Object { name: format!("{z}"), ..Object::default() },
+        ..SourceInstance::default()
     };
     let builder = SceneBuilder {
         meshes: vec![shape(0), shape(1)],
         instances: vec![instance(0, 0.0), instance(1, 40.0)],
         materials: vec![Material::default(); 3],
         files: vec![],
+        groups: vec![],
     };
     let scene = builder.build().unwrap();
     assert!(scene.geometry.regions > 4);
@@ -267,7 +269,7 @@ fn triangles_keep_their_surfaces_in_regions() {
     let mut counts = std::collections::BTreeMap::new();
     for (index, placement) in scene.arrangement.placements.iter().enumerate() {
         assert_eq!(placement.first_triangle, next);
-        let mesh = &scene.geometry.meshes[placement.mesh as usize];
+        let mesh = scene.mesh(placement.mesh);
         next += mesh.triangles.len() as u32;
         for triangle in 0..mesh.triangles.len() as u32 {
             let surface = scene.surface(index as u32, triangle);

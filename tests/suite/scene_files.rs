@@ -156,7 +156,7 @@ fn odd_scene() -> TempDir {
 }
 
 const WARNING: &str = "node 0 \"Car\": its quaternion is zero, and read as no rotation";
-const NOTE: &str = "animation 0 \"walk\": animations are not played: nodes are where the file puts them";
+const NOTE: &str = "animation 0 \"walk\": it moves nothing";
 
 #[test]
 fn every_command_tells_the_same_of_a_scene() {
@@ -175,7 +175,7 @@ fn every_command_tells_the_same_of_a_scene() {
     let plain = stderr(&scan(&[]));
     assert!(plain.contains(&format!("warning: {WARNING}")) && !plain.contains("animation"), "{plain}");
     let verbose = stderr(&scan(&["-v"]));
-    assert!(verbose.contains(&format!("warning: {WARNING}\nnote: {NOTE}\n")), "{verbose}");
+    assert!(verbose.contains(&format!("note: {NOTE}\nwarning: {WARNING}\n")), "{verbose}");
     assert_eq!(stderr(&scan(&["-q"])), "");
     for command in [&["lint", "--json", &scene][..], &["info", "--json", &scene]] {
         let json: Value = serde_json::from_str(&stdout(&beamcast(command))).unwrap();
@@ -193,7 +193,7 @@ fn check_diagnostics(json: &Value) {
         .iter()
         .map(|d| (d["severity"].as_str().unwrap(), d["message"].as_str().unwrap()))
         .collect();
-    assert_eq!(found, [("warning", WARNING), ("note", NOTE)]);
+    assert_eq!(found, [("note", NOTE), ("warning", WARNING)]);
 }
 
 #[test]
@@ -213,14 +213,29 @@ fn info_lists_what_a_scene_holds_by_name() {
     scene["materials"] = json!([{ "name": "paint" }, {}]);
     scene["cameras"] =
         json!([{ "name": "Cam", "type": "perspective", "perspective": { "yfov": 0.8, "znear": 0.1 } }]);
-    scene["animations"] = json!([{ "name": "walk" }, {}]);
+    scene["accessors"].as_array_mut().unwrap().push(json!({ "max": [1.5] }));
+    let times = scene["accessors"].as_array().unwrap().len() - 1;
+    scene["animations"] = json!([
+        {
+            "name": "walk",
+            "channels": [
+                { "sampler": 0, "target": { "node": 2, "path": "translation" } },
+                { "sampler": 0, "target": { "path": "pointer", "extensions": {
+                    "KHR_animation_pointer": { "pointer": "/nodes/0/extensions/KHR_node_visibility/visible" } } } },
+            ],
+            "samplers": [{ "input": times, "output": 0 }],
+        },
+        {},
+    ]);
+    scene["skins"] = json!([{ "name": "bones", "joints": [2, 3] }]);
     fs::write(folder.path().join("scene.vrm"), scene.to_string()).unwrap();
     let path = path_in(folder.path(), "scene.vrm");
     let text = stdout(&beamcast(&["info", &path]));
     let expected = "    scenes        0 \"day\", 1 \"night\" (the default)
     materials     0 \"paint\", 1
     cameras       0 \"Cam\", perspective
-    animations    0 \"walk\", 1
+    animations    0 \"walk\" (1.5 s, 2 nodes), 1 (0 nodes)
+    skins         0 \"bones\" (2 joints)
     nodes         4
       0 \"Root\"
         2: mesh 0 \"Wall\"
@@ -232,7 +247,9 @@ fn info_lists_what_a_scene_holds_by_name() {
     let outline = &json["outline"];
     assert_eq!(outline["nodes"][1], json!({ "name": "Camera", "children": [], "mesh": null, "camera": 0 }));
     assert_eq!(outline["cameras"], json!([{ "name": "Cam", "kind": "perspective", "nodes": [1] }]));
-    assert_eq!(outline["animations"], json!(["walk", null]));
+    let walk = json!({ "name": "walk", "length_s": 1.5, "nodes": [0, 2] });
+    assert_eq!(outline["animations"], json!([walk, { "name": null, "length_s": null, "nodes": [] }]));
+    assert_eq!(outline["skins"], json!([{ "name": "bones", "joints": [2, 3] }]));
     assert_eq!(outline["default_scene"], json!(1));
     assert_eq!(outline["meshes"], json!([{ "name": "Wall", "materials": [null] }]));
 }

@@ -8,6 +8,8 @@ use serde_json::Value;
 #[path = "../../examples/make_scenes/world/mod.rs"]
 mod world;
 
+mod moving;
+
 fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenes")
 }
@@ -25,6 +27,10 @@ fn committed_files_are_a_fresh_generation() {
         bytes += committed.len();
     }
     assert!(bytes < 6_000_000, "the scenes take {bytes} bytes");
+    for (path, table) in world::tables() {
+        let committed = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("configs").join(path);
+        assert_eq!(std::fs::read_to_string(committed).unwrap(), table, "{path}");
+    }
 }
 
 #[test]
@@ -62,7 +68,7 @@ fn the_street_is_a_street_in_size() {
 /// Every mesh that is not marked as open is closed, and each of its pieces faces outwards.
 #[test]
 fn solids_are_closed_and_face_outwards() {
-    for file in ["room.glb", "hall.glb", "street.glb", "warehouse.glb"] {
+    for file in world::all().into_iter().map(|scene| scene.file) {
         let glb = Glb::open(file);
         for index in 0..glb.json["meshes"].as_array().unwrap().len() {
             let mesh = &glb.json["meshes"][index];

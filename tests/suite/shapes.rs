@@ -4,7 +4,7 @@ use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
 use beamcast::rng::Rng;
 use beamcast::scan::{Frame, Progress, scan};
-use beamcast::scene::{Material, Object, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
+use beamcast::scene::{Material, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 use beamcast::sensor::{Capture, Sensor};
 use beamcast::trace::Cast;
 use glam::{DAffine3, DVec3};
@@ -25,10 +25,12 @@ pub fn placed(meshes: Vec<SourceMesh>, placements: Vec<(usize, DAffine3)>) -> Sc
     let instances = placements.into_iter().map(|(mesh, world_from_mesh)| SourceInstance {
         mesh,
         world_from_mesh,
-        object: Object::default(),
+        ..SourceInstance::default()
     });
     let instances = instances.collect();
-    SceneBuilder { meshes, instances, materials: vec![Material::default()], files: vec![] }.build().unwrap()
+    SceneBuilder { meshes, instances, materials: vec![Material::default()], files: vec![], groups: vec![] }
+        .build()
+        .unwrap()
 }
 
 /// A scene of one mesh at its own coordinates.

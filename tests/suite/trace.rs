@@ -52,7 +52,7 @@ pub fn target(scene: &Scene, random: &mut Rng) -> DVec3 {
 fn target_near(scene: &Scene, random: &mut Rng, near: u64) -> DVec3 {
     let placement =
         &scene.arrangement.placements[(near % scene.arrangement.placements.len() as u64) as usize];
-    let mesh = &scene.geometry.meshes[placement.mesh as usize];
+    let mesh = scene.mesh(placement.mesh);
     if mesh.triangles.is_empty() {
         return scene.geometry.centre;
     }
@@ -126,7 +126,12 @@ fn batch_agrees(scene: &Scene, tracers: &Tracers, batch: usize, random: &mut Rng
         1 => (spread, f64::INFINITY),
         _ => (0.0, f64::INFINITY),
     };
-    same_hits(scene, tracers, batch, &Rays { origins, directions: &directions, t_min, t_max, after: None })
+    same_hits(
+        scene,
+        tracers,
+        batch,
+        &Rays { origins, directions: &directions, t_min, t_max, after: None, times_s: None },
+    )
 }
 
 /// Compares every tracer with brute force, bit for bit, and in every fourth batch once more for the hits after the nearest
@@ -179,8 +184,8 @@ fn hits_in_order(scene: &Scene, rays: &Rays, ray: usize) -> Vec<Candidate> {
         LocalRay { origin: scene.geometry.ray_origin(rays.origin(ray)), direction: rays.directions[ray] };
     let mut hits = Vec::new();
     for (index, placement) in scene.arrangement.placements.iter().enumerate() {
-        let local = ray.carried(placement);
-        let mesh = &scene.geometry.meshes[placement.mesh as usize];
+        let local = ray.carried(placement, None).unwrap();
+        let mesh = scene.mesh(placement.mesh);
         for triangle in 0..mesh.triangles.len() as u32 {
             let corners = Corners::of(mesh, triangle, local.origin);
             if corners.passes(local.direction) {
@@ -276,7 +281,7 @@ fn placed_meshes_agree_with_brute_force() {
     // A published method answers as if it were built for the new arrangement, in shadow rays as well as in hits.
     let directions: Vec<_> = (0..500).map(|_| random.direction()).collect();
     let origins = Origins::Common(scene.geometry.centre);
-    let rays = Rays { origins, directions: &directions, t_min: 0.0, t_max: 5.0, after: None };
+    let rays = Rays { origins, directions: &directions, t_min: 0.0, t_max: 5.0, after: None, times_s: None };
     for method in ["moller-trumbore", "segura-feito-precomputed"].map(Method::named) {
         let rearranged = AnyTracer::build(&scene, method).rearranged(moved.arrangement.clone());
         let built = AnyTracer::build(&moved, method);
@@ -537,7 +542,7 @@ fn rays_walk_through_all_their_hits_in_order() {
                 .collect();
             let origins = if is_common { Origins::Common(origins[0]) } else { Origins::Each(&origins) };
             let (t_min, t_max) = if batch < 4 { (0.0, f64::INFINITY) } else { (0.4, 1.1) };
-            let rays = Rays { origins, directions: &directions, t_min, t_max, after: None };
+            let rays = Rays { origins, directions: &directions, t_min, t_max, after: None, times_s: None };
             let expected: Vec<_> = (0..150).map(|ray| hits_in_order(scene, &rays, ray)).collect();
             hits += expected.iter().map(Vec::len).sum::<usize>();
             let is_tie = |pair: &[Candidate]| pair[0].t == pair[1].t;

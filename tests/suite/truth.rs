@@ -3,7 +3,7 @@
 use beamcast::angle::Angle;
 use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
-use beamcast::output::{CloudFrame, Names, SensorFrame};
+use beamcast::output::{CloudFrame, SensorFrame};
 use beamcast::rng::Rng;
 use beamcast::scan::{Cause, Frame, Progress, scan};
 use beamcast::scene::Scene;
@@ -563,14 +563,7 @@ fn each_pulse_of_a_moving_sensor_is_cast_from_its_own_pose() {
     for number in [0, 3] {
         let capture = Capture::new(&sensor, Pose::IDENTITY, &trajectory, number, 0);
         let frame = scan(&scene, &Tracer::build(&scene), &capture, &Progress::default()).unwrap();
-        let seen = SensorFrame {
-            capture,
-            frame: &frame,
-            name: "",
-            cloud_frame: CloudFrame::World,
-            names: Names::default(),
-            legend: false,
-        };
+        let seen = SensorFrame { cloud_frame: CloudFrame::World, ..SensorFrame::new(capture, &frame, "") };
         for (column, (time_s, azimuth)) in rays.into_iter().enumerate() {
             let time = number as f64 / 10.0 + time_s;
             let (yaw, radius) = (rate * time, speed / rate);

@@ -38,8 +38,8 @@ pub struct Bays {
     shop: MeshId,
 }
 
-pub struct House {
-    pub name: &'static str,
+pub struct House<'n> {
+    pub name: &'n str,
     /// The corner where the front begins (left, seen from the street), and the direction that it faces: at 0 quarter turns
     /// −y.
     pub frame: QuarterTurned,
@@ -169,6 +169,13 @@ impl Bays {
         }
     }
 
+    /// Panels of which few differ: windows in place of balconies and of shops.
+    pub fn plain(doc: &mut Document, wall: Material, fabric: &Fabric) -> Self {
+        let window = doc.sheet("window bay", &window(wall, fabric));
+        let door = doc.sheet("door bay", &door(wall, fabric));
+        Self { wall, window, balcony: window, door, shop: window }
+    }
+
     /// The same panels with walls of another material.
     pub fn repainted(&self, doc: &mut Document, wall: Material) -> Self {
         let mut paint = |name: &str, mesh| doc.repainted(name, mesh, self.wall, wall);
@@ -182,7 +189,7 @@ impl Bays {
     }
 }
 
-impl House {
+impl House<'_> {
     /// The height of the walls.
     fn height(&self) -> f64 {
         GROUND_FLOOR + FLOOR * f64::from(self.floors)

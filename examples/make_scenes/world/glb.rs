@@ -7,9 +7,13 @@ use serde_json::{Map, Value, json};
 
 use super::mesh::{Mesh, sincos_deg};
 
+mod moving;
+
+pub use moving::{Keys, Skin, Weights};
+
 /// A finished scene.
 pub struct SceneFile {
-    /// The file's name in `scenes/`.
+    /// The file's path in `scenes/`.
     pub file: &'static str,
     pub glb: Vec<u8>,
     /// The number of triangles in the scene, where each placement of a mesh counts.
@@ -50,6 +54,10 @@ impl Place {
         Self { scale: DVec3::new(x, y, z), ..self }
     }
 
+    pub fn rotated(self, rotation: DQuat) -> Self {
+        Self { rotation, ..self }
+    }
+
     pub fn position(&self) -> DVec3 {
         self.at
     }
@@ -77,6 +85,8 @@ pub struct Document {
     roots: Vec<usize>,
     accessors: Vec<Value>,
     views: Vec<Value>,
+    skins: Vec<Value>,
+    animations: Vec<Value>,
     binary: Vec<u8>,
     placed_triangles: u64,
     stored_triangles: u64,
@@ -84,6 +94,7 @@ pub struct Document {
 
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+const U8: u32 = 5121;
 const U16: u32 = 5123;
 const U32: u32 = 5125;
 const F32: u32 = 5126;
@@ -98,6 +109,8 @@ impl Document {
             roots: vec![],
             accessors: vec![],
             views: vec![],
+            skins: vec![],
+            animations: vec![],
             binary: vec![],
             placed_triangles: 0,
             stored_triangles: 0,
@@ -133,31 +146,20 @@ impl Document {
     }
 
     fn mesh(&mut self, name: &str, mesh: &Mesh, open: bool) -> MeshId {
-        let mut known = HashMap::new();
-        let mut positions: Vec<[f32; 3]> = vec![];
-        let mut faces: Vec<(Material, [u32; 3])> = vec![];
-        for &(corners, material) in &mesh.faces {
-            let corners = corners.map(|v| {
-                let p = gltf_vector(mesh.positions[v as usize]);
-                *known.entry(p.map(f32::to_bits)).or_insert_with(|| {
-                    positions.push(p);
-                    positions.len() as u32 - 1
-                })
-            });
-            let [a, b, c] = corners;
-            if a != b && b != c && c != a {
-                faces.push((material, corners));
-            }
-        }
-        // Primitives are in the order of their materials. Faces keep their order within a primitive.
-        faces.sort_by_key(|&(material, _)| material);
-        let position = self.positions(&positions);
+        let welded = Welded::of(mesh);
+        let attributes = json!({ "POSITION": self.positions(&welded.positions) });
+        self.welded(name, &welded, &attributes, open)
+    }
+
+    /// Stores a mesh whose vertices have these attributes.
+    fn welded(&mut self, name: &str, welded: &Welded, attributes: &Value, open: bool) -> MeshId {
+        let Welded { positions, faces, .. } = welded;
         let mut primitives = vec![];
         for run in faces.chunk_by(|a, b| a.0 == b.0) {
             let indices: Vec<u32> = run.iter().flat_map(|&(_, corners)| corners).collect();
             let indices = self.indices(&indices, positions.len());
             primitives.push(json!({
-                "attributes": { "POSITION": position },
+                "attributes": attributes,
                 "indices": indices,
                 "material": run[0].0.0,
             }));
@@ -194,15 +196,7 @@ impl Document {
         let mut node = Map::new();
         node.insert("name".into(), json!(name));
         node.insert("mesh".into(), json!(mesh.0));
-        if place.at != DVec3::ZERO {
-            node.insert("translation".into(), floats(&gltf_vector(place.at)));
-        }
-        if place.rotation != DQuat::IDENTITY {
-            node.insert("rotation".into(), floats(&gltf_rotation(place.rotation)));
-        }
-        if place.scale != DVec3::ONE {
-            node.insert("scale".into(), floats(&gltf_scale(place.scale)));
-        }
+        insert_place(&mut node, place);
         self.push_node(node, extras)
     }
 
@@ -282,10 +276,15 @@ impl Document {
         }))
     }
 
+    /// Numbers that belong to no vertex.
     fn instance_attribute(&mut self, values: &[f32], kind: &str) -> usize {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         let view = self.view(&bytes, None);
-        let width = if kind == "VEC4" { 4 } else { 3 };
+        let width = match kind {
+            "MAT4" => 16,
+            "VEC4" => 4,
+            _ => 3,
+        };
         self.accessor(json!({
             "bufferView": view, "componentType": F32, "count": values.len() / width, "type": kind,
         }))
@@ -310,6 +309,8 @@ impl Document {
     /// Returns the finished file. `about` is written into `asset.extras`.
     pub fn finish(mut self, file: &'static str, about: &str) -> SceneFile {
         pad(&mut self.binary, 0);
+        let name = file.trim_end_matches(".glb");
+        let name = name.rsplit('/').next().unwrap_or(name);
         let mut root = json!({
             "asset": {
                 "version": "2.0",
@@ -318,7 +319,7 @@ impl Document {
                 "extras": { "about": about },
             },
             "scene": 0,
-            "scenes": [{ "name": file.trim_end_matches(".glb"), "nodes": self.roots }],
+            "scenes": [{ "name": name, "nodes": self.roots }],
             "nodes": self.nodes,
             "meshes": self.meshes,
             "materials": self.materials,
@@ -329,6 +330,11 @@ impl Document {
         if self.nodes.iter().any(|n| n.get("extensions").is_some()) {
             root["extensionsUsed"] = json!(["EXT_mesh_gpu_instancing"]);
             root["extensionsRequired"] = json!(["EXT_mesh_gpu_instancing"]);
+        }
+        for (key, values) in [("skins", self.skins), ("animations", self.animations)] {
+            if !values.is_empty() {
+                root[key] = Value::Array(values);
+            }
         }
         let mut text = root.to_string().into_bytes();
         pad(&mut text, b' ');
@@ -350,6 +356,52 @@ impl Document {
             placed_triangles: self.placed_triangles,
             stored_triangles: self.stored_triangles,
         }
+    }
+}
+
+fn insert_place(node: &mut Map<String, Value>, place: Place) {
+    if place.at != DVec3::ZERO {
+        node.insert("translation".into(), floats(&gltf_vector(place.at)));
+    }
+    if place.rotation != DQuat::IDENTITY {
+        node.insert("rotation".into(), floats(&gltf_rotation(place.rotation)));
+    }
+    if place.scale != DVec3::ONE {
+        node.insert("scale".into(), floats(&gltf_scale(place.scale)));
+    }
+}
+
+/// A mesh whose vertices are stored once for each place.
+struct Welded {
+    positions: Vec<[f32; 3]>,
+    /// For each stored vertex the first of the mesh's that is there.
+    sources: Vec<u32>,
+    /// Faces in the order of their materials. Faces of one material keep their order.
+    faces: Vec<(Material, [u32; 3])>,
+}
+
+impl Welded {
+    fn of(mesh: &Mesh) -> Self {
+        let mut known = HashMap::new();
+        let mut positions: Vec<[f32; 3]> = vec![];
+        let mut sources = vec![];
+        let mut faces: Vec<(Material, [u32; 3])> = vec![];
+        for &(corners, material) in &mesh.faces {
+            let corners = corners.map(|v| {
+                let p = gltf_vector(mesh.positions[v as usize]);
+                *known.entry(p.map(f32::to_bits)).or_insert_with(|| {
+                    positions.push(p);
+                    sources.push(v);
+                    positions.len() as u32 - 1
+                })
+            });
+            let [a, b, c] = corners;
+            if a != b && b != c && c != a {
+                faces.push((material, corners));
+            }
+        }
+        faces.sort_by_key(|&(material, _)| material);
+        Self { positions, sources, faces }
     }
 }
 

@@ -2,7 +2,9 @@
 //!
 //! Scene code uses the world's frame (metres, right-handed, z up), and [`glb`] converts it to glTF's frame.
 
+mod actors;
 mod buildings;
+mod drive;
 mod glb;
 mod hall;
 mod mesh;
@@ -12,6 +14,7 @@ mod room;
 mod street;
 mod trees;
 mod vehicles;
+mod walker;
 mod warehouse;
 
 pub use glb::SceneFile;
@@ -40,7 +43,21 @@ mod label {
     pub const FORKLIFT: u32 = 20;
 }
 
+/// Every table of poses that belongs to a shipped job: its path in configs/, and its text.
+pub fn tables() -> Vec<(&'static str, String)> {
+    vec![("street_drive/ego.csv", drive::ego())]
+}
+
 /// Every shipped scene.
 pub fn all() -> Vec<SceneFile> {
-    vec![room::make(), hall::make(), street::make(), warehouse::make()]
+    vec![
+        room::make(),
+        hall::make(),
+        street::make(),
+        warehouse::make(),
+        drive::make(),
+        actors::car(),
+        actors::cyclist(),
+        walker::make(),
+    ]
 }

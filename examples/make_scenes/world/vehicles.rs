@@ -99,19 +99,47 @@ pub const VAN: CarShape = CarShape {
 };
 
 const WHEEL_WIDTH: f64 = 0.2;
-const STATIONS: usize = 72;
 
 /// A car. Its body, underbody, wheels and mirrors are closed meshes each.
 pub fn car(shape: &CarShape, paint: &CarPaint) -> Mesh {
     let mut mesh = Mesh::new();
-    body(&mut mesh, shape, paint);
-    let half = shape.width / 2.0;
-    let wheel = wheel(shape.wheel_radius, paint);
-    for x in shape.axles {
-        let r = shape.wheel_radius;
-        mesh.add(&wheel, turned(0.0, v(x, half - WHEEL_WIDTH - 0.02, r)));
-        mesh.add(&wheel, turned(180.0, v(x, -(half - WHEEL_WIDTH - 0.02), r)));
+    body(&mut mesh, shape, paint, 72);
+    let wheel = wheel(shape.wheel_radius, paint, 32);
+    for (_, at, yaw_deg) in wheel_places(shape) {
+        mesh.add(&wheel, turned(yaw_deg, at));
     }
+    fittings(&mut mesh, shape, paint);
+    mesh
+}
+
+/// The same car with fewer triangles and without wheels.
+pub fn plain_car(shape: &CarShape, paint: &CarPaint) -> Mesh {
+    let mut mesh = Mesh::new();
+    body(&mut mesh, shape, paint, 36);
+    fittings(&mut mesh, shape, paint);
+    mesh
+}
+
+/// A wheel of [`plain_car`], as it stands at [`wheel_places`].
+pub fn plain_wheel(shape: &CarShape, paint: &CarPaint) -> Mesh {
+    wheel(shape.wheel_radius, paint, 16)
+}
+
+/// The wheels of a car by name, each with its place and the yaw that turns its outer side outwards.
+pub fn wheel_places(shape: &CarShape) -> [(&'static str, DVec3, f64); 4] {
+    let (y, r) = (shape.width / 2.0 - WHEEL_WIDTH - 0.02, shape.wheel_radius);
+    let [rear, front] = shape.axles;
+    [
+        ("rear left wheel", v(rear, y, r), 0.0),
+        ("rear right wheel", v(rear, -y, r), 180.0),
+        ("front left wheel", v(front, y, r), 0.0),
+        ("front right wheel", v(front, -y, r), 180.0),
+    ]
+}
+
+/// What is on a body, and between the wheels.
+fn fittings(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
+    let half = shape.width / 2.0;
     // The wheel arches are filled between the wheels, so that one cannot look through under the car.
     let inner = half - WHEEL_WIDTH - 0.05;
     mesh.cuboid(
@@ -128,7 +156,6 @@ pub fn car(shape: &CarShape, paint: &CarPaint) -> Mesh {
     for (x, z) in [(-shape.length / 2.0, 0.66), (shape.length / 2.0, 0.42)] {
         mesh.cuboid(v(x - 0.012, -0.26, z - 0.055), v(x + 0.012, 0.26, z + 0.055), paint.rim);
     }
-    mesh
 }
 
 /// Linear interpolation in a table of (x, y).
@@ -145,7 +172,8 @@ fn smooth(table: &[(f64, f64)], x: f64, reach: f64) -> f64 {
     sum / f64::from(2 * TAPS + 1)
 }
 
-fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
+/// The body as a loft through `count_along` sections, and one more.
+fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint, count_along: usize) {
     let (length, half) = (shape.length, shape.width / 2.0);
     let (sill, arch) = (0.24, shape.wheel_radius + 0.055);
     let (roof_from, roof_to) = (shape.roof[0].0, shape.roof[shape.roof.len() - 1].0);
@@ -157,9 +185,9 @@ fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
     const ROOF: usize = 6;
     let mut rings = vec![];
     let mut stations = vec![];
-    for i in 0..=STATIONS {
+    for i in 0..=count_along {
         // The sections are closer at the ends, where the outline bends.
-        let t = 2.0 * i as f64 / STATIONS as f64 - 1.0;
+        let t = 2.0 * i as f64 / count_along as f64 - 1.0;
         let t = t * (1.0 + 0.25 * (1.0 - t * t));
         let x = t * length / 2.0;
         let end = ((x.abs() - (length / 2.0 - 0.45)) / 0.45).max(0.0);
@@ -235,7 +263,7 @@ fn body(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
 }
 
 /// A wheel about y with its outer side towards +y and its inner side at y = 0.
-fn wheel(radius: f64, paint: &CarPaint) -> Mesh {
+fn wheel(radius: f64, paint: &CarPaint, sides: usize) -> Mesh {
     let mut upright = Mesh::new();
     let w = WHEEL_WIDTH;
     let r = radius;
@@ -249,11 +277,11 @@ fn wheel(radius: f64, paint: &CarPaint) -> Mesh {
         (r * 0.93, w),
         (r * 0.64, w - 0.015),
     ];
-    upright.ring(DVec3::ZERO, &tyre, 32, paint.tyre);
+    upright.ring(DVec3::ZERO, &tyre, sides, paint.tyre);
     upright.lathe(
         DVec3::ZERO,
         &[(r * 0.66, 0.02), (r * 0.66, w - 0.06), (r * 0.2, w - 0.045), (r * 0.16, w - 0.02)],
-        32,
+        sides,
         paint.rim,
     );
     for i in 0..5 {

@@ -6,6 +6,7 @@ use super::bounds::Bounds;
 use super::finding::Finding;
 use super::ground::{self, Ground, Zone};
 use super::seen::Seen;
+use super::tally::{Concluded, Demand, Tally};
 use super::target::Target;
 use super::{points, shares};
 use crate::angle::Angle;
@@ -22,6 +23,8 @@ pub struct Expectation {
     pub name: String,
     /// The sensor that the expectation concerns. It concerns all sensors together if absent.
     pub sensor: Option<String>,
+    /// The frames in which it must be met.
+    pub demand: Demand,
     /// The expected property.
     pub what: Expected,
 }
@@ -95,19 +98,33 @@ pub enum Expected {
 }
 
 impl Expectation {
-    /// Evaluates the expectation against the results of a run.
-    pub fn examine(&self, seen: &Seen) -> ExpectationOutcome {
+    /// Examines frames of one moment: of its sensor, or of all sensors. `frame` is their number, and `start_s` the time at which
+    /// they start. Returns whether this is the first frame in which the expectation is not met.
+    pub fn examine(&self, seen: &Seen, frame: u64, start_s: f64, tally: &mut Tally) -> bool {
         let mut frames: Vec<SensorFrame> = seen.frames.to_vec();
         if let Some(sensor) = &self.sensor {
             frames.retain(|frame| frame.name == sensor);
         }
-        let seen = Seen { frames: &frames, ..*seen };
-        let (expected, verdict) = self.what.examine(&seen);
-        let (met, found, place, sights) = match verdict {
-            Finding::Measured { met, found, place, sights } => (met, found, place, sights),
-            Finding::Nothing(problem) => (false, problem, String::new(), Vec::new()),
-        };
-        ExpectationOutcome { name: self.name.clone(), met, expected, found, place, sights, written_at: None }
+        tally.add(frame, start_s, self.what.examine(&Seen { frames: &frames, ..*seen }))
+    }
+
+    /// The outcome over all frames that were examined, of which each sensor has only one unless this is a sequence. `seen` is the
+    /// run, without its frames.
+    pub fn conclude(&self, mut tally: Tally, seen: &Seen, is_sequence: bool) -> ExpectationOutcome {
+        // The speed is that of the run, and no frame's.
+        let is_sequence = is_sequence && !self.is_of_run();
+        if self.is_of_run() {
+            tally.add(0, 0.0, self.what.examine(seen));
+        }
+        let Concluded { met, expected, found, place, sights, counts } =
+            tally.conclude(self.what.words(seen), &self.demand, is_sequence);
+        let name = self.name.clone();
+        ExpectationOutcome { name, met, expected, found, place, sights, counts, written_at: None }
+    }
+
+    /// Whether the expectation is about the run as a whole, and looks at no frame.
+    pub fn is_of_run(&self) -> bool {
+        matches!(self.what, Expected::Speed { .. })
     }
 }
 
@@ -126,8 +143,8 @@ impl Expected {
         target.missing(scene).or_else(|| target.missing_label(scene))
     }
 
-    /// The expectation in words, and the finding.
-    fn examine(&self, seen: &Seen) -> (String, Finding) {
+    /// The expectation in words.
+    fn words(&self, seen: &Seen) -> String {
         match self {
             Self::Points { target, count, range_m } => {
                 let at = if *range_m == Bounds::default() {
@@ -137,18 +154,12 @@ impl Expected {
                 };
                 let words = count.words(&|n| format!("{n}"));
                 let noun = if words.ends_with(" 1") { "point" } else { "points" };
-                (
-                    format!("{words} {noun} on {}{at}", target.words(seen.labels)),
-                    points::points(seen, target, count, range_m),
-                )
+                format!("{words} {noun} on {}{at}", target.words(seen.labels))
             }
-            Self::Plane { target, normal, offset_m, max_error_m } => (
-                format!(
-                    "{} within {} of the plane {normal}·p = {offset_m} m",
-                    target.words(seen.labels),
-                    metres(*max_error_m)
-                ),
-                points::plane(seen, target, *normal, *offset_m, *max_error_m),
+            Self::Plane { target, normal, offset_m, max_error_m } => format!(
+                "{} within {} of the plane {normal}·p = {offset_m} m",
+                target.words(seen.labels),
+                metres(*max_error_m)
             ),
             Self::Resolution { target, horizontal, vertical } => {
                 let limit = |angle: &Option<Angle>, noun: &str| {
@@ -156,49 +167,52 @@ impl Expected {
                 };
                 let limits = [limit(horizontal, "from column to column"), limit(vertical, "from row to row")];
                 let limits: Vec<String> = limits.into_iter().flatten().collect();
-                let words = format!(
-                    "beams on {} at most {} apart",
-                    target.words(seen.labels),
-                    joined(&limits, "and")
-                );
-                (words, points::resolution(seen, target, *horizontal, *vertical))
+                format!("beams on {} at most {} apart", target.words(seen.labels), joined(&limits, "and"))
             }
-            Self::Coverage { zone, at_least } => {
-                let words = format!(
-                    "ground seen in at least {} of the cells of {} m from ({}, {}) to ({}, {}) m",
-                    percent(*at_least),
-                    zone.cell_m,
-                    zone.x_m[0],
-                    zone.y_m[0],
-                    zone.x_m[1],
-                    zone.y_m[1]
-                );
-                (words, ground::coverage(seen, zone, *at_least))
+            Self::Coverage { zone, at_least } => format!(
+                "ground seen in at least {} of the cells of {} m from ({}, {}) to ({}, {}) m",
+                percent(*at_least),
+                zone.cell_m,
+                zone.x_m[0],
+                zone.y_m[0],
+                zone.x_m[1],
+                zone.y_m[1]
+            ),
+            Self::BlindZone { at_most_m, .. } => {
+                format!("ground seen from a distance of {} on", metres(*at_most_m))
             }
-            Self::BlindZone { ground, at_most_m, sector_deg } => {
-                let words = format!("ground seen from a distance of {} on", metres(*at_most_m));
-                (words, ground::blind_zone(seen, ground, *at_most_m, *sector_deg))
-            }
-            Self::Returns(bounds) => {
-                (format!("{} of the rays return", bounds.words(&percent)), shares::returns(seen, bounds))
-            }
+            Self::Returns(bounds) => format!("{} of the rays return", bounds.words(&percent)),
             Self::Unobstructed { body, at_most } => {
-                let words =
-                    format!("at most {} of the rays hit {}", percent(*at_most), body.words(seen.labels));
-                (words, shares::unobstructed(seen, body, *at_most))
+                format!("at most {} of the rays hit {}", percent(*at_most), body.words(seen.labels))
             }
             Self::PointsPerSecond(bounds) => {
-                let words = bounds.words(&|n| format!("{n}"));
-                (format!("{words} points a second"), shares::points_per_second(seen, bounds))
+                format!("{} points a second", bounds.words(&|n| format!("{n}")))
             }
-            Self::Speed { at_least } => {
-                let words = format!("at least {at_least} rays cast a second");
-                let verdict = match seen.rays_per_s {
-                    Some(speed) => Finding::new(speed >= *at_least, format!("{speed:.0} rays a second"), ""),
-                    None => Finding::Nothing("no speed was measured".to_owned()),
-                };
-                (words, verdict)
+            Self::Speed { at_least } => format!("at least {at_least} rays cast a second"),
+        }
+    }
+
+    /// What is found in frames of one moment.
+    fn examine(&self, seen: &Seen) -> Finding {
+        match self {
+            Self::Points { target, count, range_m } => points::points(seen, target, count, range_m),
+            Self::Plane { target, normal, offset_m, max_error_m } => {
+                points::plane(seen, target, *normal, *offset_m, *max_error_m)
             }
+            Self::Resolution { target, horizontal, vertical } => {
+                points::resolution(seen, target, *horizontal, *vertical)
+            }
+            Self::Coverage { zone, at_least } => ground::coverage(seen, zone, *at_least),
+            Self::BlindZone { ground, at_most_m, sector_deg } => {
+                ground::blind_zone(seen, ground, *at_most_m, *sector_deg)
+            }
+            Self::Returns(bounds) => shares::returns(seen, bounds),
+            Self::Unobstructed { body, at_most } => shares::unobstructed(seen, body, *at_most),
+            Self::PointsPerSecond(bounds) => shares::points_per_second(seen, bounds),
+            Self::Speed { at_least } => match seen.rays_per_s {
+                Some(speed) => Finding::new(speed >= *at_least, format!("{speed:.0} rays a second"), ""),
+                None => Finding::Nothing("no speed was measured".to_owned()),
+            },
         }
     }
 }

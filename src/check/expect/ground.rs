@@ -1,4 +1,4 @@
-//! What of the ground is seen: the cells of a zone, and the blind zone around the vehicle.
+//! The ground that is seen: the cells of a zone, and the blind zone around the vehicle.
 
 use glam::DVec3;
 

@@ -6,6 +6,7 @@
 //! ground      what of the ground is seen: zones, blind sectors
 //! shares      how many of the rays return, and how many hit the vehicle
 //! finding     what a measurement gave
+//! tally       what was found over the frames of a sequence
 //! seen        the frames of a run, and the returns in them
 //! target      which surfaces are meant
 //! bounds      from the least to the greatest value
@@ -18,10 +19,12 @@ mod ground;
 mod points;
 mod seen;
 mod shares;
+mod tally;
 mod target;
 
 pub use bounds::Bounds;
 pub use expected::{Expectation, Expected};
 pub use ground::{Ground, Zone};
 pub use seen::Seen;
+pub use tally::{Demand, Tally};
 pub use target::Target;

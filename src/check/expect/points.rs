@@ -1,4 +1,4 @@
-//! What lies on a target: the number of points, their distances from a plane, the angles between beams.
+//! The returns that lie on a target: the number of points, their distances from a plane, the angles between beams.
 
 use std::collections::BTreeMap;
 
@@ -42,11 +42,10 @@ pub(super) fn points(seen: &Seen, target: &Target, count: &Bounds, range_m: &Bou
         format!("sensor {name}: {} at {} to {}", counted(*n, "point"), metres(*near), metres(*far))
     });
     let place = joined(&place.collect::<Vec<_>>(), "and");
-    let looked = seen.frames.iter().map(|frame| frame.name);
-    let sights = looked.filter(|name| inside == 0 || by_sensor.contains_key(name));
+    let sights = seen.frames.iter().filter(|frame| inside == 0 || by_sensor.contains_key(frame.name));
     let channel = if target.object.is_some() { "id.instance" } else { "id.semantic" };
     Finding::new(count.hold(inside as f64), format!("{}{elsewhere}", counted(inside, "point")), place)
-        .shown_by(sights.map(|name| sight_of(name, Some(channel))))
+        .shown_by(sights.map(|frame| sight_of(frame, Some(channel))))
 }
 
 pub(super) fn plane(seen: &Seen, target: &Target, normal: DVec3, offset_m: f64, max_error_m: f64) -> Finding {

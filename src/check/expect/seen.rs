@@ -1,4 +1,4 @@
-//! What a run saw: its frames, and the returns in them that lie on a target.
+//! The frames of a run, and the returns in them that lie on a target.
 
 use std::collections::BTreeMap;
 
@@ -16,9 +16,9 @@ use crate::sensor::Pulse;
 pub struct Seen<'a> {
     /// The scene that was scanned.
     pub scene: &'a Scene,
-    /// What the labels of the scene stand for, in words.
+    /// The meaning of the scene's labels, in words.
     pub labels: &'a BTreeMap<u32, String>,
-    /// The frame of each sensor.
+    /// The frame of each sensor at one moment.
     pub frames: &'a [SensorFrame<'a>],
     /// The number of rays that were cast a second, if it was measured.
     pub rays_per_s: Option<f64>,
@@ -49,6 +49,7 @@ impl Point<'_> {
     pub(super) fn sight(&self) -> Sight {
         Sight::Frame {
             sensor: self.seen.name.to_owned(),
+            frame: self.seen.capture.frame,
             channel: None,
             pixel: Some([self.row, self.column]),
         }
@@ -56,8 +57,8 @@ impl Point<'_> {
 }
 
 /// The frame of a sensor, to look at a channel of it.
-pub(super) fn sight_of(sensor: &str, channel: Option<&'static str>) -> Sight {
-    Sight::Frame { sensor: sensor.to_owned(), channel, pixel: None }
+pub(super) fn sight_of(seen: &SensorFrame, channel: Option<&'static str>) -> Sight {
+    Sight::Frame { sensor: seen.name.to_owned(), frame: seen.capture.frame, channel, pixel: None }
 }
 
 /// The returns of all frames that lie on a target.

@@ -22,7 +22,7 @@ impl Share<'_> {
     }
 
     fn sight(&self, channel: Option<&'static str>) -> Sight {
-        sight_of(self.of.name, channel)
+        sight_of(self.of, channel)
     }
 }
 
@@ -90,7 +90,7 @@ pub(super) fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Finding 
             azimuth[0], azimuth[1], elevation[0], elevation[1]
         )
     };
-    // What the sensor is too near to is not in its data, so it is said.
+    // Surfaces in the dead zone are not in the sensor's data, so the message tells of them.
     let blocked = too_near(worst.of) as f64 / worst.of.frame.pixels() as f64;
     let near = if blocked > 0.0 {
         format!(", {} of the rays nearer than the sensor's least range", percent(blocked))

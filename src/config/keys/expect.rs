@@ -2,12 +2,17 @@
 
 use super::super::kinds::{Integer, Nested, Number, Text, Vector};
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
+use super::limits::MAX_FRAMES;
 
 pub(crate) static EXPECT: TableKeys = table(
     "`[[expect]]`",
     &[
         &NAME,
         &SENSOR,
+        &FRAMES,
+        &MIN_FRAMES,
+        &SEEN_BY,
+        &MAX_FLICKER,
         &POINTS,
         &PLANE,
         &RESOLUTION,
@@ -24,6 +29,36 @@ pub(crate) static NAME: Key<Text> = key("name", Text, "What reports call the exp
     .required("`name = \"the pedestrian is seen\"`, which reports call it by");
 pub(crate) static SENSOR: Key<Text> =
     key("sensor", Text, "The sensor that it is about; left out: all together.");
+pub(crate) static FRAMES: Key<Nested> = key(
+    "frames",
+    Nested(&frames::KEYS),
+    "Of a sequence, the frames that it looks at; left out: all. Without `min_frames`, `seen_by_s` and `max_flicker` it must be met in each of them.",
+);
+pub(crate) static MIN_FRAMES: Key<Integer<u64>> = key(
+    "min_frames",
+    Integer::within(1, MAX_FRAMES),
+    "It must be met in at least so many of the frames, instead of in each.",
+);
+pub(crate) static SEEN_BY: Key<Number> = key(
+    "seen_by_s",
+    Number::NOT_NEGATIVE,
+    "It must first be met in a frame that starts so many seconds after the first of the frames, or earlier.",
+);
+pub(crate) static MAX_FLICKER: Key<Integer<u64>> = key(
+    "max_flicker",
+    Integer::within(0, MAX_FRAMES),
+    "It may change so often, from met to not met and back, from one of the frames to the next.",
+);
+
+pub(crate) mod frames {
+    use super::*;
+
+    pub static KEYS: TableKeys = table("`frames` of `[[expect]]`", &[&FROM, &TO]);
+    pub static FROM: Key<Integer<u64>> =
+        key("from", Integer::within(0, MAX_FRAMES), "The first frame, counted from 0.").or("0");
+    pub static TO: Key<Integer<u64>> =
+        key("to", Integer::within(0, MAX_FRAMES), "The last frame; left out: that of the sequence.");
+}
 
 /// The tables of an expectation, of which it has one.
 pub(crate) const SUBJECTS: &[&dyn AnyKey] =

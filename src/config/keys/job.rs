@@ -1,15 +1,20 @@
 //! The keys of a job, apart from those of its sensors' tables and its expectations.
 
 use super::super::kinds::{
-    ByName, Choice, Choices, Flag, FolderName, Formats, Integer, Names, Nested, Number, NumberOrTable,
-    Tables, Text, Vector,
+    ByName, Choice, Choices, Flag, FolderName, Formats, Integer, List, Names, Nested, Number, NumberOrTable,
+    Tables, Text,
 };
 use super::super::table::{Key, TableKeys, key, table};
 use super::expect::EXPECT;
+use super::limits::MAX_FRAMES;
+use super::motion::{ACTORS, ANIMATION, TRAJECTORY_KEYS};
+use super::pose::POSE_KEYS;
+use super::random::RANDOM;
 use super::sensor;
 use crate::frame::UpAxis;
-use crate::output::{CHANNEL_NAMES, CloudFrame};
+use crate::output::{CHANNEL_NAMES, CloudFrame, CloudTime};
 use crate::trace::methods::{METHODS, Method};
+use crate::truth;
 
 /// Most sensors of a rig.
 pub(crate) const MAX_SENSORS: usize = 64;
@@ -27,8 +32,13 @@ pub(crate) static JOB: TableKeys = table(
         &LABELS,
         &SENSORS,
         &TRAJECTORY,
+        &ACTORS,
+        &ANIMATION,
+        &SEQUENCE,
+        &RANDOM,
         &TRACE,
         &OUTPUT,
+        &TRUTH,
         &CHECK,
         &EXPECTATIONS,
     ],
@@ -66,10 +76,17 @@ pub(crate) static SENSORS: Key<Tables> = key(
 )
 .required("a `[[sensor]]`");
 pub(crate) static TRAJECTORY: Key<Nested> =
-    key("trajectory", Nested(&TRAJECTORY_KEYS), "Where the body stands in the world.");
+    key("trajectory", Nested(&TRAJECTORY_KEYS), "Where the body stands in the world, or how it moves.");
+pub(crate) static SEQUENCE: Key<Nested> = key(
+    "sequence",
+    Nested(&SEQUENCE_KEYS),
+    "How many frames there are, and when; left out: one frame at time 0.",
+);
 pub(crate) static TRACE: Key<Nested> = key("trace", Nested(&TRACE_KEYS), "How the beams are cast.");
 pub(crate) static OUTPUT: Key<Nested> = key("output", Nested(&OUTPUT_KEYS), "What to write, and where.")
     .required("`[output]` with `dir = \"../out\"`");
+pub(crate) static TRUTH: Key<Nested> =
+    key("truth", Nested(&TRUTH_KEYS), "What is written about the frames of a sequence beside the returns.");
 pub(crate) static CHECK: Key<Nested> = key(
     "check",
     Nested(&CHECK_KEYS),
@@ -89,6 +106,7 @@ pub(crate) static SENSOR: TableKeys = table(
         &PRESET,
         &MODE,
         &POSE,
+        &TRIGGER,
         &sensor::ROTATING,
         &sensor::RASTER,
         &sensor::MIRROR,
@@ -119,23 +137,51 @@ pub(crate) static POSE: Key<Nested> =
     key("pose", Nested(&POSE_KEYS), "body_from_sensor: where the sensor sits on the body.")
         .starts_as("{ position_m = [0.0, 0.0, 1.8], rpy_deg = [0.0, 0.0, 0.0] }");
 
-pub(crate) static TRAJECTORY_KEYS: TableKeys = table("`[trajectory]`", &[&BODY_POSE]);
-pub(crate) static BODY_POSE: Key<Nested> = key("pose", Nested(&POSE_KEYS), "world_from_body.")
-    .starts_as("{ position_m = [0.0, 0.0, 0.0], rpy_deg = [0.0, 0.0, 0.0] }");
-
-pub(crate) static POSE_KEYS: TableKeys = table("`pose`", &[&POSITION, &RPY, &QUATERNION]);
-pub(crate) static POSITION: Key<Vector<3>> =
-    key("position_m", Vector("x, y, z"), "x (forward), y (left), z (up) in metres.").or("[0.0, 0.0, 0.0]");
-pub(crate) static RPY: Key<Vector<3>> = key(
-    "rpy_deg",
-    Vector("roll, pitch, yaw"),
-    "Roll, pitch, yaw in degrees: R = Rz(yaw) Ry(pitch) Rx(roll); a positive pitch looks down.",
+pub(crate) static TRIGGER: Key<Number> = key(
+    "trigger_s",
+    Number::ANY,
+    "How much later than the sequence's each frame of this sensor starts; negative: earlier.",
 )
-.or("[0.0, 0.0, 0.0]")
-.replaces(&["quaternion_xyzw"]);
-pub(crate) static QUATERNION: Key<Vector<4>> =
-    key("quaternion_xyzw", Vector("x, y, z, w"), "The rotation as a unit quaternion, instead of rpy_deg.")
-        .replaces(&["rpy_deg"]);
+.or("0.0");
+
+pub(crate) static SEQUENCE_KEYS: TableKeys =
+    table("`[sequence]`", &[&FRAMES, &DURATION, &START, &MOTION, &CLOUD_TIME, &SLICE]);
+/// Most slices of a frame: each has a shape of its own.
+pub(crate) const MAX_SLICES: usize = 1000;
+
+pub(crate) static FRAMES: Key<Integer<u64>> = key(
+    "frames",
+    Integer::within(1, MAX_FRAMES),
+    "The frames of each sensor; with more than one, each sensor needs a rate.",
+)
+.or("1")
+.replaces(&["duration_s"])
+.starts_as("100");
+pub(crate) static DURATION: Key<Number> = key(
+    "duration_s",
+    Number::POSITIVE,
+    "Instead of `frames`: each sensor has the frames that start within this time, by its own rate.",
+)
+.replaces(&["frames"]);
+pub(crate) static START: Key<Number> =
+    key("start_s", Number::ANY, "The time at which the first frame starts.").or("0.0");
+pub(crate) static MOTION: Key<Choice<bool>> = key(
+    "motion",
+    Choice(&[("rolling", false), ("frozen", true)]),
+    "\"rolling\" casts each pulse at its own time, \"frozen\" all of a frame at the frame's start.",
+)
+.or("\"rolling\"");
+pub(crate) static CLOUD_TIME: Key<Choice<CloudTime>> = key(
+    "cloud_time",
+    Choice(&CloudTime::NAMED),
+    "The time whose frame the points of clouds are in: \"raw\" is each pulse's own, as drivers give points; \"start\", \"middle\" and \"end\" of the frame compensate the motion of the sensor, and of nothing else.",
+)
+.or("\"raw\"");
+pub(crate) static SLICE: Key<Number> = key(
+    "slice_s",
+    Number::POSITIVE,
+    "Meshes that bend have one shape for so long at most; left out: one shape a frame.",
+);
 
 pub(crate) static TRACE_KEYS: TableKeys = table("`[trace]`", &[&KERNEL]);
 pub(crate) static KERNEL: Key<Choice<Option<&'static Method>>> = key(
@@ -167,7 +213,7 @@ pub(crate) static FORMATS: Key<Formats> =
 pub(crate) static CHANNELS: Key<Choices<&'static str>> = key(
     "channels",
     Choices(Choice(&CHANNEL_WORDS)),
-    "The channels in the files that hold channels; left out: all.",
+    "The channels in the files that hold channels; left out: all but flow, velocity and id.track.",
 );
 pub(crate) static CLOUD_FRAME: Key<Choice<CloudFrame>> = key(
     "frame",
@@ -181,9 +227,40 @@ pub(crate) static LEGEND: Key<Flag> =
     key("legend", Flag, "Whether PNG previews have a title, a scale of ranges and the colour of no return.")
         .or("false");
 
-pub(crate) static CHECK_KEYS: TableKeys = table("`[check]`", &[&COMPARED, &TOLERANCES]);
+pub(crate) static TRUTH_KEYS: TableKeys = table("`[truth]`", &[&POSES, &BOXES, &MASKS, &VISIBLE]);
+pub(crate) static POSES: Key<Flag> = key(
+    "poses",
+    Flag,
+    "Whether `poses.csv` has a row for each frame: the poses of sensor and body at its start; left out: if there is a `[sequence]`.",
+);
+pub(crate) static BOXES: Key<Choice<Option<truth::Choice>>> = key(
+    "boxes",
+    Choice(&BOXES_BY_NAME),
+    "Which objects `boxes.jsonl` has oriented boxes of: \"tracked\" are actors and animated nodes, \"labelled\" these and all objects with a label, \"all\" everything.",
+)
+.or("\"none\"");
+static BOXES_BY_NAME: [(&str, Option<truth::Choice>); truth::Choice::NAMED.len() + 1] = {
+    let mut all = [("none", None); truth::Choice::NAMED.len() + 1];
+    let mut index = 0;
+    while index < truth::Choice::NAMED.len() {
+        all[index + 1] = (truth::Choice::NAMED[index].0, Some(truth::Choice::NAMED[index].1));
+        index += 1;
+    }
+    all
+};
+pub(crate) static MASKS: Key<Flag> =
+    key("masks", Flag, "Whether the boxes of cameras have the pixels that show the object.").or("false");
+pub(crate) static VISIBLE: Key<Flag> =
+    key("visible", Flag, "Whether `visible.jsonl` lists the objects that each frame sees.").or("false");
+
+pub(crate) static CHECK_KEYS: TableKeys = table("`[check]`", &[&COMPARED, &COMPARED_FRAMES, &TOLERANCES]);
 pub(crate) static COMPARED: Key<Choices<&'static str>> =
     key("channels", Choices(Choice(&CHANNEL_WORDS)), "The channels that are compared; left out: all.");
+pub(crate) static COMPARED_FRAMES: Key<List<Integer<u64>>> = key(
+    "frames",
+    List { of: Integer::within(0, MAX_FRAMES), least: 1 },
+    "The frames of each sensor that are compared, counted from 0; left out: the first, the middle and the last.",
+);
 pub(crate) static TOLERANCES: Key<ByName<NumberOrTable>> = key(
     "tolerance",
     ByName {

@@ -7,6 +7,10 @@
 mod angles;
 pub(crate) mod expect;
 pub(crate) mod job;
+pub(crate) mod limits;
+pub(crate) mod motion;
+pub(crate) mod pose;
+pub(crate) mod random;
 pub(crate) mod sensor;
 
 use std::sync::LazyLock;

@@ -7,7 +7,7 @@ use super::super::kinds::{
 };
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
 use super::angles::{Angles, MAX_SIDE};
-use crate::sensor::{Limited, Motion, Order, RingOrder, Tilted};
+use crate::sensor::{Limited, Motion, Order, RingOrder, RowOrder, Tilted};
 
 const SIDE: Integer<u64> = Integer::within(1, MAX_SIDE);
 
@@ -351,17 +351,33 @@ pub(crate) mod rays {
 pub(crate) mod camera {
     use super::*;
 
-    pub static PINHOLE_KEYS: TableKeys =
-        table("`[pinhole]`", &[&WIDTH, &HEIGHT, &HFOV, &VFOV, &FX, &FY, &CX, &CY, &DISTORTION, &FRAME_RATE])
-            .partial();
-    pub static FISHEYE_KEYS: TableKeys = table(
-        "`[fisheye]`",
-        &[&WIDTH, &HEIGHT, &FISHEYE_HFOV, &FX, &FY, &CX, &CY, &FISHEYE_DISTORTION, &FRAME_RATE],
+    pub static PINHOLE_KEYS: TableKeys = table(
+        "`[pinhole]`",
+        &[&WIDTH, &HEIGHT, &HFOV, &VFOV, &FX, &FY, &CX, &CY, &DISTORTION, &ROW_TIME, &ROW_ORDER, &FRAME_RATE],
     )
     .partial();
-    pub static EQUIRECTANGULAR_KEYS: TableKeys =
-        table("`[equirectangular]`", &[&WIDTH, &HEIGHT, &PANORAMA_HFOV, &PANORAMA_VFOV, &FRAME_RATE])
-            .partial();
+    pub static FISHEYE_KEYS: TableKeys = table(
+        "`[fisheye]`",
+        &[
+            &WIDTH,
+            &HEIGHT,
+            &FISHEYE_HFOV,
+            &FX,
+            &FY,
+            &CX,
+            &CY,
+            &FISHEYE_DISTORTION,
+            &ROW_TIME,
+            &ROW_ORDER,
+            &FRAME_RATE,
+        ],
+    )
+    .partial();
+    pub static EQUIRECTANGULAR_KEYS: TableKeys = table(
+        "`[equirectangular]`",
+        &[&WIDTH, &HEIGHT, &PANORAMA_HFOV, &PANORAMA_VFOV, &ROW_TIME, &ROW_ORDER, &FRAME_RATE],
+    )
+    .partial();
 
     pub static WIDTH: Key<Integer<u64>> =
         key("width_px", SIDE, "Columns of the image.").required("`width_px = 640`");
@@ -423,6 +439,18 @@ pub(crate) mod camera {
         List { of: Number::ANY, least: 0 },
         "k1, k2, k3, k4 of OpenCV's fisheye model; left out: an equidistant lens.",
     );
+    pub static ROW_TIME: Key<Number> = key(
+        "row_time_us",
+        Number::NOT_NEGATIVE,
+        "Microseconds from a row's exposure to the next, of a rolling shutter; 0 is a global shutter: all rows at the frame's start.",
+    )
+    .or("0.0");
+    pub static ROW_ORDER: Key<Choice<RowOrder>> = key(
+        "row_order",
+        Choice(&[("top_down", RowOrder::TopDown), ("bottom_up", RowOrder::BottomUp)]),
+        "Which row a rolling shutter exposes first: the top or the bottom one.",
+    )
+    .or("\"top_down\"");
 }
 
 /// `[range]`.

@@ -6,7 +6,7 @@ use super::super::table::{Describe, Given, Kind};
 use super::number::Number;
 use super::object::object;
 use crate::source::Spanned;
-use crate::source::tree::Value;
+use crate::source::tree::{Node, Value};
 
 /// A list of values of one kind.
 #[derive(Clone, Copy)]
@@ -83,6 +83,77 @@ impl<const N: usize> Kind for Vector<N> {
         }
         let all: Vec<Option<f64>> = elements.iter().map(|e| Number::ANY.read(given.element(e))).collect();
         <[f64; N]>::try_from(all.into_iter().collect::<Option<Vec<f64>>>()?).ok()
+    }
+}
+
+/// A list of numbers, texts and flags, at least one.
+#[derive(Clone, Copy)]
+pub(crate) struct Scalars;
+
+impl Describe for Scalars {
+    fn expected(&self, _: Option<&str>) -> String {
+        "a list of numbers, strings or flags".to_owned()
+    }
+
+    fn schema(&self, _: bool) -> Map<String, Json> {
+        let one = json!({ "type": ["number", "string", "boolean"] });
+        object(json!({ "type": "array", "items": one, "minItems": 1 }))
+    }
+}
+
+impl Kind for Scalars {
+    type Value<'a> = &'a [Node];
+
+    fn read<'a>(&self, given: Given<'a>) -> Option<&'a [Node]> {
+        let Value::Array(elements) = &given.node.value else {
+            return given.wrong(&self.expected(None), None);
+        };
+        let is_scalar = |node: &&Node| {
+            matches!(node.value, Value::String(_) | Value::Integer(_) | Value::Float(_) | Value::Boolean(_))
+        };
+        if let Some(other) = elements.iter().find(|element| !is_scalar(element)) {
+            return given.element(other).wrong("a number, a string or a flag", None);
+        }
+        match elements.as_slice() {
+            [] => given.wrong("at least one", None),
+            elements => Some(elements),
+        }
+    }
+}
+
+/// A 4 × 4 matrix as four lists, each a row.
+#[derive(Clone, Copy)]
+pub(crate) struct Matrix;
+
+impl Matrix {
+    const ROW: Vector<4> = Vector("a row of the matrix");
+}
+
+impl Describe for Matrix {
+    fn expected(&self, _: Option<&str>) -> String {
+        "a list of 4 rows, each a list of 4 numbers".to_owned()
+    }
+
+    fn schema(&self, is_partial: bool) -> Map<String, Json> {
+        let row = Self::ROW.schema(is_partial);
+        object(json!({ "type": "array", "items": row, "minItems": 4, "maxItems": 4 }))
+    }
+}
+
+impl Kind for Matrix {
+    type Value<'a> = [[f64; 4]; 4];
+
+    fn read(&self, given: Given<'_>) -> Option<[[f64; 4]; 4]> {
+        let Value::Array(rows) = &given.node.value else {
+            return given.wrong(&self.expected(None), None);
+        };
+        if rows.len() != 4 {
+            let help =
+                (rows.len() == 3).then(|| "the fourth row of a pose is [0.0, 0.0, 0.0, 1.0]".to_owned());
+            return given.wrong(&self.expected(None), help);
+        }
+        let all: Vec<Option<[f64; 4]>> = rows.iter().map(|row| Self::ROW.read(given.element(row))).collect();
+        <[[f64; 4]; 4]>::try_from(all.into_iter().collect::<Option<Vec<_>>>()?).ok()
     }
 }
 

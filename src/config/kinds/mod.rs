@@ -8,7 +8,7 @@ mod tables;
 mod text;
 
 pub(crate) use formats::Formats;
-pub(crate) use lists::{List, OneOrEach, OneOrMany, Vector};
+pub(crate) use lists::{List, Matrix, OneOrEach, OneOrMany, Scalars, Vector};
 pub(crate) use number::{Flag, Integer, Number};
 pub(crate) use tables::{ByName, Names, Nested, NumberOr, NumberOrTable, Tables};
 pub(crate) use text::{Choice, Choices, FolderName, Text};

@@ -9,7 +9,7 @@ use super::super::keys::job::EXPECTATIONS;
 use super::super::kinds::{Nested, Number};
 use super::super::table::{Key, Table};
 use crate::angle::Angle;
-use crate::check::expect::{Bounds, Expectation, Expected, Ground, Target, Zone};
+use crate::check::expect::{Bounds, Demand, Expectation, Expected, Ground, Target, Zone};
 use crate::source::suggest::nearest;
 use crate::source::words::{list, quoted};
 use crate::source::{Span, Spanned};
@@ -18,8 +18,9 @@ use crate::source::{Span, Spanned};
 const MAX_CELLS: f64 = 1e7;
 const MAX_CELLS_OF_ALL: f64 = 1e8;
 
-/// The job's `[[expect]]`, in their order, with where each stands; `sensors` are the names of the job's sensors.
-pub(super) fn expectations(job: &Table<'_>, sensors: &[String]) -> (Vec<Expectation>, Vec<Span>) {
+/// The job's `[[expect]]`, in their order, with where each stands; `sensors` are the names of the job's sensors, each with the
+/// number of its frames.
+pub(super) fn expectations(job: &Table<'_>, sensors: &[(String, u64)]) -> (Vec<Expectation>, Vec<Span>) {
     let Some(tables) = job.read(&EXPECTATIONS) else { return Default::default() };
     let report = job.report();
     let (mut found, mut places) = (Vec::new(), Vec::new());
@@ -33,16 +34,17 @@ pub(super) fn expectations(job: &Table<'_>, sensors: &[String]) -> (Vec<Expectat
         }
         let sensor = t.read(&keys::SENSOR);
         if let Some(Spanned { value, span }) = sensor
-            && !sensors.iter().any(|known| known == value)
+            && !sensors.iter().any(|(known, _)| known == value)
             && !sensors.is_empty()
         {
-            let names = sensors.iter().map(String::as_str);
+            let names = sensors.iter().map(|(name, _)| name.as_str());
             let help = match nearest(value, names.clone()) {
                 Some(near) => format!("did you mean {}?", quoted(near)),
                 None => format!("the job's sensors are {}", list(names, "and")),
             };
             report.error(span, format!("there is no sensor {}", quoted(value)), "", Some(help));
         }
+        let demand = demand(t, frames_looked_at(sensor.map(|sensor| sensor.value), sensors));
         let what = expected(t);
         if let Some(Expected::Coverage { zone, .. }) = &what {
             cells += cells_of(zone);
@@ -55,12 +57,61 @@ pub(super) fn expectations(job: &Table<'_>, sensors: &[String]) -> (Vec<Expectat
         }
         if let (Some(name), Some(what)) = (name, what) {
             let sensor = sensor.map(|sensor| sensor.value.to_owned());
-            found.push(Expectation { name: name.value.to_owned(), sensor, what });
+            found.push(Expectation { name: name.value.to_owned(), sensor, demand, what });
             let subject = SUBJECTS.iter().find(|(key, _)| t.has(*key));
             places.push(subject.map_or(t.span, |(key, _)| t.span_of(*key)));
         }
     }
     (found, places)
+}
+
+/// The number of frames that an expectation about a sensor can look at, or one about all sensors together: those of the sensor
+/// that has the fewest. `None` if there is no such sensor.
+fn frames_looked_at(sensor: Option<&str>, sensors: &[(String, u64)]) -> Option<u64> {
+    let meant = sensors.iter().filter(|(name, _)| sensor.is_none_or(|sensor| name == sensor));
+    meant.map(|(_, frames)| *frames).min()
+}
+
+/// The frames in which an expectation must be met, of so many.
+fn demand(t: &Table<'_>, all: Option<u64>) -> Demand {
+    let report = t.report();
+    let frames = t.read(&keys::FRAMES);
+    let from = frames.as_ref().and_then(|frames| frames.value.read(&keys::frames::FROM));
+    let to = frames.as_ref().and_then(|frames| frames.value.read(&keys::frames::TO));
+    let min_frames = t.read(&keys::MIN_FRAMES);
+    let last = all.map(|all| all.saturating_sub(1));
+    for given in [&from, &to].into_iter().flatten() {
+        if let Some(last) = last.filter(|last| given.value > *last) {
+            let message = format!("there is no frame {}", given.value);
+            report.error(given.span, message, format!("expected a frame from 0 to {last}"), None);
+        }
+    }
+    let (first, end) = (from.as_ref().map_or(0, |at| at.value), to.as_ref().map(|at| at.value));
+    if let (Some(from), Some(end)) = (&from, end)
+        && from.value > end
+    {
+        let message = format!("no frame lies between {} and {end}", from.value);
+        report.error(from.span, message, "expected the lesser first", None);
+    }
+    let looked_at = end.or(last).map(|end| end.saturating_sub(first) + 1);
+    if let (Some(least), Some(looked_at)) = (&min_frames, looked_at)
+        && least.value > looked_at
+    {
+        let message = format!("`min_frames` is {}, and the expectation looks at {looked_at}", least.value);
+        report.error(least.span, message, format!("expected at most {looked_at}"), None);
+    }
+    let demand = Demand {
+        from: first,
+        to: end,
+        min_frames: min_frames.map(|at| at.value),
+        seen_by_s: t.read(&keys::SEEN_BY).map(|at| at.value),
+        max_flicker: t.read(&keys::MAX_FLICKER).map(|at| at.value),
+    };
+    if t.has(&keys::SPEED) && demand != Demand::default() {
+        let message = "`speed` is that of the whole run, and looks at no frames";
+        report.error(t.span_of(&keys::SPEED), message, "", None);
+    }
+    demand
 }
 
 /// The reader of a subject's table.

@@ -1,14 +1,21 @@
 //! Tables of TOML → jobs and sensors, by the declarations in `keys/`.
 
+mod actors;
+mod drawn;
 mod expect;
-pub(super) mod job;
+mod job;
+pub(super) mod layers;
 mod modes;
+mod pose;
+mod pose_files;
 mod preset;
+mod random;
 mod rays;
 mod rig;
 mod sensor;
 pub(super) mod sensor_file;
 #[cfg(test)]
 mod tests;
+mod trajectory;
 
 pub(super) use sensor::is_pattern;

@@ -28,7 +28,7 @@ struct Preset {
 }
 
 /// The presets of a job, as far as reading the job goes on to need them.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(super) struct Laid {
     /// The files, in the job's order, each once.
     pub inputs: Vec<InputFile>,

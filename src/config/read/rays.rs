@@ -24,7 +24,7 @@ const MAX_RAYS: usize = 4_000_000;
 const MAX_ERRORS: usize = 10;
 
 /// The tables of rays that a configuration names. Sensors that name the same file share its rays.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(super) struct RayFiles {
     /// By path. `None`: the file can't be used, which was reported.
     tables: BTreeMap<PathBuf, Option<(RayTable, Option<Span>)>>,

@@ -1,20 +1,16 @@
-//! A job's `[[sensor]]` tables → [`MountedSensor`]s, and poses.
+//! A job's `[[sensor]]` tables → [`MountedSensor`]s.
 
 use std::collections::BTreeMap;
 
-use glam::DVec3;
-
-use super::super::job::MountedSensor;
-use super::super::keys::job::{MODE, NAME, POSE, POSITION, PRESET, QUATERNION, RPY, SENSORS};
-use super::super::kinds::Nested;
-use super::super::plausibility;
-use super::super::table::{Key, Table};
+use super::super::job::{FromScene, InScene, MountedSensor, Owner};
+use super::super::keys::job::{MODE, NAME, POSE, PRESET, SENSORS, TRAJECTORY, TRIGGER};
+use super::super::table::Table;
+use super::pose::{Placed, placed};
 use super::rays::RayFiles;
 use super::sensor;
-use crate::angle::Angle;
 use crate::frame::Pose;
+use crate::source::Span;
 use crate::source::words::quoted;
-use crate::source::{Doubt, Report, Span, Spanned};
 
 /// Most beams of all sensors: a short file can ask for very many.
 pub(super) const MAX_BEAMS: usize = 2_000_000;
@@ -25,6 +21,10 @@ pub(super) struct Rig {
     pub sensors: Vec<MountedSensor>,
     /// For each sensor what says where it stands: its pose, else that of the body, else its table.
     pub places: Vec<Span>,
+    /// The table of each sensor.
+    pub tables: Vec<Span>,
+    /// The sensors whose place the scene decides.
+    pub from_scene: Vec<FromScene>,
     /// The first sensor without any pose, its own or the body's.
     pub unposed: Option<Span>,
 }
@@ -34,14 +34,16 @@ pub(super) fn sensors(job: &Table<'_>, ray_files: &RayFiles, lost: &[Span], body
     let Some(tables) = job.read(&SENSORS) else { return Rig::default() };
     let is_alone = tables.value.len() == 1;
     let mut taken = BTreeMap::new();
-    let (mut mounted, mut places) = (Vec::new(), Vec::new());
+    let (mut mounted, mut places, mut spans) = (Vec::new(), Vec::new(), Vec::new());
+    let mut from_scene = Vec::new();
     let mut beams = 0;
     for t in &tables.value {
         // The preset is laid under this table already, in the mode that it asks for.
         t.read(&PRESET);
         t.read(&MODE);
         let name = name(t, is_alone, &mut taken);
-        let body_from_sensor = pose(t, &POSE);
+        let placed = placed(t, &POSE);
+        let trigger_s = t.value(&TRIGGER);
         let sensor = sensor::sensor(t, ray_files, lost.contains(&t.span));
         if let Some(pattern) = sensor.as_ref().map(|sensor| &sensor.pattern).filter(|p| !p.is_camera()) {
             beams += pattern.rows();
@@ -52,12 +54,28 @@ pub(super) fn sensors(job: &Table<'_>, ray_files: &RayFiles, lost: &[Span], body
             }
         }
         if let (Some(sensor), Some(name)) = (sensor, name) {
-            mounted.push(MountedSensor { name, sensor, body_from_sensor });
+            let body_from_sensor = match placed {
+                Placed::At(pose) => pose,
+                Placed::AsCamera(camera) => {
+                    if job.has(&TRAJECTORY) {
+                        let message = "a camera of the scene stands in the world, and this sensor on a body";
+                        let help = "write `pose = { camera = … }` in [trajectory], or leave [trajectory] out";
+                        let label = "expected a pose on the body";
+                        job.report().error(camera.span, message, label, Some(help.into()));
+                    }
+                    let place = job.report().place(camera.span);
+                    let owner = Owner::Sensor(mounted.len());
+                    from_scene.push(FromScene { owner, wanted: InScene::Camera(camera.value), place });
+                    Pose::IDENTITY
+                }
+            };
+            mounted.push(MountedSensor { name, sensor, body_from_sensor, trigger_s });
+            spans.push(t.span);
             places.push(if t.has(&POSE) { t.span_of(&POSE) } else { body.unwrap_or(t.span) });
         }
     }
     let unposed = tables.value.iter().find(|t| !t.has(&POSE) && body.is_none()).map(|t| t.span);
-    Rig { sensors: mounted, places, unposed }
+    Rig { sensors: mounted, places, tables: spans, from_scene, unposed }
 }
 
 /// A sensor's name. `taken` has those of the sensors before it, by their lower case.
@@ -78,45 +96,4 @@ fn name(t: &Table<'_>, is_alone: bool, taken: &mut BTreeMap<String, String>) -> 
         return None;
     }
     Some(name.value.to_owned())
-}
-
-/// The pose of a table, or the identity.
-pub(super) fn pose(t: &Table<'_>, key: &Key<Nested>) -> Pose {
-    let Some(t) = t.read(key).map(|pose| pose.value) else { return Pose::IDENTITY };
-    let translation = DVec3::from_array(t.value(&POSITION));
-    let quaternion = t.read(&QUATERNION);
-    let [roll, pitch, yaw] = t.value(&RPY).map(Angle::deg);
-    if let (true, Some(quaternion)) = (t.has(&RPY), quaternion) {
-        let message = "a pose has one rotation, and this has both `rpy_deg` and `quaternion_xyzw`";
-        let span = t.report().later(quaternion.span, t.span_of(&RPY));
-        t.report().error(span, message, "one too many", None);
-    }
-    let angles = t.has(&RPY).then(|| t.value(&RPY)).and_then(|rpy| plausibility::rpy(RPY.name(), rpy));
-    if let Some(doubt) = angles {
-        t.report().doubt(t.span_of(&RPY), doubt);
-    }
-    if let Some(q) = quaternion
-        && let Some(doubt) = plausibility::quaternion(QUATERNION.name(), q.value)
-    {
-        t.report().doubt(q.span, doubt);
-    }
-    match quaternion {
-        Some(q) => quaternion_pose(t.report(), translation, q).unwrap_or(Pose::IDENTITY),
-        None => Pose::from_rpy(translation, roll, pitch, yaw),
-    }
-}
-
-fn quaternion_pose(report: &Report, translation: DVec3, q: Spanned<[f64; 4]>) -> Option<Pose> {
-    let made = Pose::from_quaternion(translation, q.value);
-    let length = q.value.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if made.is_none() {
-        let message = format!("a quaternion of length {length} is no rotation");
-        let help = "`[0.0, 0.0, 0.0, 1.0]` turns by nothing";
-        report.error(q.span, message, "expected x, y, z, w of length 1", Some(help.into()));
-    } else if (length - 1.0).abs() > 1e-3 {
-        let message = format!("a quaternion of length {length:.6}, which is normalised");
-        let doubt = Doubt::new("quaternion-length", QUATERNION.name(), message);
-        report.doubt(q.span, doubt.label("expected x, y, z, w of length 1"));
-    }
-    made
 }

@@ -1,11 +1,11 @@
-//! What every dialect gives: a camera, and the checks that all of them share.
+//! The camera that every dialect gives, and the checks that all of them share.
 
 use super::super::fields::Fields;
 
 /// Most rows and most columns of an image.
 pub const MOST_PIXELS: u32 = 1_000_000;
 
-/// What a calibration says of a camera.
+/// A camera as a calibration describes it.
 pub struct Calibration {
     pub width: u32,
     pub height: u32,
@@ -14,9 +14,9 @@ pub struct Calibration {
     /// The principal point in pixels, counted as here: the centre of the top left pixel is at (0.5, 0.5).
     pub principal: [f64; 2],
     pub lens: LensKeys,
-    /// What was used, for the file's first comment.
+    /// The keys that were used, for the file's first comment.
     pub used: String,
-    /// What else a user must know, a sentence each.
+    /// Further facts that a user must know, a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -37,6 +37,11 @@ impl LensKeys {
     pub fn fisheye(coefficients: Vec<f64>) -> Self {
         Self { is_fisheye: true, coefficients }
     }
+}
+
+/// A principal point of a dialect, which counts pixels from the centre of the top left one, counted from the image's corner.
+pub fn from_corner([cx, cy]: [f64; 2]) -> [f64; 2] {
+    [cx + 0.5, cy + 0.5]
 }
 
 /// The image's size: whole numbers of pixels under two keys.

@@ -4,7 +4,7 @@
 //! (k1 to k4 of OpenCV's fisheye), or without one (wiki of Kalibr, "Supported models").
 
 use super::super::fields::Fields;
-use super::calibration::{Calibration, LensKeys, MOST_PIXELS, check_focal};
+use super::calibration::{Calibration, LensKeys, MOST_PIXELS, check_focal, from_corner};
 use crate::source::Spanned;
 
 pub(super) fn read(fields: &Fields<'_>) -> Option<Calibration> {
@@ -17,7 +17,7 @@ pub(super) fn read(fields: &Fields<'_>) -> Option<Calibration> {
         width,
         height,
         focal,
-        principal: [cx + 0.5, cy + 0.5],
+        principal: from_corner([cx, cy]),
         lens,
         used: "resolution, intrinsics, distortion".to_owned(),
         notes: vec![

@@ -8,7 +8,7 @@
 //! rectified depth streams are.
 
 use super::super::fields::Fields;
-use super::calibration::{Calibration, LensKeys, check_focal, size};
+use super::calibration::{Calibration, LensKeys, check_focal, from_corner, size};
 use crate::source::Spanned;
 
 pub(super) fn read(fields: &Fields<'_>) -> Option<Calibration> {
@@ -30,7 +30,7 @@ pub(super) fn read(fields: &Fields<'_>) -> Option<Calibration> {
         width,
         height,
         focal,
-        principal: [cx + 0.5, cy + 0.5],
+        principal: from_corner([cx, cy]),
         lens,
         used: "size, focal lengths, principal point, distortion".to_owned(),
         notes: Vec::new(),

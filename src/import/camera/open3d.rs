@@ -3,7 +3,7 @@
 //! distortion.
 
 use super::super::fields::Fields;
-use super::calibration::{Calibration, LensKeys, check_focal, size};
+use super::calibration::{Calibration, LensKeys, check_focal, from_corner, size};
 use crate::source::Spanned;
 use crate::source::tree::Value;
 
@@ -24,7 +24,7 @@ pub(super) fn read(fields: &Fields<'_>) -> Option<Calibration> {
         width,
         height,
         focal,
-        principal: [cx + 0.5, cy + 0.5],
+        principal: from_corner([cx, cy]),
         lens: LensKeys::pinhole(Vec::new()),
         used: "size, intrinsic_matrix (column by column)".to_owned(),
         notes: Vec::new(),

@@ -7,7 +7,7 @@
 //! (`roi`), in which pixels are combined (`binning_x`, `binning_y`).
 
 use super::super::fields::Fields;
-use super::calibration::{Calibration, LensKeys, MOST_PIXELS, check_focal};
+use super::calibration::{Calibration, LensKeys, MOST_PIXELS, check_focal, from_corner};
 use crate::source::Spanned;
 use crate::source::tree::Value;
 
@@ -42,7 +42,7 @@ pub(super) fn read(top: &Fields<'_>) -> Option<Calibration> {
         width,
         height,
         focal: [fx, fy],
-        principal: [cx + 0.5, cy + 0.5],
+        principal: from_corner([cx, cy]),
         lens,
         used: "size, camera matrix, distortion".to_owned(),
         notes,

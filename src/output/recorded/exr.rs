@@ -32,7 +32,7 @@ impl Part {
         read_names(listed).into_iter().collect()
     }
 
-    /// What the labels stand for, in words, if the header tells.
+    /// The meaning of the labels, in words, if the header tells.
     pub fn labels(&self) -> BTreeMap<u32, String> {
         let listed = self.attributes.get("beamcast:labels").map_or("", String::as_str);
         let listed: BTreeMap<u32, Vec<String>> = serde_json::from_str(listed).unwrap_or_default();

@@ -99,16 +99,45 @@ impl Folder {
     /// # Errors
     /// [`Error::Input`] if the output cannot be read, does not match its name, or is a link that leads out of the folder.
     pub fn read(&self, output: &str, memory: u64) -> Result<Recorded, Error> {
+        Recorded::open(&self.path_inside(output)?, memory)
+    }
+
+    /// The bytes of one of [`Folder::outputs`], which may be as many as `limit`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the output cannot be read, is larger, or is a link that leads out of the folder.
+    pub fn read_bytes(&self, output: &str, limit: u64) -> Result<Vec<u8>, Error> {
+        read(&self.path_inside(output)?, limit)
+    }
+
+    fn path_inside(&self, output: &str) -> Result<PathBuf, Error> {
         let path = self.path.join(output);
         let inside =
             fs::canonicalize(&path).and_then(|file| Ok(file.starts_with(fs::canonicalize(&self.path)?)));
         match inside {
-            Ok(true) => Recorded::open(&path, memory),
+            Ok(true) => Ok(path),
             Ok(false) => Err(Error::input(path, "is a link that leads out of the folder")),
             Err(e) => Err(Error::input(path, format!("can't be read: {e}"))),
         }
     }
 }
+
+impl Folder {
+    /// Reads a table of the run, such as `poses.csv`, if the manifest lists it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it can't be read, is larger than a table may be, or is no text.
+    pub fn table(&self, name: &str) -> Result<Option<String>, Error> {
+        if !self.outputs().any(|output| output == name) {
+            return Ok(None);
+        }
+        let text = String::from_utf8(self.read_bytes(name, MAX_TABLE_BYTES)?);
+        text.map(Some).map_err(|e| Error::input(self.path.join(name), format!("is no text: {e}")))
+    }
+}
+
+/// The largest table of a run that is read: of a million frames, poses take 200 MB.
+const MAX_TABLE_BYTES: u64 = 256 << 20;
 
 /// The largest file of numbers that is read.
 const MAX_FILE_BYTES: u64 = 8 << 30;

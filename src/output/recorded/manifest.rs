@@ -1,10 +1,13 @@
 //! The manifest of a scan, as far as it is used when it is read back.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::io::{BufReader, Read};
 use std::path::{Component, Path};
 
-use serde::de::IgnoredAny;
-use serde::{Deserialize, Serialize};
+use serde::de::{DeserializeSeed, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::{Map, Value};
 
 use super::error::ReadError;
 use super::instances::InstanceNames;
@@ -42,7 +45,7 @@ pub struct Tool {
     pub version: Option<String>,
 }
 
-/// What is used of a recorded job.
+/// The parts of a recorded job that readers use.
 #[derive(Clone, Debug, Default, Deserialize)]
 pub struct RecordedJob {
     /// The scene's path, as the job has it.
@@ -55,11 +58,29 @@ pub struct RecordedJob {
     pub sensor: Vec<RecordedSensor>,
 }
 
-/// What is used of a recorded sensor.
+/// The parts of a recorded sensor that readers use.
 #[derive(Clone, Debug, Default, Deserialize)]
 pub struct RecordedSensor {
     /// The sensor's name, which one that is alone may lack.
     pub name: Option<String>,
+    /// The pattern, in one of these tables.
+    #[serde(
+        default,
+        alias = "rotating",
+        alias = "raster",
+        alias = "mirror",
+        alias = "risley",
+        alias = "pinhole",
+        alias = "fisheye",
+        alias = "equirectangular"
+    )]
+    pattern: RecordedPattern,
+}
+
+/// What is used of a recorded pattern.
+#[derive(Clone, Debug, Default, Deserialize)]
+struct RecordedPattern {
+    rate_hz: Option<f64>,
 }
 
 /// A file that went in.
@@ -84,7 +105,7 @@ pub struct Output {
     pub blake3: Option<String>,
 }
 
-/// What is used of a recorded scene.
+/// The parts of a recorded scene that readers use.
 #[derive(Clone, Debug, Default, Deserialize)]
 pub struct RecordedScene {
     /// The number of triangles, each counted as often as it is placed.
@@ -105,6 +126,13 @@ struct Instances {
 }
 
 impl RecordedManifest {
+    /// The frames a second of a sensor, in hertz, if the job says them and they are some.
+    pub fn rate_hz(&self, sensor: &str) -> Option<f64> {
+        let of_name = |recorded: &&RecordedSensor| recorded.name.as_deref().is_none_or(|name| name == sensor);
+        let recorded = self.job.sensor.iter().find(of_name)?;
+        recorded.pattern.rate_hz.filter(|rate| rate.is_finite() && *rate > 0.0)
+    }
+
     /// Reads a manifest.
     pub(super) fn decode(bytes: &[u8]) -> Result<Self, ReadError> {
         let manifest: Self = serde_json::from_slice(bytes).map_err(|e| {
@@ -124,13 +152,68 @@ impl RecordedManifest {
         Ok(manifest)
     }
 
-    /// What labels stand for, in words: the names in the job's `[labels]`, else the names of the objects that have them.
+    /// The meaning of labels, in words: the names in the job's `[labels]`, else the names of the objects that have them.
     pub fn label_names(&self) -> BTreeMap<u32, String> {
         let of_job = self.job.labels.iter().map(|(name, label)| (name.as_str(), *label));
         let of_file = self.scene.instances.iter();
         let of_file = of_file.filter_map(|instances| Some((instances.name.as_str(), instances.file_label?)));
         label_names(of_job, of_file)
     }
+}
+
+/// Reads a manifest whose outputs are too many to be kept: each goes to `each`, and the rest of the manifest is returned.
+///
+/// # Errors
+/// [`ReadError`] if it is no manifest.
+pub fn read_manifest(file: impl Read, mut each: impl FnMut(Output)) -> Result<Value, ReadError> {
+    struct Head<'e>(&'e mut dyn FnMut(Output));
+    struct Outputs<'e>(&'e mut dyn FnMut(Output));
+    impl<'de> Visitor<'de> for Head<'_> {
+        type Value = Map<String, Value>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("the manifest of a scan")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+            let mut head = Map::new();
+            let mut has_outputs = false;
+            while let Some(key) = map.next_key::<String>()? {
+                if key == "outputs" {
+                    map.next_value_seed(Outputs(&mut *self.0))?;
+                    has_outputs = true;
+                } else {
+                    head.insert(key, map.next_value()?);
+                }
+            }
+            if has_outputs { Ok(head) } else { Err(A::Error::missing_field("outputs")) }
+        }
+    }
+    impl<'de> DeserializeSeed<'de> for Outputs<'_> {
+        type Value = ();
+
+        fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+            deserializer.deserialize_seq(self)
+        }
+    }
+    impl<'de> Visitor<'de> for Outputs<'_> {
+        type Value = ();
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a list of outputs")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<(), A::Error> {
+            while let Some(output) = seq.next_element()? {
+                (self.0)(output);
+            }
+            Ok(())
+        }
+    }
+    let mut deserializer = serde_json::Deserializer::from_reader(BufReader::new(file));
+    let head =
+        deserializer.deserialize_map(Head(&mut each)).and_then(|head| deserializer.end().map(|()| head));
+    head.map(Value::Object).map_err(|e| ReadError::new(format!("this is not the manifest of a scan: {e}")))
 }
 
 impl RecordedScene {

@@ -48,7 +48,7 @@ impl Cloud {
         self.listed::<String>("instance ").collect()
     }
 
-    /// What the labels stand for, in words, if the header tells.
+    /// The meaning of the labels, in words, if the header tells.
     pub fn labels(&self) -> BTreeMap<u32, String> {
         words_of_labels(&self.listed("label ").collect::<Vec<_>>())
     }

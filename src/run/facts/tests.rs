@@ -30,12 +30,14 @@ fn facts_of_a_scene() {
         mesh: 0,
         world_from_mesh: DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)),
         object: Object { name: format!("box_{x}"), job_label: Some(label), file_label: Some(3) },
+        ..SourceInstance::default()
     };
     let builder = SceneBuilder {
         meshes: vec![SourceMesh { positions: square, parts: vec![part] }],
         instances: vec![placed(7, 0.0), placed(3, 2.0), placed(7, 4.0)],
         materials: vec![Material::default()],
         files: vec![],
+        groups: vec![],
     };
     let facts = SceneFacts::of("a.glb", &builder.build().unwrap(), &[("crate".to_owned(), 7)].into());
     assert_eq!((facts.triangles, facts.stored_triangles, facts.instances), (6, 2, 3));

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use super::fault::{Fault, quoted};
 use super::notices::Notices;
 use super::schema::{
-    Accessor, Asset, Buffer, BufferView, Camera, Head, Lenient, MaterialJson, Mesh, Named, Node, Root, Scene,
-    Skin,
+    Accessor, Animation, Asset, Buffer, BufferView, Camera, Head, Lenient, MaterialJson, Mesh, Node, Root,
+    Scene, Skin,
 };
 use super::text::{mended, place_of};
 
@@ -23,7 +23,7 @@ pub(super) struct Document {
     pub buffer_views: Vec<BufferView>,
     pub buffers: Vec<Buffer>,
     pub cameras: Vec<Camera>,
-    pub animations: Vec<Named>,
+    pub animations: Vec<Animation>,
     /// The extensions that the file says that it uses or requires.
     pub extensions: BTreeSet<String>,
     /// Whether positions may be integers: KHR_mesh_quantization.
@@ -38,12 +38,13 @@ pub(super) struct Document {
 pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 
 /// The extensions that change the geometry and are read.
-pub(super) const GEOMETRY: [&str; 9] = [
+pub(super) const GEOMETRY: [&str; 10] = [
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "EXT_meshopt_compression",
     "EXT_mesh_gpu_instancing",
     "KHR_node_visibility",
+    "KHR_animation_pointer",
     "CESIUM_RTC",
     "EXT_mesh_primitive_restart",
     "KHR_mesh_primitive_restart",
@@ -143,6 +144,12 @@ impl Document {
     pub fn scene_label(&self, index: u32) -> String {
         let name = self.scenes.get(index as usize).and_then(|scene| scene.name.as_deref());
         label("scene", index, name)
+    }
+
+    /// The label of an animation in messages, such as `animation 3 "walk"`.
+    pub fn animation_label(&self, index: u32) -> String {
+        let name = self.animations.get(index as usize).and_then(|animation| animation.name.given());
+        label("animation", index, name.map(String::as_str))
     }
 
     /// The label of a material in messages, such as `material 3 "paint"`.

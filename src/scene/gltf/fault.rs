@@ -2,12 +2,15 @@
 
 use std::fmt;
 use std::io;
+use std::path::PathBuf;
 
 use crate::source::Unreadable;
 
 /// An error about one element.
 #[derive(Debug)]
 pub(super) struct Fault {
+    /// The file, if it is another than the scene's.
+    pub file: Option<PathBuf>,
     /// The element, from the outside in, such as `mesh 3 "wall", primitive 0, accessor 7`. Empty for the file as a whole.
     pub element: String,
     /// The problem.
@@ -20,7 +23,7 @@ pub(super) struct Fault {
 
 impl Fault {
     pub fn new(element: impl Into<String>, problem: impl Into<String>) -> Self {
-        Self { element: element.into(), problem: problem.into(), help: None, source: None }
+        Self { file: None, element: element.into(), problem: problem.into(), help: None, source: None }
     }
 
     /// Adds what would be right.

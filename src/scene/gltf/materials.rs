@@ -1,6 +1,6 @@
 //! Materials, of which the colour is read, and the notes on what else a file says that changes nothing here.
 
-use super::document::{Document, GEOMETRY, label};
+use super::document::{Document, GEOMETRY};
 use super::fault::quoted;
 use super::notices::Notices;
 use super::options::Options;
@@ -76,11 +76,6 @@ pub(super) fn note_what_is_not_read(document: &Document, notices: &Notices) {
             let message = "vertex colours (COLOR_0) are not read: the material's colour alone counts";
             notices.note(|| document.mesh_label(index), message, None);
         }
-    }
-    for (index, animation) in (0_u32..).zip(&document.animations) {
-        let name = animation.name.given().map(String::as_str);
-        let message = "animations are not played: nodes are where the file puts them";
-        notices.note(|| label("animation", index, name), message, None);
     }
     for (index, node) in (0_u32..).zip(&document.nodes) {
         if node.camera.given().is_some() {

@@ -2,17 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DAffine3, DMat3, DVec3};
-
 use super::data::{Data, Elements, Layout};
 use super::document::{DRACO, Document, GEOMETRY, is_harmless};
 use super::draco_primitive::DracoPrimitive;
 use super::fault::{Fault, missing, quoted};
 use super::notices::Notices;
 use super::schema::Component::{F32, I8, I16, U8, U16, U32};
-use super::schema::{Kind, Primitive, Skin};
+use super::schema::{Kind, Mesh, Primitive};
+use super::shape::Bends;
+use super::skin::SkinPose;
+use super::vertices::Vertices;
 use crate::scene::source::{SourceMesh, SourcePart};
-use crate::source::words::counted;
 
 const POSITION: Layout = Layout { purpose: "POSITION", kind: Kind::Vec3, components: &[(F32, false)] };
 /// KHR_mesh_quantization.
@@ -43,8 +43,6 @@ const JOINTS: Layout =
     Layout { purpose: "JOINTS", kind: Kind::Vec4, components: &[(U8, false), (U16, false)] };
 const WEIGHTS: Layout =
     Layout { purpose: "WEIGHTS", kind: Kind::Vec4, components: &[(F32, false), (U8, true), (U16, true)] };
-const INVERSE_BIND_MATRICES: Layout =
-    Layout { purpose: "inverseBindMatrices", kind: Kind::Mat4, components: &[(F32, false)] };
 
 /// What became of primitives of which nothing is hit.
 #[derive(Debug, Default)]
@@ -69,70 +67,6 @@ pub(super) struct Pose<'p> {
     pub weights: Option<&'p [f64]>,
     /// The skin of a skinned mesh.
     pub skin: Option<&'p SkinPose>,
-    /// Where the node is, in glTF's world: there stand the primitives of a skinned mesh that lack joints.
-    pub world_from_node: DAffine3,
-}
-
-/// A skin in the pose that the nodes of its joints give it.
-pub(super) struct SkinPose {
-    /// For each joint, the map from the mesh to glTF's world.
-    matrices: Vec<DAffine3>,
-    /// A point in glTF's world near the skin's joints. Positions are stored relative to it.
-    pub origin: DVec3,
-}
-
-impl SkinPose {
-    /// Skin `index`, its joints posed by `world_from_node`.
-    pub fn new(
-        document: &Document,
-        data: &Data,
-        index: u32,
-        world_from_node: &[DAffine3],
-    ) -> Result<Self, Fault> {
-        let skin =
-            document.skins.get(index as usize).ok_or_else(|| missing("skin", index, document.skins.len()))?;
-        Self::of(skin, data, world_from_node).map_err(|fault| fault.within(format!("skin {index}")))
-    }
-
-    fn of(skin: &Skin, data: &Data, world_from_node: &[DAffine3]) -> Result<Self, Fault> {
-        let bind = match skin.inverse_bind_matrices {
-            Some(accessor) => {
-                let bind = data.elements(accessor, &INVERSE_BIND_MATRICES, None)?;
-                if bind.len() < skin.joints.len() {
-                    let problem = format!(
-                        "there are {} inverse bind matrices for {} joints",
-                        bind.len(),
-                        skin.joints.len()
-                    );
-                    return Err(Fault::new("", problem));
-                }
-                Some(bind)
-            }
-            None => None,
-        };
-        data.spend(skin.joints.len(), size_of::<DAffine3>())?;
-        let mut matrices = Vec::with_capacity(skin.joints.len());
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for (at, &joint) in skin.joints.iter().enumerate() {
-            let world_from_joint = world_from_node
-                .get(joint as usize)
-                .ok_or_else(|| Fault::new(format!("joint {at}"), format!("node {joint} does not exist")))?;
-            low = low.min(world_from_joint.translation);
-            high = high.max(world_from_joint.translation);
-            let joint_from_mesh = bind.map_or(DAffine3::IDENTITY, |bind| affine(bind.get(at)));
-            matrices.push(*world_from_joint * joint_from_mesh);
-        }
-        if matrices.is_empty() {
-            return Err(Fault::new("", "the skin has no joints"));
-        }
-        Ok(Self { matrices, origin: low.midpoint(high) })
-    }
-}
-
-/// The affine part of a 4 × 4 matrix, column by column. An inverse bind matrix has no other part.
-fn affine(m: [f64; 16]) -> DAffine3 {
-    let column = |at: usize| DVec3::new(m[at], m[at + 1], m[at + 2]);
-    DAffine3 { matrix3: DMat3::from_cols(column(0), column(4), column(8)), translation: column(12) }
 }
 
 /// Reads meshes.
@@ -153,11 +87,14 @@ struct Run {
     all_finite: bool,
 }
 
-/// The vertex data of a primitive.
-struct Vertices<'b> {
-    positions: Elements<'b>,
-    targets: Vec<(f64, Elements<'b>)>,
-    joints_and_weights: Vec<(Elements<'b>, Elements<'b>)>,
+/// A mesh while it is read.
+#[derive(Default)]
+struct Reading {
+    mesh: SourceMesh,
+    /// The run of positions of each accessor, so that primitives that share an accessor share its positions.
+    shared: BTreeMap<u32, Run>,
+    /// How the vertices move, of a mesh that bends. Then the mesh has them before they do.
+    bends: Option<Bends>,
 }
 
 /// A primitive, and where it gets its data from.
@@ -173,34 +110,54 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         Self { document, data, notices, left_out: LeftOut::default(), uses_default_material: false }
     }
 
-    /// The triangles of mesh `index` in its own space; of a skinned mesh, in glTF's world relative to the skin's origin.
+    fn mesh(&self, index: u32) -> Result<&'d Mesh, Fault> {
+        let meshes = &self.document.meshes;
+        meshes.get(index as usize).ok_or_else(|| missing("mesh", index, meshes.len()))
+    }
+
+    /// Whether a primitive of mesh `index` lacks joints, so that it stands where its node is, though the node has a skin.
+    pub fn stands_in_part(&self, index: u32) -> Result<bool, Fault> {
+        let has = |primitive: &Primitive, name: &str| primitive.attributes.contains_key(name);
+        let is_held = |primitive: &Primitive| has(primitive, "JOINTS_0") && has(primitive, "WEIGHTS_0");
+        Ok(!self.mesh(index)?.primitives.iter().all(is_held))
+    }
+
+    /// The triangles of mesh `index` in its own space; of a skinned mesh, in the space of the skin's pose.
     pub fn read(&mut self, index: u32, pose: &Pose) -> Result<SourceMesh, Fault> {
-        let Some(mesh) = self.document.meshes.get(index as usize) else {
-            return Err(missing("mesh", index, self.document.meshes.len()));
-        };
+        Ok(self.read_with(index, pose, None)?.mesh)
+    }
+
+    /// The triangles of mesh `index` in its own space, and how its vertices move. The weights of its morph targets are left to
+    /// time if the pose has none.
+    pub fn read_bending(&mut self, index: u32, pose: &Pose) -> Result<(SourceMesh, Bends), Fault> {
+        let Reading { mesh, bends, .. } = self.read_with(index, pose, Some(Bends::default()))?;
+        Ok((mesh, bends.unwrap_or_default()))
+    }
+
+    fn read_with(&mut self, index: u32, pose: &Pose, bends: Option<Bends>) -> Result<Reading, Fault> {
+        let mesh = self.mesh(index)?;
         let weights = pose.weights.unwrap_or(&mesh.weights);
+        let weights = if bends.is_some() && pose.weights.is_none() { None } else { Some(weights) };
         // Reading takes time in proportion to these counts, however few triangles result.
-        self.data.spend(mesh.primitives.len() + weights.len(), size_of::<Primitive>())?;
-        let mut mesh_read = SourceMesh::default();
-        // The run of positions of each accessor, so that primitives that share an accessor share its positions.
-        let mut shared = BTreeMap::new();
+        let count = weights.map_or(0, <[f64]>::len);
+        self.data.spend(mesh.primitives.len() + count, size_of::<Primitive>())?;
+        let mut reading = Reading { bends, ..Reading::default() };
         for (number, primitive) in mesh.primitives.iter().enumerate() {
             let document = self.document;
             let place = move || format!("{}, primitive {number}", document.mesh_label(index));
-            self.read_primitive(primitive, &place, weights, pose, &mut mesh_read, &mut shared)
+            self.read_primitive(primitive, &place, weights, pose, &mut reading)
                 .map_err(|fault| fault.within(place()))?;
         }
-        Ok(mesh_read)
+        Ok(reading)
     }
 
     fn read_primitive(
         &mut self,
         primitive: &Primitive,
         place: &dyn Fn() -> String,
-        weights: &[f64],
+        weights: Option<&[f64]>,
         pose: &Pose,
-        mesh: &mut SourceMesh,
-        shared: &mut BTreeMap<u32, Run>,
+        reading: &mut Reading,
     ) -> Result<(), Fault> {
         let mode = match primitive.mode.unwrap_or(4) {
             4 => Mode::List,
@@ -238,7 +195,9 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         }
         let material = self.material(primitive, place);
 
-        let sharable = vertices.targets.is_empty() && pose.skin.is_none() && source.draco.is_none();
+        let Reading { mesh, shared, bends } = reading;
+        let sharable =
+            vertices.targets.is_empty() && pose.skin.is_none() && source.draco.is_none() && bends.is_none();
         let mut used = Vec::new();
         let known = shared.get(&position_accessor).copied().filter(|_| sharable);
         let Run { base, all_finite } = match known {
@@ -258,7 +217,13 @@ impl<'d, 'a> MeshReader<'d, 'a> {
                 if base + count > u32::MAX as usize {
                     return Err(Fault::new("", "the mesh has more than 2³² vertices"));
                 }
-                let all_finite = vertices.read(&used, pose, &mut mesh.positions)?;
+                let all_finite = match bends {
+                    None => vertices.read(&used, pose, &mut mesh.positions)?,
+                    Some(bends) => {
+                        self.data.spend(count.saturating_mul(moves), Bends::BYTES_A_MOVE)?;
+                        bends.add(&vertices, &used, pose.skin, &mut mesh.positions)?
+                    }
+                };
                 let run = Run { base: base as u32, all_finite };
                 if sharable && !is_sparsely_used {
                     shared.insert(position_accessor, run);
@@ -325,7 +290,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         &self,
         source: &Source<'_, 'd>,
         positions: u32,
-        weights: &[f64],
+        weights: Option<&[f64]>,
         is_skinned: bool,
     ) -> Result<Vertices<'d>, Fault> {
         let Source { primitive, place, draco } = source;
@@ -350,15 +315,16 @@ impl<'d, 'a> MeshReader<'d, 'a> {
             elements("POSITION", positions, &position, draco.as_ref().map(DracoPrimitive::points))?;
         let count = Some(positions.len());
         let mut vertices = Vertices { positions, targets: Vec::new(), joints_and_weights: Vec::new() };
-        for (number, (target, &weight)) in primitive.targets.iter().zip(weights).enumerate() {
+        for (number, target) in primitive.targets.iter().enumerate() {
+            let weight = weights.map(|weights| weights.get(number).copied().unwrap_or(0.0));
             if let Some(accessor) = target.position
-                && weight != 0.0
+                && weight != Some(0.0)
             {
                 let elements = self
                     .data
                     .elements(accessor, &displacement, count)
                     .map_err(|fault| fault.within(format!("target {number}")))?;
-                vertices.targets.push((weight, elements));
+                vertices.targets.push((number, weight, elements));
             }
         }
         if !is_skinned {
@@ -475,19 +441,14 @@ impl Vertices<'_> {
     /// Adds the vertices `used` (all vertices, if it is empty) to `positions`. Returns whether all of them are finite.
     fn read(&self, used: &[u32], pose: &Pose, positions: &mut Vec<[f32; 3]>) -> Result<bool, Fault> {
         let mut all_finite = true;
-        let count = if used.is_empty() { self.positions.len() } else { used.len() };
-        positions.reserve(count);
-        for at in 0..count {
-            let vertex = used.get(at).map_or(at, |&vertex| vertex as usize);
-            let mut position = DVec3::from_array(self.positions.get(vertex));
-            for (weight, target) in &self.targets {
-                position += *weight * DVec3::from_array(target.get(vertex));
-            }
+        positions.reserve(self.numbers(used).count());
+        for vertex in self.numbers(used) {
+            let mut position = self.position(vertex);
             if let Some(skin) = pose.skin {
                 position = if self.joints_and_weights.is_empty() {
-                    pose.world_from_node.transform_point3(position) - skin.origin
+                    skin.stand.transform_point3(position) - skin.origin
                 } else {
-                    self.skinned(vertex, position, skin)?
+                    skin.posed(vertex, position, self.influences(vertex))?
                 };
             }
             let position = position.as_vec3();
@@ -495,29 +456,5 @@ impl Vertices<'_> {
             positions.push(position.to_array());
         }
         Ok(all_finite)
-    }
-
-    /// Linear blend skinning (glTF 2.0, section 3.7.3.3): the weighted mean of the positions that the joints give the vertex.
-    fn skinned(&self, vertex: usize, position: DVec3, skin: &SkinPose) -> Result<DVec3, Fault> {
-        let (mut sum, mut total) = (DVec3::ZERO, 0.0);
-        for (joints, weights) in &self.joints_and_weights {
-            let (joints, weights) = (joints.get::<4>(vertex), weights.get::<4>(vertex));
-            for (joint, weight) in joints.into_iter().zip(weights).filter(|&(_, weight)| weight != 0.0) {
-                let matrix = skin.matrices.get(joint as usize).ok_or_else(|| {
-                    let problem = format!(
-                        "vertex {vertex} hangs on joint {joint}, but the skin has {}",
-                        counted(skin.matrices.len(), "joint")
-                    );
-                    Fault::new("JOINTS", problem)
-                })?;
-                sum += weight * matrix.transform_point3(position);
-                total += weight;
-            }
-        }
-        if total == 0.0 {
-            // No joint holds the vertex. Graphics cards and other readers take the first joint.
-            return Ok(skin.matrices[0].transform_point3(position) - skin.origin);
-        }
-        Ok(sum / total - skin.origin)
     }
 }

@@ -9,8 +9,15 @@
 //! data       buffers, views and accessors, with every size checked
 //! meshopt    compressed views
 //! draco      streams of Draco; draco_primitive: primitives that get their elements from one
-//! mesh       primitives, morph targets and skins to triangles
-//! nodes      the hierarchy to instances and labels
+//! mesh       primitives, morph targets and skins to triangles; vertices: their data
+//! skin       joints, and what they do to vertices
+//! animation  which properties of nodes change over time, and how
+//! hierarchy  the trees of nodes, at rest; rotation: quaternions
+//! chains     how nodes move: the links from the world to a node
+//! shape      the shape over time of a mesh that a skin or morph targets bend
+//! nodes      the nodes of a scene to instances and labels
+//! places     nodes and cameras by their names
+//! actors     files of their own, merged into the scene
 //! materials  colours, and notes on what is not read
 //! outline    what a file holds, by name
 //! fault      errors
@@ -20,12 +27,16 @@
 //! Files are treated as hostile: nothing outside the scene's folder is opened, nothing is allocated or iterated on the word
 //! of the file alone, and every index is checked where it is used.
 
+mod actors;
+mod animation;
+mod chains;
 mod data;
 mod document;
 mod draco;
 mod draco_primitive;
 mod fault;
 mod files;
+mod hierarchy;
 mod materials;
 mod mesh;
 mod meshopt;
@@ -33,30 +44,44 @@ mod nodes;
 mod notices;
 mod options;
 mod outline;
+mod places;
+mod rotation;
 mod schema;
+mod shape;
+mod skin;
 #[cfg(test)]
 mod tests;
 mod text;
+mod vertices;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use glam::DAffine3;
+
+use actors::Casts;
+use animation::Animations;
+use chains::Chains;
 use data::Data;
 use document::Document;
 use fault::{Fault, quoted};
 use files::Folders;
-use nodes::{Hierarchy, PlacedMeshes};
+use hierarchy::Hierarchy;
+use nodes::PlacedMeshes;
 use notices::Notices;
 
-pub use options::Options;
-pub use outline::{CameraOutline, MeshOutline, NodeOutline, Outline, SceneOutline};
+pub use options::{Actor, Clips, Model, Options, Place};
+pub use outline::{
+    AnimationOutline, CameraOutline, MeshOutline, NodeOutline, Outline, SceneOutline, SkinOutline,
+};
 
 use super::arrangement::Scene;
 use super::material::Material;
 use super::notice::Notice;
 use super::source::{SceneBuildError, SceneBuilder};
 use crate::error::SceneError;
+use crate::motion::Motion;
 use crate::source::suggest::nearest;
 use crate::source::words::counted;
 use crate::source::{Diagnostic, FileKind, Wanted, read_file};
@@ -68,12 +93,18 @@ pub struct Loaded {
     pub scene: Scene,
     /// Everything that its user should know. The scene can be used in spite of it.
     pub notices: Vec<Notice>,
+    /// The same of the files of actors, each with its path.
+    pub of_actors: Vec<(PathBuf, Notice)>,
+    /// The maps to the world from the places that the options ask for, over time.
+    pub places: Vec<Motion>,
 }
 
 impl Loaded {
-    /// The notices as diagnostics about the scene's file.
+    /// The notices as diagnostics about the scene's file and those of actors.
     pub fn diagnostics<'s>(&'s self, path: &'s Path) -> impl Iterator<Item = Diagnostic> + 's {
-        self.notices.iter().map(move |Notice { severity, place, message, help }| {
+        let of_scene = self.notices.iter().map(move |notice| (path, notice));
+        let of_actors = self.of_actors.iter().map(|(path, notice)| (path.as_path(), notice));
+        of_scene.chain(of_actors).map(|(path, Notice { severity, place, message, help })| {
             let separator = if place.is_empty() { "" } else { ": " };
             let message = format!("{place}{separator}{message}");
             Diagnostic { severity: *severity, ..Diagnostic::about_file(path, message, help.clone()) }
@@ -85,11 +116,10 @@ impl Loaded {
 /// `display_name`.
 ///
 /// The geometry is as glTF 2.0 defines it: all triangle modes, node transforms (composed in f64), sparse and normalised
-/// accessors, skins in the pose of their nodes, morph targets at their default weights, and the extensions
-/// KHR_mesh_quantization, EXT_meshopt_compression, KHR_meshopt_compression, KHR_draco_mesh_compression,
+/// accessors, skins, morph targets, animations (with KHR_animation_pointer of nodes), and the extensions KHR_mesh_quantization, EXT_meshopt_compression, KHR_meshopt_compression, KHR_draco_mesh_compression,
 /// EXT_mesh_gpu_instancing, KHR_node_visibility, CESIUM_RTC (its centre is a translation of all roots, in glTF's axes),
-/// EXT_mesh_primitive_restart and KHR_mesh_primitive_restart. Points and lines are left out. Images and animations are not
-/// read. Violations of glTF that leave no doubt where the geometry is are read, with a warning that names the element.
+/// EXT_mesh_primitive_restart and KHR_mesh_primitive_restart. Points and lines are left out. Images are not read.
+/// Violations of glTF that leave no doubt where the geometry is are read, with a warning that names the element.
 ///
 /// # Errors
 /// A [`SceneError`] about `path` that names the element: the file cannot be read, is no glTF 2.0, needs an unknown
@@ -116,8 +146,8 @@ fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T,
     // Nothing in here is known to panic. This is the last line of defence, not the first.
     catch_unwind(AssertUnwindSafe(work))
         .unwrap_or_else(|_| Err(Fault::new("", "the reader failed on it; this is an error in beamcast")))
-        .map_err(|Fault { element, problem, help, source }| SceneError {
-            path: path.to_path_buf(),
+        .map_err(|Fault { file, element, problem, help, source }| SceneError {
+            path: file.unwrap_or_else(|| path.to_path_buf()),
             element,
             problem,
             help,
@@ -127,12 +157,36 @@ fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T,
 
 fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<Loaded, Fault> {
     let notices = Notices::default();
-    let Read { builder, instance_elements } = read(path, display_name, options, &notices)?;
+    let Contents { mut builder, elements, places, mut names } = read(path, display_name, options, &notices)?;
+    let mut elements = vec![(0, elements)];
+    let mut casts = Casts::default();
+    let mut of_actors = Vec::new();
+    for actor in options.actors {
+        let Model::File { path, display_name, clips } = actor.model else { continue };
+        let cast = match casts.find(path, clips) {
+            Some(cast) => cast,
+            None => {
+                let own = Notices::default();
+                let options = Options { scene_name: None, clips, actors: &[], places: &[], ..*options };
+                let contents = read(path, display_name, &options, &own);
+                let contents = contents.map_err(|fault| Fault { file: Some(path.to_path_buf()), ..fault })?;
+                names.extend(&contents.names);
+                let notices = own.into_list().into_iter().map(|notice| (path.to_path_buf(), notice));
+                of_actors.extend(notices.filter(|notice| !of_actors.contains(notice)).collect::<Vec<_>>());
+                casts.add(path, clips, contents.builder, &mut builder)
+            }
+        };
+        elements.push((builder.instances.len(), Elements::of_actor(actor.name)));
+        casts.place(cast, actor, options.start_s, &mut builder);
+    }
+    names.warn_of_unknown(options.labels, &notices);
+    let element = |instance: usize| {
+        let of_file = elements.iter().rev().find(|(first, _)| *first <= instance);
+        of_file.map_or(String::new(), |(first, elements)| elements.of(instance - first))
+    };
     let scene = builder.build().map_err(|error| match &error {
-        SceneBuildError::TooFar { instance, .. } => {
-            let element = instance_elements(*instance);
-            Fault::new(element, error.to_string()).help("is a coordinate or a scale not in metres?")
-        }
+        SceneBuildError::TooFar { instance, .. } => Fault::new(element(*instance), error.to_string())
+            .help("is a coordinate or a scale not in metres?"),
         SceneBuildError::Empty { skipped } => {
             let triangles = counted(*skipped, "triangle");
             Fault::new("", format!("the scene has nothing to hit: it has {triangles}, of no area"))
@@ -141,35 +195,67 @@ fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<
         SceneBuildError::TooManyTriangles { .. } => Fault::new("", error.to_string()),
     })?;
     let mut notices = notices.into_list();
-    notices.extend(scene.geometry.rounding.notices(&instance_elements));
-    Ok(Loaded { scene, notices })
+    notices.extend(scene.geometry.rounding.notices(element));
+    Ok(Loaded { scene, notices, of_actors, places })
 }
 
 /// The content of a file, which no longer needs its bytes.
-struct Read<F> {
+struct Contents {
     builder: SceneBuilder,
-    /// Names the node of an instance.
-    instance_elements: F,
+    elements: Elements,
+    places: Vec<Motion>,
+    names: Names,
 }
 
-fn read(
-    path: &Path,
-    display_name: &str,
-    options: &Options,
-    notices: &Notices,
-) -> Result<Read<impl Fn(usize) -> String + use<>>, Fault> {
+/// The nodes of instances, for messages.
+enum Elements {
+    OfFile { nodes: Vec<u32>, labels: BTreeMap<u32, String> },
+    OfActor(String),
+}
+
+impl Elements {
+    fn of_actor(name: &str) -> Self {
+        Self::OfActor(format!("actor {}", quoted(name)))
+    }
+
+    fn of(&self, instance: usize) -> String {
+        match self {
+            Self::OfActor(label) => label.clone(),
+            Self::OfFile { nodes, labels } => {
+                nodes.get(instance).and_then(|node| labels.get(node)).cloned().unwrap_or_default()
+            }
+        }
+    }
+}
+
+fn read(path: &Path, display_name: &str, options: &Options, notices: &Notices) -> Result<Contents, Fault> {
     let file = read_file(path, u64::MAX)?;
     let folders = Folders::of(path, options.allowed_folders)?;
     let (document, chunk) = parse(&file, notices)?;
 
     let data = Data::new(&document, chunk, &folders, file.len() as u64, notices);
-    let scene = nodes::choose_scene(&document, options.scene_name, notices)?;
-    let hierarchy = Hierarchy::new(&document, scene, notices)?;
-    let placed = nodes::place(&document, &data, &hierarchy, options, notices)?;
+    let scene = hierarchy::choose_scene(&document, options.scene_name, notices)?;
+    let animations = Animations::read(&document, &data, options.clips, notices)?;
+    let hierarchy = Hierarchy::new(&document, scene, &animations, notices)?;
+    let world_from_gltf = DAffine3::from_mat3(options.up.world_from_gltf());
+    let mut chains = Chains::new(&document, &data, &hierarchy, &animations, world_from_gltf);
+    let mut drivers = BTreeMap::new();
+    for actor in options.actors {
+        let Model::Node(name) = actor.model else { continue };
+        let place = || format!("actor {}", quoted(actor.name));
+        let node = chains.node_named(name).map_err(|fault| fault.within(place()))?;
+        if drivers.insert(node, actor).is_some() {
+            return Err(
+                Fault::new(place(), "another actor is the same node").help("a node follows one trajectory")
+            );
+        }
+        chains.drive(node, actor.trajectory);
+    }
+    let places = options.places.iter().map(|&place| chains.find(place)).collect::<Result<_, _>>()?;
+    let placed = nodes::place(&chains, &drivers, options, notices)?;
     if placed.instances.is_empty() {
         return Err(nothing_to_hit(&document, scene, &placed));
     }
-    warn_of_unknown_labels(&document, options.labels, notices);
 
     let mut materials = materials::read(&document, options, notices);
     if placed.uses_default_material {
@@ -177,14 +263,18 @@ fn read(
     }
     materials::note_what_is_not_read(&document, notices);
     let mut sources = vec![files::source_file(display_name, &file)];
+    let labels = placed.nodes.iter().map(|&node| (node, document.node_label(node))).collect();
+    let elements = Elements::OfFile { nodes: placed.nodes, labels };
+    let names = if options.labels.is_empty() { Names::default() } else { Names::of(&document) };
     sources.extend(data.into_files());
-    let builder =
-        SceneBuilder { meshes: placed.meshes, instances: placed.instances, materials, files: sources };
-    let labels: BTreeMap<u32, String> =
-        placed.nodes.iter().map(|&node| (node, document.node_label(node))).collect();
-    let nodes = placed.nodes;
-    let instance_elements = move |instance: usize| labels.get(&nodes[instance]).cloned().unwrap_or_default();
-    Ok(Read { builder, instance_elements })
+    let builder = SceneBuilder {
+        meshes: placed.meshes,
+        instances: placed.instances,
+        groups: placed.groups,
+        materials,
+        files: sources,
+    };
+    Ok(Contents { builder, elements, places, names })
 }
 
 /// The fault of a file that is no glTF 2.0, if its content says what it is.
@@ -237,24 +327,43 @@ fn nothing_to_hit(document: &Document, scene: Option<u32>, placed: &PlacedMeshes
     Fault::new(element, format!("{place} {found}")).help(help)
 }
 
-/// Warns of the job's labels that no node, material or `extras.label` has.
-fn warn_of_unknown_labels(document: &Document, labels: &BTreeMap<String, u32>, notices: &Notices) {
-    /// A suggestion looks at every name of the file, so that only so many are made.
-    const MOST_SUGGESTIONS: usize = 10;
-    if labels.is_empty() {
-        return;
+/// The names that a job's labels can use.
+#[derive(Default)]
+struct Names {
+    /// Of nodes and materials.
+    own: BTreeSet<String>,
+    /// Those that `extras.label` names.
+    extras: BTreeSet<String>,
+}
+
+impl Names {
+    fn of(document: &Document) -> Self {
+        let nodes = document.nodes.iter().filter_map(|node| node.name.clone());
+        let materials = document.materials.iter().filter_map(|material| material.name.given().cloned());
+        let extras = document.nodes.iter().filter_map(nodes::label_of_extras);
+        Self {
+            own: nodes.chain(materials).collect(),
+            extras: extras.filter_map(|label| label.as_str().map(str::to_owned)).collect(),
+        }
     }
-    let nodes = document.nodes.iter().filter_map(|node| node.name.as_deref());
-    let materials = document.materials.iter().filter_map(|material| material.name.given());
-    let names: BTreeSet<&str> = nodes.chain(materials.map(String::as_str)).collect();
-    // `extras.label` may name a label too.
-    let extras = document.nodes.iter().filter_map(nodes::label_of_extras);
-    let named: BTreeSet<String> = extras.filter_map(|label| label.as_str().map(str::to_owned)).collect();
-    let unknown = labels.keys().filter(|name| !names.contains(name.as_str()) && !named.contains(*name));
-    for (number, name) in unknown.enumerate() {
-        let meant = if number < MOST_SUGGESTIONS { nearest(name, names.iter().copied()) } else { None };
-        let meant = meant.map_or(String::new(), |meant| format!("; did you mean {}?", quoted(meant)));
-        let problem = format!("no node or material is called {}{meant}", quoted(name));
-        notices.warn(|| "labels".to_owned(), problem);
+
+    /// Adds the names of another file.
+    fn extend(&mut self, other: &Self) {
+        self.own.extend(other.own.iter().cloned());
+        self.extras.extend(other.extras.iter().cloned());
+    }
+
+    /// Warns of the job's labels that no node, material or `extras.label` has.
+    fn warn_of_unknown(&self, labels: &BTreeMap<String, u32>, notices: &Notices) {
+        /// A suggestion looks at every name of the file, so that only so many are made.
+        const MOST_SUGGESTIONS: usize = 10;
+        let unknown = labels.keys().filter(|name| !self.own.contains(*name) && !self.extras.contains(*name));
+        for (number, name) in unknown.enumerate() {
+            let names = self.own.iter().map(String::as_str);
+            let meant = if number < MOST_SUGGESTIONS { nearest(name, names) } else { None };
+            let meant = meant.map_or(String::new(), |meant| format!("; did you mean {}?", quoted(meant)));
+            let problem = format!("no node or material is called {}{meant}", quoted(name));
+            notices.warn(|| "labels".to_owned(), problem);
+        }
     }
 }

@@ -1,263 +1,33 @@
-//! Reads nodes as instances of meshes: the hierarchy and its transforms, visibility and labels.
+//! Reads nodes as instances of meshes: where they are and how they move, visibility and labels.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DAffine3, DVec3};
 
+use super::animation::rest;
+use super::chains::Chains;
 use super::data::{Data, Layout};
 use super::document::Document;
 use super::fault::{Fault, quoted};
-use super::mesh::{LeftOut, MeshReader, Pose, SkinPose};
+use super::mesh::{LeftOut, MeshReader, Pose};
 use super::notices::Notices;
-use super::options::Options;
+use super::options::{Actor, Options};
+use super::rotation::unit;
 use super::schema::Component::{F32, I8, I16};
 use super::schema::{Kind, Node};
+use super::shape::{BendingSkin, Shape};
+use super::skin::SkinSource;
+use crate::motion::{Channel, Link, Motion};
+use crate::scene::Deformer;
 use crate::scene::arrangement::{crushes_to_a_line, is_invertible};
-use crate::scene::geometry::Object;
+use crate::scene::geometry::{Group, Object};
 use crate::scene::source::{SourceInstance, SourceMesh};
-use crate::source::suggest::nearest;
-use crate::source::words::counted;
 
 const TRANSLATION: Layout = Layout { purpose: "TRANSLATION", kind: Kind::Vec3, components: &[(F32, false)] };
 const ROTATION: Layout =
     Layout { purpose: "ROTATION", kind: Kind::Vec4, components: &[(F32, false), (I8, true), (I16, true)] };
 const SCALE: Layout = Layout { purpose: "SCALE", ..TRANSLATION };
-
-/// The largest deviation of a quaternion's length from 1 that causes no warning. The four components of a quaternion in 8-bit
-/// integers are each off by at most 1/254, so its length is off by at most √4 / 254 = 0.008.
-const QUATERNION_TOLERANCE: f64 = 0.01;
-
-/// The largest deviation of the last row of a matrix from [0, 0, 0, 1] that is read as that row. Exporters that invert or
-/// multiply matrices in f32 leave a few units in the last place there, of numbers of the size of a scene.
-const LAST_ROW_TOLERANCE: f64 = 1e-3;
-
-/// The parents and the places of all nodes, and the nodes that a scene begins with.
-pub(super) struct Hierarchy {
-    /// The nodes that the scene begins with, in the order of the file.
-    roots: Vec<u32>,
-    /// The map of each node to the world, in glTF's axes.
-    pub world_from_node: Vec<DAffine3>,
-}
-
-impl Hierarchy {
-    /// Checks that the nodes form trees and composes their transforms, as they are seen from `scene` (from the whole file, if it
-    /// has no scenes). It takes time in proportion to the number of nodes, however deep the trees are.
-    pub fn new(document: &Document, scene: Option<u32>, notices: &Notices) -> Result<Self, Fault> {
-        let nodes = &document.nodes;
-        let mut parents = parents(document, notices)?;
-        let tops: Vec<u32> =
-            (0_u32..).zip(&parents).filter(|(_, parent)| parent.is_none()).map(|(index, _)| index).collect();
-        let mut stack = tops.clone();
-        let mut is_reached = vec![false; nodes.len()];
-        let mut order = Vec::with_capacity(nodes.len());
-        while let Some(index) = stack.pop() {
-            if !std::mem::replace(&mut is_reached[index as usize], true) {
-                order.push(index);
-                stack.extend(&nodes[index as usize].children);
-            }
-        }
-        if let Some(lost) = is_reached.iter().position(|reached| !reached) {
-            return Err(cycle(document, &parents, lost as u32));
-        }
-
-        let roots = match scene {
-            None => tops,
-            Some(index) => scene_roots(document, index, &order, &mut parents, notices)?,
-        };
-        let origin = DAffine3::from_translation(DVec3::from_array(document.origin));
-        let mut world_from_node = vec![DAffine3::NAN; nodes.len()];
-        // Parents come before their children.
-        for index in order {
-            let at = index as usize;
-            let place = || document.node_label(index);
-            let local =
-                local_transform(&nodes[at], &place, notices).map_err(|fault| fault.within(place()))?;
-            let world_from_parent = parents[at].map_or(origin, |parent| world_from_node[parent as usize]);
-            world_from_node[at] = world_from_parent * local;
-        }
-        Ok(Self { roots, world_from_node })
-    }
-}
-
-/// The parent of each node.
-fn parents(document: &Document, notices: &Notices) -> Result<Vec<Option<u32>>, Fault> {
-    let nodes = &document.nodes;
-    let mut parents: Vec<Option<u32>> = vec![None; nodes.len()];
-    for (index, node) in (0_u32..).zip(nodes) {
-        for &child in &node.children {
-            let fault = |problem: String| Fault::new(document.node_label(index), problem);
-            match parents.get_mut(child as usize) {
-                None => {
-                    let problem =
-                        format!("its child {child} does not exist: the last node is {}", nodes.len() - 1);
-                    return Err(fault(problem));
-                }
-                Some(Some(parent)) if *parent == index => {
-                    let message = "a child is listed twice; it is placed once";
-                    notices.warn(|| document.node_label(index), message);
-                }
-                Some(Some(other)) => {
-                    let problem = format!(
-                        "its child {} is a child of {} already",
-                        document.node_label(child),
-                        document.node_label(*other)
-                    );
-                    return Err(fault(problem).help("a node has one parent; two nodes may share a mesh"));
-                }
-                Some(parent) => *parent = Some(index),
-            }
-        }
-    }
-    Ok(parents)
-}
-
-/// The error that a node hangs below itself. `lost` has a parent, which has a parent, and so on, so the way up from it ends in
-/// a cycle.
-fn cycle(document: &Document, parents: &[Option<u32>], lost: u32) -> Fault {
-    let mut seen = BTreeSet::new();
-    let mut at = lost;
-    while let Some(parent) = parents[at as usize].filter(|_| seen.insert(at)) {
-        at = parent;
-    }
-    Fault::new(document.node_label(at), "it is among its own descendants").help("nodes form trees")
-}
-
-/// The nodes that a scene begins with. A root that has a parent in the scene is placed by that parent, once. A root whose
-/// parent is not in the scene begins the scene all the same: its parent, which the scene leaves out, does not move it.
-fn scene_roots(
-    document: &Document,
-    scene: u32,
-    order: &[u32],
-    parents: &mut [Option<u32>],
-    notices: &Notices,
-) -> Result<Vec<u32>, Fault> {
-    let place = || document.scene_label(scene);
-    let mut is_listed = vec![false; parents.len()];
-    let mut roots = Vec::new();
-    for &root in &document.scenes[scene as usize].nodes {
-        match is_listed.get_mut(root as usize) {
-            None => return Err(Fault::new(place(), format!("node {root} does not exist"))),
-            Some(true) => notices.warn(
-                || format!("{}, {}", place(), document.node_label(root)),
-                "it is listed twice among the scene's nodes; it is placed once",
-            ),
-            Some(is_listed) => {
-                *is_listed = true;
-                roots.push(root);
-            }
-        }
-    }
-    // Whether a node is below a listed one, parents before children.
-    let mut is_below = vec![false; parents.len()];
-    for &index in order {
-        if let Some(parent) = parents[index as usize] {
-            is_below[index as usize] = is_listed[parent as usize] || is_below[parent as usize];
-        }
-    }
-    roots.retain(|&root| {
-        if parents[root as usize].is_none() {
-            return true;
-        }
-        let place = || format!("{}, {}", place(), document.node_label(root));
-        if is_below[root as usize] {
-            notices.warn(place, "it is listed among the scene's nodes, but has a parent there, which places it");
-            return false;
-        }
-        notices.warn(
-            place,
-            "it is listed among the scene's nodes, but has a parent, which the scene leaves out: the parent does \
-             not move it",
-        );
-        true
-    });
-    for &root in &roots {
-        parents[root as usize] = None;
-    }
-    Ok(roots)
-}
-
-fn local_transform(node: &Node, place: &impl Fn() -> String, notices: &Notices) -> Result<DAffine3, Fault> {
-    if let Some(m) = &node.matrix {
-        // A valid file has no matrix beside a translation, rotation or scale. Where a file has both, the matrix counts.
-        let row = [m[3], m[7], m[11], m[15]];
-        let right = [0.0, 0.0, 0.0, 1.0];
-        if row != right {
-            if row.iter().zip(right).any(|(found, right)| (found - right).abs() > LAST_ROW_TOLERANCE) {
-                let problem = format!("the last row of its matrix is {row:?}");
-                return Err(Fault::new("", problem)
-                    .help("it is [0, 0, 0, 1] in glTF, whose matrices are written column by column"));
-            }
-            notices.warn(place, "the last row of its matrix is nearly, and taken as, [0, 0, 0, 1]");
-        }
-        let column = |at: usize| DVec3::new(m[at], m[at + 1], m[at + 2]);
-        return Ok(DAffine3 {
-            matrix3: DMat3::from_cols(column(0), column(4), column(8)),
-            translation: column(12),
-        });
-    }
-    let rotation = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-    Ok(DAffine3::from_scale_rotation_translation(
-        node.scale.map_or(DVec3::ONE, DVec3::from_array),
-        unit(rotation, place, notices)?,
-        node.translation.map_or(DVec3::ZERO, DVec3::from_array),
-    ))
-}
-
-/// The quaternion, normalised. One of zeros is no rotation.
-fn unit(xyzw: [f64; 4], place: &impl Fn() -> String, notices: &Notices) -> Result<DQuat, Fault> {
-    let q = DQuat::from_array(xyzw);
-    let length = q.length();
-    if xyzw == [0.0; 4] {
-        notices.warn(place, "its quaternion is zero, and read as no rotation");
-        return Ok(DQuat::IDENTITY);
-    }
-    if !(length.is_finite() && length > 0.0) {
-        let problem = format!("its rotation {xyzw:?} is no rotation");
-        return Err(Fault::new("", problem).help("a quaternion [x, y, z, w] of length 1"));
-    }
-    if (length - 1.0).abs() > QUATERNION_TOLERANCE {
-        notices.warn(place, "the length of its quaternion is not 1; it was normalised");
-    }
-    // A quaternion of length 1, such as [0, 0, 0, 1], stays exact.
-    Ok(if length == 1.0 { q } else { q / length })
-}
-
-/// The index of the scene called `name`, or of the default scene; `None` if the file has no scenes.
-pub(super) fn choose_scene(
-    document: &Document,
-    name: Option<&str>,
-    notices: &Notices,
-) -> Result<Option<u32>, Fault> {
-    let scenes = &document.scenes;
-    let Some(name) = name else {
-        let first = (!scenes.is_empty()).then_some(0);
-        return match document.scene {
-            Some(index) if index as usize >= scenes.len() => {
-                let instead = if first.is_some() { "its first scene is" } else { "all of its nodes are" };
-                let message = format!("the file's default scene does not exist; {instead} read");
-                notices.warn(|| format!("scene {index}"), message);
-                Ok(first)
-            }
-            Some(index) => Ok(Some(index)),
-            None => Ok(first),
-        };
-    };
-    if let Some(index) = scenes.iter().position(|scene| scene.name.as_deref() == Some(name)) {
-        return Ok(Some(index as u32));
-    }
-    const LISTED: usize = 20;
-    let names: Vec<_> = scenes.iter().filter_map(|scene| scene.name.as_deref()).collect();
-    let fault = Fault::new("scenes", format!("there is no scene {}", quoted(name)));
-    if names.is_empty() {
-        let count = counted(scenes.len(), "scene");
-        return Err(fault.help(format!("the file has {count}, none with a name; leave the name out")));
-    }
-    let shown: Vec<_> = names.iter().take(LISTED).map(|name| quoted(name)).collect();
-    let more = if names.len() > LISTED { ", …" } else { "" };
-    let meant = nearest(name, names.iter().copied())
-        .map_or(String::new(), |name| format!("did you mean {}? ", quoted(name)));
-    Err(fault.help(format!("{meant}the file has {}{more}", shown.join(", "))))
-}
 
 /// The meshes and instances that the traversal of a scene's nodes finds.
 pub(super) struct PlacedMeshes {
@@ -265,6 +35,8 @@ pub(super) struct PlacedMeshes {
     pub instances: Vec<SourceInstance>,
     /// The node of each instance.
     pub nodes: Vec<u32>,
+    /// What moves as one.
+    pub groups: Vec<Group>,
     /// The number of nodes that were visited, visible or not.
     pub visited: u64,
     /// The primitives that were left out.
@@ -280,11 +52,25 @@ struct Labels {
     file: Option<u32>,
 }
 
+/// Where a mesh is placed.
+#[derive(Default)]
+struct Spot {
+    /// The node in whose space it is; `None` is glTF's world.
+    anchor: Option<u32>,
+    /// Where it is there.
+    anchor_from_mesh: DAffine3,
+    /// The node whose movement it takes part in, if it moves.
+    group: Option<u32>,
+    deformer: Option<Arc<Deformer>>,
+}
+
 /// Traverses the nodes of a scene (of the file, if it has no scenes) depth first and reads their meshes.
 struct Traversal<'d, 'a, 'o> {
     document: &'d Document,
     data: &'d Data<'a>,
-    hierarchy: &'d Hierarchy,
+    chains: &'d Chains<'d, 'a>,
+    /// The actors that are nodes.
+    drivers: &'d BTreeMap<u32, &'o Actor<'o>>,
     options: &'d Options<'o>,
     notices: &'d Notices,
     reader: MeshReader<'d, 'a>,
@@ -294,22 +80,28 @@ struct Traversal<'d, 'a, 'o> {
     visited: u64,
     /// The values of `extras.label` that were warned of.
     strange_labels: BTreeSet<String>,
-    /// The meshes that were read, by index and the bits of the node's own morph weights.
+    /// The meshes that were read, by index and the bits of the morph weights, if those are not the mesh's own.
     known: BTreeMap<(u32, Option<Vec<u64>>), usize>,
+    /// The objects that move with a node.
+    groups: BTreeMap<u32, Vec<u32>>,
+    /// The labels of nodes that move.
+    labels_of: BTreeMap<u32, Labels>,
 }
 
-/// Reads the meshes of the nodes below the roots of the scene, and places them in document order.
-pub(super) fn place(
-    document: &Document,
-    data: &Data,
-    hierarchy: &Hierarchy,
-    options: &Options,
+/// Reads the meshes of the nodes below the roots of the scene, and places them in document order. `drivers` are the actors among
+/// the nodes.
+pub(super) fn place<'o>(
+    chains: &Chains,
+    drivers: &BTreeMap<u32, &'o Actor<'o>>,
+    options: &Options<'o>,
     notices: &Notices,
 ) -> Result<PlacedMeshes, Fault> {
+    let &Chains { document, data, .. } = chains;
     let mut traversal = Traversal {
         document,
         data,
-        hierarchy,
+        chains,
+        drivers,
         options,
         notices,
         reader: MeshReader::new(document, data, notices),
@@ -319,12 +111,16 @@ pub(super) fn place(
         visited: 0,
         strange_labels: BTreeSet::new(),
         known: BTreeMap::new(),
+        groups: BTreeMap::new(),
+        labels_of: BTreeMap::new(),
     };
     traversal.run()?;
+    let groups = traversal.groups()?;
     Ok(PlacedMeshes {
         meshes: traversal.meshes,
         instances: traversal.instances,
         nodes: traversal.nodes,
+        groups,
         visited: traversal.visited,
         left_out: traversal.reader.left_out,
         uses_default_material: traversal.reader.uses_default_material,
@@ -333,7 +129,7 @@ pub(super) fn place(
 
 impl Traversal<'_, '_, '_> {
     fn run(&mut self) -> Result<(), Fault> {
-        let roots = &self.hierarchy.roots;
+        let roots = &self.chains.hierarchy.roots;
         let mut stack: Vec<_> = roots.iter().rev().map(|&root| (root, Labels::default())).collect();
         // A root that the file lists as a child too is not placed a second time.
         let mut is_placed = vec![false; self.document.nodes.len()];
@@ -343,12 +139,15 @@ impl Traversal<'_, '_, '_> {
             }
             self.visited += 1;
             let node = &self.document.nodes[index as usize];
-            if node.extensions.visibility.as_ref().is_some_and(|visibility| !visibility.visible) {
+            if !self.is_visible(index, node) {
                 let message = "KHR_node_visibility hides it: it and all nodes below it are left out";
                 self.notices.note(|| self.document.node_label(index), message, None);
                 continue;
             }
             let labels = self.labels(index, node, inherited);
+            if self.chains.any_move() {
+                self.labels_of.insert(index, labels);
+            }
             if let Some(mesh) = node.mesh {
                 self.place(index, node, mesh, labels)
                     .map_err(|fault| fault.within(self.document.node_label(index)))?;
@@ -356,6 +155,38 @@ impl Traversal<'_, '_, '_> {
             stack.extend(node.children.iter().rev().map(|&child| (child, labels)));
         }
         Ok(())
+    }
+
+    /// Whether a node is visible, at times at least.
+    fn is_visible(&self, index: u32, node: &Node) -> bool {
+        let channel = self.chains.animations.of(index).and_then(|moves| moves.is_visible.as_ref());
+        match channel {
+            Some(channel) => !channel.is_rest() || *channel.held_at(0.0),
+            None => node.extensions.visibility.as_ref().is_none_or(|visibility| visibility.visible),
+        }
+    }
+
+    /// What moves as one, in the order of the nodes.
+    fn groups(&mut self) -> Result<Vec<Group>, Fault> {
+        let gltf_from_world = self.chains.world_from_gltf.inverse();
+        let mut groups = Vec::with_capacity(self.groups.len());
+        for (node, objects) in std::mem::take(&mut self.groups) {
+            let of_first = &self.instances[objects[0] as usize].object;
+            let labels = self.labels_of.get(&node).copied().unwrap_or_default();
+            let actor = self.drivers.get(&node);
+            let own = self.document.nodes[node as usize].name.clone().filter(|name| !name.is_empty());
+            let label = labels.job.or(labels.file).or(of_first.job_label).or(of_first.file_label);
+            groups.push(Group {
+                name: actor
+                    .map(|actor| actor.name.to_owned())
+                    .or(own)
+                    .unwrap_or_else(|| format!("node {node}")),
+                label: actor.and_then(|actor| actor.label).or(label),
+                world_from_group: Arc::new(self.chains.seen_place(node, Some(node), gltf_from_world)?),
+                objects,
+            });
+        }
+        Ok(groups)
     }
 
     fn labels(&mut self, index: u32, node: &Node, inherited: Labels) -> Labels {
@@ -386,47 +217,145 @@ impl Traversal<'_, '_, '_> {
     }
 
     fn place(&mut self, index: u32, node: &Node, mesh: u32, labels: Labels) -> Result<(), Fault> {
-        let world_from_node = self.hierarchy.world_from_node[index as usize];
         let meshes = &self.document.meshes;
         let name = [node.name.as_deref(), meshes.get(mesh as usize).and_then(|mesh| mesh.name.as_deref())];
         let name = name.into_iter().flatten().find(|name| !name.is_empty()).unwrap_or_default();
         let object = Object { name: name.to_owned(), job_label: labels.job, file_label: labels.file };
+        let channel = self.chains.animations.of(index).and_then(|moves| moves.weights.clone());
+        let still = rest(&channel);
+        let weights = still.as_deref().or(node.weights.as_deref());
+        let moving_weights = channel.filter(|channel| !channel.is_rest());
 
         if let Some(skin) = node.skin {
             if node.extensions.instancing.is_some() {
                 return Err(Fault::new("", "it has a skin and EXT_mesh_gpu_instancing")
                     .help("glTF does not say what that would mean: use one of them"));
             }
-            let pose = SkinPose::new(self.document, self.data, skin, &self.hierarchy.world_from_node)?;
-            let weights = node.weights.as_deref();
-            self.meshes.push(self.reader.read(mesh, &Pose { weights, skin: Some(&pose), world_from_node })?);
-            let gltf_from_mesh = DAffine3::from_translation(pose.origin);
-            return self.add(index, self.meshes.len() - 1, gltf_from_mesh, object);
+            let (mesh, spot) = self.skinned(index, mesh, skin, weights, moving_weights)?;
+            self.meshes.push(mesh);
+            return self.add(index, self.meshes.len() - 1, spot, object);
         }
 
-        let weights = node.weights.as_deref();
-        let key = (mesh, weights.map(|weights| weights.iter().map(|weight| weight.to_bits()).collect()));
-        let source = match self.known.get(&key) {
-            Some(&source) => source,
-            None => {
-                self.meshes.push(self.reader.read(mesh, &Pose { weights, skin: None, world_from_node })?);
-                *self.known.entry(key).or_insert(self.meshes.len() - 1)
+        let mut group = self.chains.top(index);
+        let mut deformer = None;
+        let source = if moving_weights.is_some() {
+            let (read, bends) = self.reader.read_bending(mesh, &Pose { weights: None, skin: None })?;
+            group = group.or(Some(index));
+            let (read, shape) =
+                self.bending(read, |rest| Shape { rest, bends, weights: moving_weights, skin: None });
+            deformer = Some(shape);
+            self.meshes.push(read);
+            self.meshes.len() - 1
+        } else {
+            let bits = |weights: &[f64]| weights.iter().map(|weight| weight.to_bits()).collect();
+            let key = (mesh, weights.map(bits));
+            match self.known.get(&key) {
+                Some(&source) => source,
+                None => {
+                    self.meshes.push(self.reader.read(mesh, &Pose { weights, skin: None })?);
+                    *self.known.entry(key).or_insert(self.meshes.len() - 1)
+                }
             }
         };
-        let Some(instancing) = &node.extensions.instancing else {
-            return self.add(index, source, world_from_node, object);
+        let spot = |anchor_from_mesh| Spot {
+            anchor: Some(index),
+            anchor_from_mesh,
+            group,
+            deformer: deformer.clone(),
         };
-        let place = || format!("{}, EXT_mesh_gpu_instancing", self.document.node_label(index));
+        let Some(instancing) = &node.extensions.instancing else {
+            return self.add(index, source, spot(DAffine3::IDENTITY), object);
+        };
+        let document = self.document;
+        let place = || format!("{}, EXT_mesh_gpu_instancing", document.node_label(index));
         let transforms = instances(self.data, &instancing.attributes, place, self.notices)
             .map_err(|fault| fault.within("EXT_mesh_gpu_instancing"))?;
         for node_from_instance in transforms {
-            self.add(index, source, world_from_node * node_from_instance?, object.clone())?;
+            self.add(index, source, spot(node_from_instance?), object.clone())?;
         }
         Ok(())
     }
 
-    fn add(&mut self, node: u32, mesh: usize, gltf_from_mesh: DAffine3, object: Object) -> Result<(), Fault> {
-        if !gltf_from_mesh.is_finite() {
+    /// A mesh that bends, in its shape at the start, and its shape over time.
+    fn bending(
+        &self,
+        mesh: SourceMesh,
+        shape: impl FnOnce(Vec<[f32; 3]>) -> Shape,
+    ) -> (SourceMesh, Arc<Deformer>) {
+        let shape = shape(mesh.positions);
+        let mesh = SourceMesh { positions: shape.at(self.options.start_s), parts: mesh.parts };
+        (mesh, Arc::new(Deformer::new(move |time_s| Some(shape.at(time_s)))))
+    }
+
+    /// The mesh of a node that has a skin, and where it is.
+    ///
+    /// Joints that move are seen from the lowest node that is above all of them: what moves that node moves the mesh as a whole, and
+    /// only what the joints do below it bends the mesh.
+    fn skinned(
+        &mut self,
+        index: u32,
+        mesh: u32,
+        skin: u32,
+        weights: Option<&[f64]>,
+        moving_weights: Option<Channel<Vec<f64>>>,
+    ) -> Result<(SourceMesh, Spot), Fault> {
+        let source = SkinSource::new(self.document, self.data, skin)?;
+        let mut asked = source.joints.to_vec();
+        if self.reader.stands_in_part(mesh)? {
+            asked.push(index);
+        }
+        let moves = asked.iter().any(|&node| self.chains.top(node).is_some());
+        if !moves && moving_weights.is_none() {
+            let world_from_node = &self.chains.hierarchy.world_from_node;
+            let joints = source.joints.iter().map(|&joint| world_from_node[joint as usize]);
+            let pose = source.posed(joints, world_from_node[index as usize]);
+            let read = self.reader.read(mesh, &Pose { weights, skin: Some(&pose) })?;
+            let anchor_from_mesh = DAffine3::from_translation(pose.origin);
+            return Ok((read, Spot { anchor_from_mesh, ..Spot::default() }));
+        }
+        let bones = self.chains.bones(&asked)?;
+        let maps = bones.maps_at(self.options.start_s);
+        let (joints, stand) = maps.split_at(source.joints.len());
+        let pose = source.posed(joints.iter().copied(), stand.first().copied().unwrap_or_default());
+        let spot = Spot {
+            anchor: bones.anchor,
+            anchor_from_mesh: DAffine3::from_translation(pose.origin),
+            group: bones.anchor.map(|anchor| self.chains.top(anchor).unwrap_or(anchor)).or(Some(index)),
+            deformer: None,
+        };
+        if !bones.bend() && moving_weights.is_none() {
+            return Ok((self.reader.read(mesh, &Pose { weights, skin: Some(&pose) })?, spot));
+        }
+        let own = self.document.meshes.get(mesh as usize).map(|mesh| &mesh.weights[..]);
+        let weights = if moving_weights.is_some() { None } else { weights.or(own) };
+        let (read, bends) = self.reader.read_bending(mesh, &Pose { weights, skin: Some(&pose) })?;
+        let mut bone_from_mesh = source.joint_from_mesh;
+        bone_from_mesh.resize(asked.len(), DAffine3::IDENTITY);
+        let skin = BendingSkin { bones, bone_from_mesh, origin: pose.origin };
+        let (read, deformer) =
+            self.bending(read, |rest| Shape { rest, bends, weights: moving_weights, skin: Some(skin) });
+        Ok((read, Spot { deformer: Some(deformer), ..spot }))
+    }
+
+    fn add(&mut self, node: u32, mesh: usize, spot: Spot, mut object: Object) -> Result<(), Fault> {
+        let Spot { anchor, anchor_from_mesh, group, deformer } = spot;
+        let chains = self.chains;
+        let is_moved = anchor.is_some_and(|anchor| chains.top(anchor).is_some()) || chains.blinks(node);
+        let (world_from_mesh, motion) = if is_moved {
+            let motion = chains.seen_place(node, anchor, anchor_from_mesh)?;
+            let is_fixed = motion.links.iter().all(Link::is_fixed);
+            (motion.map_at(self.options.start_s), Some(motion).filter(|_| !is_fixed))
+        } else {
+            let gltf_from_anchor = anchor.map(|anchor| chains.hierarchy.world_from_node[anchor as usize]);
+            let gltf_from_mesh = match gltf_from_anchor {
+                // Multiplied by 1, zeros could change their signs.
+                Some(map) if anchor_from_mesh == DAffine3::IDENTITY => map,
+                Some(map) => map * anchor_from_mesh,
+                None => anchor_from_mesh,
+            };
+            (chains.world_from_gltf * gltf_from_mesh, None)
+        };
+        if !world_from_mesh.is_finite() {
             return Err(Fault::new("", "its place in the world is not finite")
                 .help("the transforms of it and its ancestors multiply to more than f64 can hold"));
         }
@@ -436,18 +365,20 @@ impl Traversal<'_, '_, '_> {
         if source.parts.is_empty() {
             return Ok(());
         }
-        if !is_invertible(&gltf_from_mesh) && !crushes_to_a_line(&gltf_from_mesh) {
+        let moves = motion.is_some() || deformer.is_some();
+        if !moves && !is_invertible(&world_from_mesh) && !crushes_to_a_line(&world_from_mesh) {
             // The builder cannot share the mesh, so it stores the mesh for each such instance.
             let triangles = source.parts.iter().map(|part| part.triangles.len()).sum();
             self.data.spend(source.positions.len(), size_of::<[f32; 3]>())?;
             self.data.spend(triangles, size_of::<[u32; 3]>())?;
         }
-        let world_from_gltf = DAffine3::from_mat3(self.options.up.world_from_gltf());
-        self.instances.push(SourceInstance {
-            mesh,
-            world_from_mesh: world_from_gltf * gltf_from_mesh,
-            object,
-        });
+        if let Some(group) = group {
+            let label = self.drivers.get(&group).and_then(|actor| actor.label);
+            object.job_label = label.or(object.job_label);
+            self.groups.entry(group).or_default().push(self.instances.len() as u32);
+        }
+        let motion: Option<Arc<Motion>> = motion.map(Arc::new);
+        self.instances.push(SourceInstance { mesh, world_from_mesh, motion, deformer, object });
         self.nodes.push(node);
         Ok(())
     }

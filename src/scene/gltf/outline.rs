@@ -1,12 +1,15 @@
 //! What a file holds, by name: the names that a job's labels can use, and all that stands in the file beside triangles.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 
+use super::animation::target_of;
 use super::document::Document;
-use super::schema::Lenient;
+use super::schema::{Animation, Lenient};
 
 /// What a file holds, element by element. Indices are those of the file.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Outline {
     /// The index of the scene that is loaded by default.
     pub default_scene: Option<u32>,
@@ -20,8 +23,10 @@ pub struct Outline {
     pub materials: Vec<Option<String>>,
     /// The cameras.
     pub cameras: Vec<CameraOutline>,
-    /// The animations' names.
-    pub animations: Vec<Option<String>>,
+    /// The animations.
+    pub animations: Vec<AnimationOutline>,
+    /// The skins.
+    pub skins: Vec<SkinOutline>,
 }
 
 /// A scene.
@@ -66,6 +71,26 @@ pub struct CameraOutline {
     pub nodes: Vec<u32>,
 }
 
+/// An animation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AnimationOutline {
+    /// Its name.
+    pub name: Option<String>,
+    /// The time of its last keyframe, in seconds, as the file says it.
+    pub length_s: Option<f64>,
+    /// The nodes that it moves, hides or bends, in ascending order.
+    pub nodes: Vec<u32>,
+}
+
+/// A skin.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SkinOutline {
+    /// Its name.
+    pub name: Option<String>,
+    /// The nodes that are its joints.
+    pub joints: Vec<u32>,
+}
+
 impl Outline {
     pub(super) fn of(document: Document) -> Self {
         let mut cameras: Vec<CameraOutline> = document
@@ -84,7 +109,16 @@ impl Outline {
         Self {
             default_scene: document.scene.filter(is_there).or(first),
             materials: document.materials.iter().map(|material| text(&material.name)).collect(),
-            animations: document.animations.iter().map(|animation| text(&animation.name)).collect(),
+            animations: document
+                .animations
+                .iter()
+                .map(|animation| animation_outline(animation, &document))
+                .collect(),
+            skins: document
+                .skins
+                .iter()
+                .map(|skin| SkinOutline { name: text(&skin.name), joints: skin.joints.clone() })
+                .collect(),
             cameras,
             scenes: document
                 .scenes
@@ -122,6 +156,22 @@ impl Outline {
         }
         (0_u32..).zip(is_child).filter(|(_, is_child)| !is_child).map(|(index, _)| index).collect()
     }
+}
+
+fn animation_outline(animation: &Animation, document: &Document) -> AnimationOutline {
+    let channels = animation.channels.given().map_or(&[][..], |channels| channels);
+    let samplers = animation.samplers.given().map_or(&[][..], |samplers| samplers);
+    let mut nodes = BTreeSet::new();
+    let mut length_s: Option<f64> = None;
+    for channel in channels.iter().filter_map(Lenient::given) {
+        let Some(node) = target_of(channel).and_then(|(node, _)| node) else { continue };
+        nodes.insert(node);
+        let sampler = samplers.get(channel.sampler as usize).and_then(Lenient::given);
+        let input = sampler.and_then(|sampler| document.accessors.get(sampler.input as usize));
+        let last = input.and_then(|input| input.max.given()?.first().copied());
+        length_s = last.map_or(length_s, |last| Some(length_s.map_or(last, |length| length.max(last))));
+    }
+    AnimationOutline { name: text(&animation.name), length_s, nodes: nodes.into_iter().collect() }
 }
 
 fn text(value: &Lenient<String>) -> Option<String> {

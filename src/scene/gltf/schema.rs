@@ -77,7 +77,7 @@ pub(super) struct Root {
     #[serde(default)]
     pub cameras: Lenient<Vec<Lenient<Camera>>>,
     #[serde(default)]
-    pub animations: Lenient<Vec<Lenient<Named>>>,
+    pub animations: Lenient<Vec<Lenient<Animation>>>,
     #[serde(default)]
     pub extensions_used: Vec<String>,
     #[serde(default)]
@@ -195,6 +195,7 @@ pub(super) struct Target {
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Skin {
+    pub name: Lenient<String>,
     pub inverse_bind_matrices: Option<u32>,
     pub joints: Vec<u32>,
 }
@@ -209,6 +210,7 @@ pub(super) struct Accessor {
     pub count: Option<u64>,
     #[serde(rename = "type")]
     pub kind: String,
+    pub max: Lenient<Vec<f64>>,
     pub sparse: Option<Sparse>,
 }
 
@@ -254,11 +256,51 @@ pub(super) struct Buffer {
     pub uri: Option<String>,
 }
 
-/// The name of an element that nothing else is known of.
+/// An animation: values over time (samplers), and what each of them moves (channels).
 #[derive(Default, Deserialize)]
-pub(super) struct Named {
-    #[serde(default)]
+#[serde(default)]
+pub(super) struct Animation {
     pub name: Lenient<String>,
+    pub channels: Lenient<Vec<Lenient<AnimationChannel>>>,
+    pub samplers: Lenient<Vec<Lenient<Sampler>>>,
+}
+
+/// A sampler of an animation, and the property that it moves.
+#[derive(Deserialize)]
+pub(super) struct AnimationChannel {
+    pub sampler: u32,
+    pub target: ChannelTarget,
+}
+
+#[derive(Deserialize)]
+pub(super) struct ChannelTarget {
+    pub node: Option<u32>,
+    pub path: String,
+    #[serde(default)]
+    pub extensions: ChannelExtensions,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ChannelExtensions {
+    #[serde(rename = "KHR_animation_pointer")]
+    pub pointer: Option<AnimationPointer>,
+}
+
+/// KHR_animation_pointer: the property as a JSON pointer into the file.
+#[derive(Deserialize)]
+pub(super) struct AnimationPointer {
+    pub pointer: String,
+}
+
+/// Values over time.
+#[derive(Deserialize)]
+pub(super) struct Sampler {
+    /// The accessor of the times.
+    pub input: u32,
+    /// The accessor of the values.
+    pub output: u32,
+    pub interpolation: Option<String>,
 }
 
 #[derive(Default, Deserialize)]

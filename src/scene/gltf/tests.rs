@@ -130,7 +130,7 @@ fn world(loaded: &Loaded) -> Vec<[DVec3; 3]> {
     let scene = &loaded.scene;
     let mut triangles = Vec::new();
     for placement in &scene.arrangement.placements {
-        let mesh = &scene.geometry.meshes[placement.mesh as usize];
+        let mesh = scene.mesh(placement.mesh);
         triangles.extend(mesh.triangles.iter().map(|triangle| {
             triangle.map(|vertex| {
                 let [x, y, z] = mesh.positions[vertex as usize].map(f64::from);

@@ -107,7 +107,7 @@ const LFS: FileKind = Wrapped("a Git LFS pointer", "`git lfs pull` fetches the f
 const FBX: &str = "Blender, or FBX2glTF, makes glTF of it";
 const PCAP: FileKind = Recording("a packet capture (pcap)");
 
-/// What a file is by its first bytes, if they are a signature.
+/// The kind of a file by its first bytes, if they are a signature.
 pub(super) fn kind_of(head: &[u8], length: u64) -> Option<FileKind> {
     if head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06") {
         return Some(kind_of_zip(head));

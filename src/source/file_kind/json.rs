@@ -78,7 +78,7 @@ fn end_of_value(text: &str) -> usize {
 /// Most keys that are looked at: what is recognised has fewer.
 const MOST_KEYS: usize = 1000;
 
-/// What a JSON text is that begins with an object.
+/// The kind of a JSON text that begins with an object.
 pub(super) fn kind_of(text: &str) -> FileKind {
     let members: Vec<(&str, &str)> = Members::of(text).take(MOST_KEYS).collect();
     let value = |key: &str| members.iter().find(|(known, _)| *known == key).map(|(_, value)| *value);

@@ -2,7 +2,7 @@
 
 use crate::source::words::{list, quoted};
 
-/// What a file is.
+/// The kind of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FileKind {
     /// A file without a byte.
@@ -25,15 +25,15 @@ pub enum FileKind {
     Manifest,
     /// A baseline of `beamcast check`.
     Baseline,
-    /// What a vendor or a driver writes of one unit, and `beamcast import` reads.
+    /// The calibration of one unit by its vendor or a driver, which `beamcast import` reads.
     Calibration(Unit),
-    /// What stands for a file, or holds one: the name, and what gets the file.
+    /// A stand-in for a file, or a container of one: the name, and the command that gets the file.
     Wrapped(&'static str, &'static str),
     /// A mesh or a scene of another format: the name, and what makes glTF of it.
     Mesh(&'static str, &'static str),
     /// A point cloud of another format.
     Cloud(&'static str),
-    /// What sensors or robots recorded.
+    /// A recording of sensors or robots.
     Recording(&'static str),
     /// Something else that has a name.
     Other(&'static str),
@@ -60,20 +60,20 @@ pub enum Unit {
     HesaiMirrors,
 }
 
-/// What a command takes a file for.
+/// The use that a command has for a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     /// A scene.
     Scene,
     /// A job or a sensor file.
     Config,
-    /// What `lint` reads.
+    /// A file for `lint`.
     Linted,
-    /// What `info` reads.
+    /// A file for `info`.
     Shown,
-    /// What `view` and `diff` read.
+    /// Frames for `view` and `diff`.
     Frames,
-    /// What `import` reads.
+    /// A calibration for `import`.
     Calibration,
 }
 
@@ -173,7 +173,7 @@ impl FileKind {
         help.map_or(message.clone(), |help| format!("{message} ({help})"))
     }
 
-    /// What to do with the file, in a sentence.
+    /// The step that makes the file useful, in a sentence.
     fn mend(&self, wanted: Wanted) -> Option<String> {
         let wants_scene = wanted == Wanted::Scene;
         Some(match self {

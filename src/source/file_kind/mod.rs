@@ -1,4 +1,4 @@
-//! What a file is, by its content: the one place that recognises files.
+//! The kind of a file, by its content: the one place that recognises files.
 //!
 //! ```text
 //! kind    what files are, in words, and what mends them

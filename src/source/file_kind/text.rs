@@ -24,7 +24,7 @@ pub(super) fn readable(head: &[u8]) -> Option<&str> {
 /// Most lines that are looked at.
 const MOST_LINES: usize = 400;
 
-/// What a text is that is not JSON.
+/// The kind of a text that is not JSON.
 pub(super) fn kind_of(text: &str) -> FileKind {
     if text.starts_with('<') {
         return kind_of_markup(text);

@@ -184,7 +184,7 @@ fn better_place(bvh: &Bvh2, node: usize, stack: &mut Vec<(f32, usize)>) -> Optio
     let least = own.half_area();
     let (parent, sibling) = (bvh.parents[node] as usize, Bvh2Node::get_sibling_id(node));
     let mut best = Move { gain: 0.0, from: node, to: 0 };
-    // What has shrunk so far, and the box of what is left below `above`.
+    // The area saved so far, and the box of the nodes that are left below `above`.
     let mut shrunk = bvh.nodes[parent].aabb().half_area();
     let mut rest = *bvh.nodes[sibling].aabb();
     let (mut above, mut other) = (parent, sibling);

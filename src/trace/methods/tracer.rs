@@ -7,8 +7,9 @@ use glam::Vec3;
 
 use super::kernel::{Kernel, Ray};
 use crate::scene::{Arrangement, Scene};
+use crate::trace::batch::NearestHit;
 use crate::trace::bvh::{BLOCK_OFFSET_WORDS, Bvh8, Child, LeafBlock, TriangleRef};
-use crate::trace::exact::{Candidate, Corners, Limits, LocalRay};
+use crate::trace::exact::{Candidate, Limits, LocalRay};
 use crate::trace::rays::{Cast, Hit, Rays};
 use crate::trace::tracer::Tracer;
 
@@ -120,7 +121,7 @@ impl<K: Kernel> KernelTracer<K> {
         stack: &mut Vec<(Child, f64)>,
     ) {
         let mesh = self.exact.scene.arrangement.placements[placement as usize].mesh;
-        let bvh = &self.exact.meshes[mesh as usize];
+        let bvh = self.exact.surfaces().bvh_of_mesh(mesh);
         let prepared = self.prepared.get(mesh as usize).or(mesh_0.filter(|_| placement == 0));
         let ray = Ray { origin: ray.origin.as_vec3(), direction: ray.direction.as_vec3() };
         let walked = LocalRay { origin: ray.origin.as_dvec3(), direction: ray.direction.as_dvec3() };
@@ -166,10 +167,12 @@ impl<K: Kernel> KernelTracer<K> {
                     self.nearest_in(0, ray, &limits, any, seen, &mut best, &mut stack);
                 } else {
                     self.exact.top.bvh.traverse_padded(&ray, depths, SLACK, &mut top_stack, |index| {
-                        let local = ray.carried(&scene.arrangement.placements[index as usize]);
-                        let count = if limits.after.is_some() { usize::MAX } else { 1 };
-                        for copy in self.exact.top.with_copies(index).take(count) {
-                            self.nearest_in(copy, local, &limits, any, seen, &mut best, &mut stack);
+                        let placement = &scene.arrangement.placements[index as usize];
+                        if let Some(local) = ray.carried(placement, rays.time_s(number)) {
+                            let count = if limits.after.is_some() { usize::MAX } else { 1 };
+                            for copy in self.exact.top.with_copies(index).take(count) {
+                                self.nearest_in(copy, local, &limits, any, seen, &mut best, &mut stack);
+                            }
                         }
                         far_limit(&best, limits.t_max, any)
                     });
@@ -180,14 +183,10 @@ impl<K: Kernel> KernelTracer<K> {
     }
 
     /// The whole hit of a ray in the scene's space.
-    fn whole_hit(&self, ray: LocalRay, best: &MethodHit) -> Hit {
-        let placement = &self.exact.scene.arrangement.placements[best.candidate.placement as usize];
-        let local = ray.carried(placement);
-        let blocks = &self.exact.meshes[placement.mesh as usize].blocks;
-        let positions = LeafBlock::at(blocks, best.triangle.block_offset()).positions(best.triangle.lane());
-        let corners = Corners::from_positions(positions, local.origin);
-        let hit = best.candidate.finish(&corners, local.direction, placement);
-        Hit { u: best.u.into(), v: best.v.into(), ..hit }
+    fn whole_hit(&self, ray: LocalRay, time_s: Option<f64>, best: &MethodHit) -> Option<Hit> {
+        let Candidate { t, placement, .. } = best.candidate;
+        let hit = self.exact.whole_hit(ray, time_s, &NearestHit { t, placement, triangle: best.triangle })?;
+        Some(Hit { u: best.u.into(), v: best.v.into(), ..hit })
     }
 }
 
@@ -212,14 +211,14 @@ impl<K: Kernel> Default for Seen<K> {
 
 impl<K: Kernel> Cast for KernelTracer<K> {
     fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
-        rays.check(hits.len());
+        rays.check(hits.len(), &self.exact.scene.arrangement);
         self.cast_each(rays, false, |number, ray, best| {
-            hits[number] = best.map(|best| self.whole_hit(ray, &best));
+            hits[number] = best.and_then(|best| self.whole_hit(ray, rays.time_s(number), &best));
         });
     }
 
     fn blocked(&self, rays: &Rays, blocked: &mut [bool]) {
-        rays.check(blocked.len());
+        rays.check(blocked.len(), &self.exact.scene.arrangement);
         self.cast_each(rays, true, |number, _, best| blocked[number] = best.is_some());
     }
 }

@@ -29,6 +29,8 @@ pub(super) trait F32x8: Copy {
     type F64x8: F64x8<F32x8 = Self>;
     /// The vector of sixteen f32 of the same implementation.
     type F32x16: F32x16<Half = Self>;
+    /// Runs a task on this implementation as a function of its own, for code that is to stay out of the caller's.
+    fn run<T: SimdTask>(task: T) -> T::Output;
     fn splat(x: f32) -> Self;
     fn load(x: &[f32; 8]) -> Self;
     fn store(self, to: &mut [f32; 8]);

@@ -36,6 +36,10 @@ impl F32x8 for PortableF32x8 {
     type F64x8 = PortableF64x8;
     type F32x16 = TwoF32x8<Self>;
 
+    fn run<T: SimdTask>(task: T) -> T::Output {
+        run_portably(task)
+    }
+
     #[inline(always)]
     fn splat(x: f32) -> Self {
         Self([x; 8])

@@ -14,7 +14,7 @@ use targets::{TARGETS, Target};
 /// Inputs that are made of the seeds, for each target. `BEAMCAST_THOROUGH=100` makes a hundred times as many.
 const INPUTS: usize = 200;
 
-/// What was found before: folders of inputs by target.
+/// The inputs that were found before: folders of them by target.
 fn corpus(target: &Target) -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz").join(target.name);
     let mut files: Vec<_> =

@@ -1,4 +1,4 @@
-//! What is fuzzed: each reader of files, and the tracers against brute force. A target takes any bytes and must neither panic
+//! The targets of fuzzing: each reader of files, and the tracers against brute force. A target takes any bytes and must neither panic
 //! nor take long; where two ways lead to one answer, it asserts that they agree.
 //!
 //! The tests of this folder and the coverage-guided driver in fuzz/ share these targets.
@@ -11,10 +11,10 @@ use beamcast::check::{Baseline, StoredPixels};
 use beamcast::config::{self, Config};
 use beamcast::glam::{DAffine3, DVec3};
 use beamcast::import::{self, Source};
-use beamcast::output::recorded::{Recorded, read_exr, read_ply};
+use beamcast::output::recorded::{Recorded, read_exr, read_ply, read_preview};
 use beamcast::output::{Image, SensorFrame};
 use beamcast::rng::Rng;
-use beamcast::scene::{Object, gltf};
+use beamcast::scene::gltf;
 use beamcast::sensor::facts::SensorFacts;
 use beamcast::trace::{BruteForce, Instructions};
 use beamcast::{
@@ -39,6 +39,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "import", run: import, seeds: import_seeds },
     Target { name: "exr", run: exr, seeds: || vec![frame_as(Format::EXR)] },
     Target { name: "ply", run: ply, seeds: ply_seeds },
+    Target { name: "preview", run: preview, seeds: || vec![frame_as(Format::PNG)] },
     Target { name: "manifest", run: manifest, seeds: manifest_seeds },
     Target { name: "baseline", run: baseline, seeds: baseline_seeds },
     Target { name: "tracers", run: tracers, seeds: tracers_seeds },
@@ -89,9 +90,11 @@ fn yard() -> &'static Scene {
 
 fn built(meshes: Vec<SourceMesh>) -> Option<Scene> {
     let placed =
-        |mesh| SourceInstance { mesh, world_from_mesh: DAffine3::IDENTITY, object: Object::default() };
+        |mesh| SourceInstance { mesh, world_from_mesh: DAffine3::IDENTITY, ..SourceInstance::default() };
     let instances = (0..meshes.len()).map(placed).collect();
-    SceneBuilder { meshes, instances, materials: vec![Material::default()], files: vec![] }.build().ok()
+    SceneBuilder { meshes, instances, materials: vec![Material::default()], files: vec![], groups: vec![] }
+        .build()
+        .ok()
 }
 
 /// A small frame of the yard, in a format.
@@ -107,17 +110,10 @@ fn small_sensor() -> Sensor {
 fn encoded(sensor: &Sensor, format: Format) -> Option<Vec<u8>> {
     let capture = Capture::at_origin(sensor);
     let frame = scan(yard(), &Tracer::build(yard()), &capture, &Progress::default())?;
-    let seen = SensorFrame {
-        capture,
-        frame: &frame,
-        name: "top",
-        cloud_frame: Default::default(),
-        names: Default::default(),
-        legend: false,
-    };
+    let seen = SensorFrame::new(capture, &frame, "top");
     let bytes = format.encode(&seen).ok()?;
     if format == Format::EXR {
-        // What is written is what is read.
+        // The reader gets the values that were written.
         let image = &read_exr(&bytes, u64::MAX).unwrap()[0].image;
         assert_eq!((image.rows, image.columns), (sensor.pattern.rows(), sensor.pattern.columns()));
         let written = Image::of(&seen);
@@ -130,10 +126,15 @@ fn gltf(bytes: &[u8]) {
     let path = file("scene.glb", bytes);
     if let Ok(loaded) = gltf::load(&path, "scene.glb", &gltf::Options::default()) {
         let scene = loaded.scene;
-        if scene.triangle_count() < 2000 && scene.arrangement.placements.len() < 200 {
+        let few = scene.geometry.movers.len() < 200;
+        if scene.triangle_count() < 2000 && scene.arrangement.placements.len() < 200 && few {
             let centre = scene.geometry.centre;
             let directions: Vec<DVec3> = (0..16).map(|seed| Rng::new(seed).direction()).collect();
-            agree(&scene, centre + DVec3::new(0.3, 0.2, 0.1), &directions);
+            let origin = centre + DVec3::new(0.3, 0.2, 0.1);
+            agree(&scene, origin, &directions);
+            if scene.has_movers() {
+                agree(&scene.at(0.37), origin, &directions);
+            }
         }
     }
 }
@@ -146,7 +147,21 @@ fn gltf_seeds() -> Vec<Vec<u8>> {
         "materials":[{"name":"m","pbrMetallicRoughness":{"baseColorFactor":[1,0,0,1]}}],
         "nodes":[{"mesh":0,"children":[1],"translation":[1,2,3]},{"mesh":0,"rotation":[0,0,0,1],"scale":[1,-1,2],"extras":{"label":3}}],
         "scenes":[{"nodes":[0],"name":"s"}],"scene":0}"#;
-    vec![json.as_bytes().to_vec(), repository("scenes/room.glb")]
+    let animated = r#"{"asset":{"version":"2.0"},"buffers":[{"byteLength":198,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAABAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAIA/AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAACAPwABAAAAAQAAAAEAAIB/AACAfwAAgH8AAAEA"}],
+        "bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":8},{"buffer":0,"byteOffset":44,"byteLength":24},{"buffer":0,"byteOffset":68,"byteLength":96},{"buffer":0,"byteOffset":164,"byteLength":8},{"buffer":0,"byteOffset":172,"byteLength":12},{"buffer":0,"byteOffset":184,"byteLength":12},{"buffer":0,"byteOffset":196,"byteLength":2}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},{"bufferView":1,"componentType":5126,"count":2,"type":"SCALAR"},{"bufferView":2,"componentType":5126,"count":2,"type":"VEC3"},{"bufferView":3,"componentType":5126,"count":6,"type":"VEC4"},{"bufferView":4,"componentType":5126,"count":2,"type":"SCALAR"},{"bufferView":5,"componentType":5121,"count":3,"type":"VEC4"},{"bufferView":6,"componentType":5121,"normalized":true,"count":3,"type":"VEC4"},{"bufferView":7,"componentType":5121,"count":2,"type":"SCALAR"}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0,"JOINTS_0":5,"WEIGHTS_0":6},"targets":[{"POSITION":0}]}]}],"skins":[{"joints":[1,2]}],
+        "nodes":[{"mesh":0,"skin":0},{"children":[2,3]},{"translation":[0,1,0]},{"mesh":0}],
+        "animations":[{"name":"a","channels":[{"sampler":0,"target":{"node":1,"path":"translation"}},{"sampler":1,"target":{"node":2,"path":"rotation"}},{"sampler":2,"target":{"node":3,"path":"weights"}},{"sampler":3,"target":{"path":"pointer","extensions":{"KHR_animation_pointer":{"pointer":"/nodes/3/extensions/KHR_node_visibility/visible"}}}}],
+        "samplers":[{"input":1,"output":2},{"input":1,"output":3,"interpolation":"CUBICSPLINE"},{"input":1,"output":4},{"input":1,"output":7,"interpolation":"STEP"}]}]}"#;
+    let [room, walker] = ["scenes/room.glb", "scenes/actors/walker.glb"].map(repository);
+    vec![json.as_bytes().to_vec(), animated.as_bytes().to_vec(), room, walker]
+}
+
+fn preview(bytes: &[u8]) {
+    if let Ok(picture) = read_preview(bytes, MEMORY) {
+        assert_eq!(picture.pixels.len(), 3 * picture.width * picture.height);
+    }
 }
 
 fn toml(bytes: &[u8]) {
@@ -203,7 +218,7 @@ fn import(bytes: &[u8]) {
     for format in recognised.into_iter().chain([chosen]) {
         let Ok(sensor) = import::import(format, Source { name: "a.file", text }, None) else { continue };
         if format != import::Format::Rays {
-            // What one end writes, the other reads.
+            // One end reads what the other writes.
             let read = config::load_sensor(&file("imported.toml", sensor.as_bytes()));
             assert!(read.is_ok(), "{format:?}: {:?}\n{sensor}", read.err());
         }

@@ -118,7 +118,7 @@ fn lenses_are_taken_where_the_formula_is_the_same() {
     }
 }
 
-/// What cannot be known is refused with its reason, and a camera never hears of a LiDAR's keys.
+/// A quantity that cannot be known is refused with its reason, and a camera never hears of a LiDAR's keys.
 #[test]
 fn other_models_are_refused_with_a_reason() {
     let pinhole = "5e2, 5e2, 320, 240";

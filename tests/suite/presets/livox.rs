@@ -18,7 +18,7 @@ const TABLES: [(&str, f64, Option<f64>); 6] = [
     ("livox/tele-15", 1e-4, None),
 ];
 
-/// What the tables have of each shot.
+/// The columns that the tables have of each shot.
 const COLUMNS: [&str; 4] = ["pulse", "line", "azimuth_deg", "elevation_deg"];
 
 pub fn truths() -> Vec<Truth> {
@@ -75,7 +75,7 @@ fn later_frames_go_on_through_livoxs_tables() {
     }
 }
 
-/// What is said of the Mid-360's lines elsewhere: four rings, 50,000 pulses a second each, and lines that rise and fall within
+/// The Mid-360's lines as other sources describe them: four rings, 50,000 pulses a second each, and lines that rise and fall within
 /// a turn of the mirror.
 #[test]
 fn the_mid_360_has_four_lines_that_rise_and_fall() {

@@ -7,7 +7,7 @@ use super::super::super::plausibility;
 use super::super::super::table::{Key, Table};
 use super::limit::check_rays;
 use crate::angle::Angle;
-use crate::sensor::{BrownConrady, Camera, CameraError, KannalaBrandt, Lens, Raster};
+use crate::sensor::{BrownConrady, Camera, CameraError, KannalaBrandt, Lens, Raster, Shutter};
 use crate::source::{Doubt, Spanned};
 
 /// A pinhole; `distortion` has OpenCV's 4, 5 or 8 numbers.
@@ -65,6 +65,7 @@ fn camera(
     let width = t.read(&keys::WIDTH);
     let height = t.read(&keys::HEIGHT);
     let rate = t.read(&FRAME_RATE);
+    let shutter = shutter(t, height.map(|height| height.value), rate.map(|rate| rate.value));
     let (fx, fy) = (t.read(&keys::FX), t.read(&keys::FY));
     let (cx, cy) = (t.read(&keys::CX), t.read(&keys::CY));
 
@@ -118,7 +119,7 @@ fn camera(
             Camera::new(size, (fx.value, or(fy, fx.value)), centre, rate_hz)
         }
     };
-    made.map(|camera| camera.with_lens(lens))
+    made.map(|camera| camera.with_lens(lens).with_shutter(shutter))
         .map_err(|error| {
             let of = |at: Option<Spanned<f64>>| at.map(|at| at.span);
             let span = match error {
@@ -155,12 +156,29 @@ fn focal_length(half: f64, fov_deg: f64, lens: &Lens) -> Result<f64, CameraError
 pub(super) fn equirectangular(t: &Table<'_>) -> Option<Raster> {
     let (width, height) = (t.read(&keys::WIDTH), t.read(&keys::HEIGHT));
     let rate = t.read(&FRAME_RATE);
+    let shutter = shutter(t, height.map(|height| height.value), rate.map(|rate| rate.value));
     let (hfov, vfov) = (t.read_or_default(&keys::PANORAMA_HFOV), t.read_or_default(&keys::PANORAMA_VFOV));
     let (width, height) = (width?, height?);
     check_rays(t.report(), height.value, width.value, width.span)?;
     let size = (width.value as usize, height.value as usize);
     let fields = (Angle::deg(hfov?.value), Angle::deg(vfov?.value));
     Raster::equirectangular(size, fields, rate.map(|rate| rate.value))
+        .map(|raster| raster.with_shutter(shutter))
         .map_err(|error| t.report().error(t.span, error.to_string(), "", None))
         .ok()
+}
+
+/// The shutter of an image of so many rows.
+fn shutter(t: &Table<'_>, rows: Option<u64>, rate_hz: Option<f64>) -> Shutter {
+    let (row_time, order) = (t.read_or_default(&keys::ROW_TIME), t.value(&keys::ROW_ORDER));
+    let Some(row_time) = row_time else { return Shutter::GLOBAL };
+    if let (Some(rows), Some(rate_hz)) = (rows, rate_hz)
+        && let Some(doubt) = plausibility::row_time(keys::ROW_TIME.name(), row_time.value, rows, rate_hz)
+    {
+        t.report().doubt(row_time.span, doubt);
+    }
+    if t.has(&keys::ROW_ORDER) && row_time.value == 0.0 {
+        t.report().doubt(t.span_of(&keys::ROW_ORDER), plausibility::order_of_no_rows(keys::ROW_ORDER.name()));
+    }
+    Shutter::rolling(row_time.value / 1e6, order).unwrap_or(Shutter::GLOBAL)
 }

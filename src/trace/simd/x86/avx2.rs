@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::shared::{f32x8_methods, u32x8_methods};
 use crate::trace::exact::Real;
-use crate::trace::simd::{F32x8, F32x16, F64x8, Mask8, TwoF32x8, U32x8};
+use crate::trace::simd::{F32x8, F32x16, F64x8, Mask8, SimdTask, TwoF32x8, U32x8};
 
 /// Eight f32 in a register. It is made only by code that `run_with_avx2` calls.
 #[derive(Clone, Copy)]
@@ -17,6 +17,10 @@ impl F32x8 for Avx2F32x8 {
     type U32x8 = Avx2U32x8;
     type F64x8 = Avx2F64x8;
     type F32x16 = TwoF32x8<Self>;
+
+    fn run<T: SimdTask>(task: T) -> T::Output {
+        super::run_with_avx2(task)
+    }
 
     f32x8_methods!();
 

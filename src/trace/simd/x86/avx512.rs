@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::shared::{f32x8_methods, u32x8_methods};
 use crate::trace::exact::Real;
-use crate::trace::simd::{F32x8, F32x16, F64x8, Mask8, U32x8};
+use crate::trace::simd::{F32x8, F32x16, F64x8, Mask8, SimdTask, U32x8};
 
 /// Eight f32 in a register. It is made only by code that `run_with_avx512` calls.
 #[derive(Clone, Copy)]
@@ -18,6 +18,10 @@ impl F32x8 for Avx512F32x8 {
     type U32x8 = Avx512U32x8;
     type F64x8 = Avx512F64x8;
     type F32x16 = Avx512F32x16;
+
+    fn run<T: SimdTask>(task: T) -> T::Output {
+        super::run_with_avx512(task)
+    }
 
     f32x8_methods!();
 

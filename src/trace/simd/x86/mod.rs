@@ -46,6 +46,7 @@ pub(in crate::trace) fn has_avx512() -> bool {
 #[inline]
 pub(in crate::trace) fn run_with_avx2<T: SimdTask>(task: T) -> T::Output {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+    #[inline(never)]
     fn enabled<T: SimdTask>(task: T) -> T::Output {
         task.run::<Avx2F32x8>()
     }
@@ -61,6 +62,7 @@ pub(in crate::trace) fn run_with_avx2<T: SimdTask>(task: T) -> T::Output {
 #[inline]
 pub(in crate::trace) fn run_with_avx512<T: SimdTask>(task: T) -> T::Output {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512dq,avx512bw")]
+    #[inline(never)]
     fn enabled<T: SimdTask>(task: T) -> T::Output {
         task.run::<Avx512F32x8>()
     }

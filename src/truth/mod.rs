@@ -1,0 +1,21 @@
+//! Ground truth of a frame beside its ranges: the boxes of objects and how the points of surfaces move.
+//!
+//! ```text
+//! target     the objects that boxes are made for
+//! oriented   oriented boxes
+//! boxes      the boxes of a frame: where each target is, how it moves, how much of it is seen
+//! image      where targets are in a camera's image
+//! surface    how the points that returns come from move
+//! ```
+
+mod boxes;
+mod image;
+mod oriented;
+mod surface;
+mod target;
+
+pub use boxes::{BoxTruth, boxes};
+pub use image::{Bounds, Shown};
+pub use oriented::OrientedBox;
+pub use surface::{SurfaceMotion, surface_motions};
+pub use target::{Choice, Target, Targets};
