@@ -14,7 +14,7 @@ use super::threads;
 use crate::check::{Failure, Outcome, Verdict, junit, report};
 use crate::error::Error;
 use crate::output::write_file;
-use crate::run::checking::{self, Checked, Found, Purpose, Run, State};
+use crate::run::checking::{self, CastFrame, Checked, Found, Purpose, Run, State};
 use crate::run::{Session, paths};
 use crate::trace::AnyTracer;
 use crate::view::{Shown, of_outcomes};
@@ -185,7 +185,12 @@ fn check_all(
             }
             terminal.warn_of(&doubts);
             checked.outcome.warnings = warnings;
-            checked.shown = check_job(args, &session, &mut checked.outcome, terminal, interrupt)?;
+            match check_job(args, &session, &mut checked.outcome, terminal, interrupt) {
+                Ok(shown) => checked.shown = shown,
+                // What the job draws for a frame makes it one that can't be run.
+                Err(error @ (Error::Config(_) | Error::Scene(_))) => checked.fail(error),
+                Err(error) => return Err(error),
+            }
         }
     }
     Ok(())
@@ -207,12 +212,14 @@ fn check_job(
     while let Some(items) = run.next_items() {
         let start = Instant::now();
         let mut frames = Vec::new();
-        for item in &items {
-            frames.extend(session.cast(item, interrupt.progress()));
+        for item in items {
+            let session = session.of_frame(item.frame, &args.scenes.allowed_folders)?;
+            let frame = session.cast(&item, interrupt.progress());
             interrupt.check()?;
+            frames.extend(frame.map(|frame| CastFrame { item, session, frame }));
         }
         casting += start.elapsed();
-        run.take(&items, &frames);
+        run.take(&frames);
     }
     let taken = run.finish(casting.as_secs_f64());
     if let Some(acceptance) = taken.acceptance {

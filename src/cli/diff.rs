@@ -171,7 +171,7 @@ fn side(path: &Path, args: &Args, terminal: &Terminal, interrupt: &Interrupt) ->
     let scene = load_scene(&mut job, &args.scenes, terminal)?.scene;
     interrupt.check()?;
     plan.check_scene(&scene)?;
-    Ok((Side::of_session(Session::open(job, &scene), &plan), plan.rays))
+    Ok((Side::of_session(Session::open(job, &scene), &plan, args.scenes.allowed_folders.clone()), plan.rays))
 }
 
 /// The names of a content's channels or fields.

@@ -111,25 +111,27 @@ fn of_job(
     let rays = |item: Item| session.sensor(&item).sensor.pattern.rays() as u64;
     let of_step = |step: u64| steps.items(step).map(rays).fold(0, u64::saturating_add);
     let all_rays = shown.iter().map(|&step| of_step(step)).fold(0, u64::saturating_add);
-    let views = |step: u64| -> Vec<View> {
-        let view = |item: Item| {
-            let frame = session.cast(&item, interrupt.progress())?;
-            let view = View::of_frame(&session.sensor_frame(&item, &frame), &scene, &labels);
-            Some(view.in_sequence(steps.is_sequence().then_some(item.frame)))
-        };
-        steps.items(step).filter_map(view).collect()
+    let views = |step: u64| -> Result<Vec<View>, Error> {
+        let mut views = Vec::new();
+        for item in steps.items(step) {
+            let session = session.of_frame(item.frame, &args.scenes.allowed_folders)?;
+            let frame = session.cast(&item, interrupt.progress());
+            interrupt.check()?;
+            let Some(frame) = frame else { continue };
+            let view = View::of_frame(&session.sensor_frame(&item, &frame), session.scene(), &labels);
+            views.push(view.in_sequence(steps.is_sequence().then_some(item.frame)));
+        }
+        Ok(views)
     };
     let rig = checking::rig(&session);
     if count == 1 {
-        let views = terminal.with_progress(all_rays, interrupt.progress(), || views(from));
-        interrupt.check()?;
+        let views = terminal.with_progress(all_rays, interrupt.progress(), || views(from))?;
         return Ok((page::of_views(title, "", &Shown { views, rig }), String::new()));
     }
     let mut playback = Playback::new(title, rig, shown.len() as u64, session.job.sensors.len());
     let cast = || -> Result<(), Error> {
         for &step in &shown {
-            let views = views(step);
-            interrupt.check()?;
+            let views = views(step)?;
             let first = steps.items(step).next().map(|item| session.capture(&item).start_s);
             let world_from_body = first.map(|start_s| session.job.trajectory.pose_at(start_s));
             let moment = Moment { frame: step, start_s: first, world_from_body, boxes: Vec::new() };

@@ -1,5 +1,6 @@
 //! The jobs that a check runs, and the outcome of each.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -251,6 +252,16 @@ pub struct Run<'r> {
     rays: u64,
 }
 
+/// A frame of a check that was cast, with the session that cast it: the check's own, or one with what the job draws for the frame.
+pub struct CastFrame<'s> {
+    /// Which frame it is.
+    pub item: Item,
+    /// The session that cast it.
+    pub session: Cow<'s, Session>,
+    /// What the sensor saw.
+    pub frame: Frame,
+}
+
 /// What is left of a job's frames once all of them were looked at.
 pub struct Taken {
     /// The files that make the run the job's baseline, if it is to become that.
@@ -392,16 +403,17 @@ impl<'r> Run<'r> {
     }
 
     /// Looks at frames that were cast: holds them to expectations, and to the baseline or makes them one.
-    pub fn take(&mut self, items: &[Item], frames: &[Frame]) {
-        let session = self.session;
-        let job = &*session.job;
+    pub fn take(&mut self, frames: &[CastFrame]) {
+        let job = &*self.session.job;
         let is_sequence = self.steps.is_sequence();
         let seen_by: Vec<SensorFrame> =
-            items.iter().zip(frames).map(|(item, frame)| session.sensor_frame(item, frame)).collect();
-        self.rays += frames.iter().map(|frame| frame.pixels() as u64).sum::<u64>();
+            frames.iter().map(|cast| cast.session.sensor_frame(&cast.item, &cast.frame)).collect();
+        // Frames for which a job draws another scene are looked at in that one.
+        let scene = frames.first().map_or(self.session, |cast| &*cast.session).scene();
+        self.rays += frames.iter().map(|cast| cast.frame.pixels() as u64).sum::<u64>();
         // The step, if these are the frames of one.
         let step = self.next.saturating_sub(1);
-        let is_step = self.steps.items(step).any(|item| items.first() == Some(&item));
+        let is_step = self.steps.items(step).any(|item| frames.first().is_some_and(|cast| cast.item == item));
         let whole = is_step && self.needs.is_of_rig(step);
         let mut deciding = Vec::new();
         for (expectation, tally) in job.expectations.iter().zip(&mut self.tallies) {
@@ -416,14 +428,13 @@ impl<'r> Run<'r> {
             let of_sensor =
                 |seen: &&SensorFrame| expectation.sensor.as_ref().is_none_or(|own| own == seen.name);
             let start_s = seen_by.iter().find(of_sensor).map_or(0.0, |seen| seen.capture.start_s);
-            let seen =
-                Seen { scene: session.scene(), labels: &self.labels, frames: &seen_by, rays_per_s: None };
+            let seen = Seen { scene, labels: &self.labels, frames: &seen_by, rays_per_s: None };
             let is_first_failure = expectation.examine(&seen, frame, start_s, tally);
             if is_first_failure && expectation.demand.is_of_every_frame() {
                 deciding.extend(seen_by.iter().filter(of_sensor).map(|seen| (seen.name, seen.capture.frame)));
             }
         }
-        for (item, seen) in items.iter().zip(&seen_by) {
+        for (CastFrame { item, session, .. }, seen) in frames.iter().zip(&seen_by) {
             let is_compared = self.needs.compared[item.sensor].contains(&item.frame);
             if is_compared && (self.acceptance.is_some() || self.comparison.is_some()) {
                 let taken = Snapshot::of(seen, session.scene(), &self.labels).in_sequence(is_sequence);
@@ -449,9 +460,7 @@ impl<'r> Run<'r> {
         if let Some(ground) = &mut self.ground
             && is_step
         {
-            let seen =
-                Seen { scene: session.scene(), labels: &self.labels, frames: &seen_by, rays_per_s: None };
-            ground.add(&seen);
+            ground.add(&Seen { scene, labels: &self.labels, frames: &seen_by, rays_per_s: None });
         }
     }
 

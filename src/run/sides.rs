@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::plan::{Item, Plan};
 use super::session::Session;
@@ -26,7 +26,7 @@ enum Source {
     /// A folder of recorded frames, with the file of each.
     Folder { folder: Box<Folder>, files: BTreeMap<FrameKey, String>, memory: u64 },
     /// A job, whose frames are cast when they are asked for.
-    Job { session: Box<Session>, items: BTreeMap<FrameKey, Item> },
+    Job { session: Box<Session>, items: BTreeMap<FrameKey, Item>, allowed_folders: Vec<PathBuf> },
 }
 
 /// An image or a cloud.
@@ -82,12 +82,12 @@ impl Side {
         Ok(Self { source: Source::File(contents(single)), labels })
     }
 
-    /// The frames of a plan of a session's job.
-    pub fn of_session(session: Session, plan: &Plan) -> Self {
+    /// The frames of a plan of a session's job. The scenes that the job draws may read files from the allowed folders, too.
+    pub fn of_session(session: Session, plan: &Plan, allowed_folders: Vec<PathBuf>) -> Self {
         let labels = session.label_names();
         let key = |item: &Item| FrameKey::new(&session.sensor(item).name, item.frame);
         let items = plan.items(&session.job).map(|item| (key(&item), item)).collect();
-        Self { source: Source::Job { session: Box::new(session), items }, labels }
+        Self { source: Source::Job { session: Box::new(session), items, allowed_folders }, labels }
     }
 
     /// The names of the frames, in order.
@@ -102,7 +102,7 @@ impl Side {
     /// The images or the cloud of a frame, each with what its name has beyond the frame's. `None` when `progress` was cancelled.
     ///
     /// # Errors
-    /// [`Error::Input`] if the frame's file can't be read.
+    /// [`Error::Input`] if the frame's file can't be read, and those of [`Session::of_frame`].
     pub fn read(
         &mut self,
         key: &FrameKey,
@@ -114,8 +114,9 @@ impl Side {
                 Some(file) => Ok(Some(contents(folder.read(file, *memory)?))),
                 None => Ok(Some(Vec::new())),
             },
-            Source::Job { session, items } => {
+            Source::Job { session, items, allowed_folders } => {
                 let Some(item) = items.get(key) else { return Ok(Some(Vec::new())) };
+                let session = session.of_frame(item.frame, allowed_folders)?;
                 let Some(frame) = session.cast(item, progress) else { return Ok(None) };
                 let image = Image::of(&session.sensor_frame(item, &frame)).without_repeats();
                 Ok(Some(vec![(String::new(), Content::Image(image))]))

@@ -263,3 +263,26 @@ fn a_scan_writes_down_what_it_drew() {
     let written = scan(&path, ["--set", &height], "d");
     assert_eq!((written.0, written.1), (serde_json::Value::Null, first.1));
 }
+
+/// What looks at a job's frames casts each with the values that are drawn for it, as a scan does.
+#[test]
+fn check_diff_and_view_look_at_what_each_frame_drew() {
+    let (folder, path) = self::folder(HEIGHT_DRAWN);
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, format!("{text}[sequence]\nframes = 3\n[check]\nframes = [0, 1]\n")).unwrap();
+    let run = |words: &[&str]| {
+        let done = super::cli::command(words).current_dir(folder.path()).output().unwrap();
+        assert!(done.status.success(), "{words:?}: {done:?}");
+        String::from_utf8(done.stdout).unwrap()
+    };
+    run(&["scan", "job.toml", "--out", "scanned"]);
+    let told: serde_json::Value =
+        serde_json::from_str(&run(&["diff", "job.toml", "scanned", "--json"])).unwrap();
+    assert_eq!((&told["same"], told["pairs"].as_array().unwrap().len()), (&true.into(), 6), "{told}");
+    run(&["check", "--accept=job", "job.toml"]);
+    run(&["check", "job.toml"]);
+    let baseline = |frame: &str| std::fs::read(folder.path().join("job.baseline").join(frame)).unwrap();
+    assert_ne!(baseline("top.000000.exr"), baseline("top.000001.exr"), "the sensor has another height");
+    run(&["view", "job.toml", "-o", "job.html"]);
+    run(&["view", "scanned", "-o", "scanned.html"]);
+}

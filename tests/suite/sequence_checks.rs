@@ -1,5 +1,6 @@
 //! Sequences in `check`, `diff` and `view`: which frames are looked at, what is told of them, and that no frame is told wrongly.
 
+use std::borrow::Cow;
 use std::fs;
 use std::path::Path;
 
@@ -7,8 +8,8 @@ use beamcast::check::{Outcome, Verdict};
 use beamcast::config;
 use beamcast::frame::Pose;
 use beamcast::motion::Trajectory;
-use beamcast::run::checking::{self, Purpose, Run};
-use beamcast::run::{Session, load_scene};
+use beamcast::run::checking::{self, CastFrame, Purpose, Run};
+use beamcast::run::{Item, Session, load_scene};
 use beamcast::scan::Progress;
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -180,10 +181,13 @@ fn drive(expectations: &str) -> Outcome {
     let mut run = Run::new(&session, &mut outcome, Purpose { page: true, ..Purpose::default() });
     let mut most = 0;
     while let Some(items) = run.next_items() {
-        let frames: Vec<_> =
-            items.iter().filter_map(|item| session.cast(item, &Progress::default())).collect();
+        let cast = |item: Item| {
+            let frame = session.cast(&item, &Progress::default())?;
+            Some(CastFrame { item, session: Cow::Borrowed(&session), frame })
+        };
+        let frames: Vec<_> = items.into_iter().filter_map(cast).collect();
         most = most.max(frames.len());
-        run.take(&items, &frames);
+        run.take(&frames);
     }
     assert_eq!(most, 1, "one frame at a time");
     run.finish(1.0);

@@ -30,8 +30,7 @@ pub(in crate::trace) fn build(mesh: &Mesh) -> Bvh8 {
     if mesh.triangles.is_empty() {
         return Bvh8::default();
     }
-    let corners = mesh.triangles.par_iter().flatten_iter().flat_map_iter(|&v| mesh.positions[v as usize]);
-    let largest = corners.map(f32::abs).reduce(|| 0.0, f32::max);
+    let largest = largest_coordinate(mesh);
     let space = Space { mesh, scale: reciprocal_power_of_two(largest) };
 
     let mut items: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
@@ -39,6 +38,17 @@ pub(in crate::trace) fn build(mesh: &Mesh) -> Bvh8 {
     let trees: Vec<Tree> = parts.into_par_iter().map(|part| Tree::of_triangles(&space, part)).collect();
     drop(items);
     space.join(trees, largest)
+}
+
+/// The largest |coordinate| of a corner.
+pub(super) fn largest_coordinate(mesh: &Mesh) -> f32 {
+    let corners = mesh.triangles.par_iter().flatten_iter().flat_map_iter(|&v| mesh.positions[v as usize]);
+    corners.map(f32::abs).reduce(|| 0.0, f32::max)
+}
+
+/// How much boxes grow on each side, given the largest |coordinate|.
+pub(super) fn padding(largest: f32) -> f32 {
+    largest * PAD + f32::MIN_POSITIVE
 }
 
 /// Builds a hierarchy over boxes, each with the number that its leaf is to have.
@@ -145,7 +155,7 @@ impl Node {
     /// Scales the boxes back to the mesh's own size and pads them.
     fn scale_back(&mut self, scale: f32, largest: f32) {
         // The division by a power of two is exact, and its quotient is in f32's range where the reciprocal may not be.
-        let pad = largest * PAD + f32::MIN_POSITIVE;
+        let pad = padding(largest);
         for lane in 0..WIDTH {
             if self.child[lane] != Child::NONE {
                 for axis in 0..3 {

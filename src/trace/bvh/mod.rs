@@ -6,6 +6,7 @@
 
 mod binary;
 mod build;
+mod refit;
 mod traverse;
 
 use std::hint::select_unpredictable;
@@ -18,7 +19,7 @@ pub(super) use build::{build, build_over};
 pub(super) const WIDTH: usize = 8;
 
 /// A hierarchy over the triangles of one mesh, in the mesh's space.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Bvh8 {
     /// The nodes. The root is node 0, if there is any.
     pub nodes: Vec<Node>,
@@ -218,14 +219,21 @@ impl<'a> LeafBlock<'a> {
         let (coordinates, rest) = self.words[HEADER..].split_at(3 * self.vertices);
         let (x, yz) = coordinates.split_at(self.vertices);
         let (y, z) = yz.split_at(self.vertices);
-        let (word, shift) = ((lane / 4) & 1, 8 * (lane % 4));
-        let [mut a, mut b, mut c] = [[0.0; 3]; 3];
-        for (position, corner) in [(&mut a, rest[word]), (&mut b, rest[2 + word]), (&mut c, rest[4 + word])] {
-            let vertex = (corner >> shift & 0xff) as usize;
-            *position = [f32::from_bits(x[vertex]), f32::from_bits(y[vertex]), f32::from_bits(z[vertex])];
-        }
-        [a, b, c]
+        corners_in(rest, lane)
+            .map(|vertex| [f32::from_bits(x[vertex]), f32::from_bits(y[vertex]), f32::from_bits(z[vertex])])
     }
+
+    /// The indices in the block of a triangle's corners.
+    pub fn corners_of(&self, lane: usize) -> [usize; 3] {
+        corners_in(&self.words[HEADER + 3 * self.vertices..], lane)
+    }
+}
+
+/// The indices in a block of a triangle's corners, given the block's words after the coordinates.
+#[inline(always)]
+fn corners_in(words: &[u32], lane: usize) -> [usize; 3] {
+    let (word, shift) = ((lane / 4) & 1, 8 * (lane % 4));
+    [words[word], words[2 + word], words[4 + word]].map(|corner| (corner >> shift & 0xff) as usize)
 }
 
 /// A reference to a triangle: the offset of its block and its lane in the block, in 32 bits.
@@ -287,44 +295,78 @@ mod tests {
     }
 
     /// Every triangle of a mesh is in exactly one block, below boxes that hold it.
-    #[test]
-    fn the_tree_holds_every_triangle_once() {
-        for (width, height) in [(1, 1), (2, 3), (40, 57), (300, 300)] {
-            let mesh = grid(width, height);
-            let bvh = build(&mesh);
-            let mut seen = vec![0_u32; mesh.triangles.len()];
-            let mut stack = vec![(0, [f32::MIN; 3], [f32::MAX; 3])];
-            while let Some((node, low, high)) = stack.pop() {
-                let node = &bvh.nodes[node as usize];
-                for lane in 0..WIDTH {
-                    if node.child[lane] == Child::NONE {
-                        continue;
-                    }
-                    let (l, h) = (node.planes.map(|b| b[lane]), node.planes.map(|b| b[WIDTH + lane]));
-                    assert!(
-                        (0..3).all(|a| l[a] >= low[a] && h[a] <= high[a]),
-                        "a child sticks out of its parent"
-                    );
-                    match node.child[lane].get() {
-                        Err(child) => stack.push((child, l, h)),
-                        Ok(block_offset) => {
-                            let block = LeafBlock::at(&bvh.blocks, block_offset);
-                            for lane in 0..block.triangles {
-                                let id = block.id(lane);
-                                seen[id as usize] += 1;
-                                let corners = block.positions(lane);
-                                assert_eq!(
-                                    corners,
-                                    mesh.triangles[id as usize].map(|v| mesh.positions[v as usize])
-                                );
-                                let inside = |p: [f32; 3]| (0..3).all(|a| l[a] < p[a] && p[a] < h[a]);
-                                assert!(corners.into_iter().all(inside), "a box must be padded");
-                            }
+    fn check_tree(mesh: &Mesh, bvh: &Bvh8) {
+        let mut seen = vec![0_u32; mesh.triangles.len()];
+        let mut stack = vec![(0, [f32::MIN; 3], [f32::MAX; 3])];
+        while let Some((node, low, high)) = stack.pop() {
+            let node = &bvh.nodes[node as usize];
+            for lane in 0..WIDTH {
+                if node.child[lane] == Child::NONE {
+                    continue;
+                }
+                let (l, h) = (node.planes.map(|b| b[lane]), node.planes.map(|b| b[WIDTH + lane]));
+                assert!(
+                    (0..3).all(|a| l[a] >= low[a] && h[a] <= high[a]),
+                    "a child sticks out of its parent"
+                );
+                match node.child[lane].get() {
+                    Err(child) => stack.push((child, l, h)),
+                    Ok(block_offset) => {
+                        let block = LeafBlock::at(&bvh.blocks, block_offset);
+                        for lane in 0..block.triangles {
+                            let id = block.id(lane);
+                            seen[id as usize] += 1;
+                            let corners = block.positions(lane);
+                            assert_eq!(
+                                corners,
+                                mesh.triangles[id as usize].map(|v| mesh.positions[v as usize])
+                            );
+                            let inside = |p: [f32; 3]| (0..3).all(|a| l[a] < p[a] && p[a] < h[a]);
+                            assert!(corners.into_iter().all(inside), "a box must be padded");
                         }
                     }
                 }
             }
-            assert!(seen.iter().all(|&n| n == 1));
+        }
+        assert!(seen.iter().all(|&n| n == 1));
+    }
+
+    const GRIDS: [(u32, u32); 4] = [(1, 1), (2, 3), (40, 57), (300, 300)];
+
+    #[test]
+    fn the_tree_holds_every_triangle_once() {
+        for (width, height) in GRIDS {
+            let mesh = grid(width, height);
+            check_tree(&mesh, &build(&mesh));
+        }
+    }
+
+    /// A hierarchy that is fitted to another shape differs in nothing but its tree from one that is built over it, and in nothing
+    /// at all if the shape is the same.
+    #[test]
+    fn a_refitted_hierarchy_is_one_of_the_new_shape() {
+        for (width, height) in GRIDS {
+            let mesh = grid(width, height);
+            let bvh = build(&mesh);
+            let same = bvh.refitted(&mesh);
+            assert_eq!((&same.blocks, same.largest), (&bvh.blocks, bvh.largest));
+            let planes = |bvh: &Bvh8| bvh.nodes.iter().map(|node| node.planes).collect::<Vec<_>>();
+            assert_eq!(planes(&same), planes(&bvh));
+
+            let mut bent = mesh.clone();
+            for [x, y, z] in &mut bent.positions {
+                (*x, *y, *z) = (*x - 0.25 * *y, -3.0 * *y, *z + 0.1 * *x * *x);
+            }
+            let (fitted, built) = (bvh.refitted(&bent), build(&bent));
+            check_tree(&bent, &fitted);
+            assert_eq!((fitted.largest, fitted.blocks.len()), (built.largest, bvh.blocks.len()));
+            let root = |bvh: &Bvh8| {
+                let side = |lanes: std::ops::Range<usize>, outer: fn(f32, f32) -> f32| {
+                    bvh.nodes[0].planes.map(|planes| planes[lanes.clone()].iter().copied().reduce(outer))
+                };
+                (side(0..WIDTH, f32::min), side(WIDTH..2 * WIDTH, f32::max))
+            };
+            assert_eq!(root(&fitted), root(&built));
         }
     }
 
