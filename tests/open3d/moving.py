@@ -2,8 +2,8 @@
 
 The static scene is one Open3D scene, in which each ray starts where its pulse does. Each rigid part that moves (a car's body, a
 wheel) is an Open3D scene of its own, in the part's own space, and each ray is carried there by the part's place at the ray's own
-time. A skin has one shape a frame, that of the middle of its pulses' times, and moves with its actor. The nearest of all is what
-a ray sees.
+time. A skin has a shape for each slice of the frame's time, that of the slice's middle, and moves with its actor. The nearest of
+all is what a ray sees.
 
 Trajectories, animations, skins and times are worked out here from the job and the files alone. For each ray, both miss or
 beamcast's range is that of the plane of Open3D's triangle in f64, within the output's rounding, 2^-24·t, plus 1e-6 m for the
@@ -167,7 +167,9 @@ class Part:
 
     def cast(self, origins, directions, times):
         """For each ray, the range in f64 of the plane of the triangle that Open3D says it hits first, how uncertain the range
-        is, and the cosine of incidence."""
+        is."""
+        if len(origins) == 0:
+            return np.zeros(0), np.zeros(0)
         if callable(self.place):
             known, which = np.unique(times, return_inverse=True)
             inverse = np.array([np.linalg.inv(self.place(time)) for time in known])[which]
@@ -189,8 +191,32 @@ class Part:
         return t, allowed
 
 
-def parts(path, job, world, middle_s):
-    """Everything that a frame whose pulses' times have this middle can see."""
+class Bending:
+    """A part that has another shape in each slice of time. `ends` are the times at which one slice ends and the next begins."""
+
+    def __init__(self, name, ends, shapes):
+        self.name, self.ends, self.shapes = name, ends, shapes
+
+    def cast(self, origins, directions, times):
+        t, allowed = np.full(len(origins), np.inf), np.zeros(len(origins))
+        number = np.searchsorted(self.ends, times, side="right")
+        for slice_ in np.unique(number):
+            rays_of = number == slice_
+            t[rays_of], allowed[rays_of] = self.shapes[slice_].cast(origins[rays_of], directions[rays_of], times[rays_of])
+        return t, allowed
+
+
+def slices(job, from_s, to_s):
+    """The times at which the slices of a frame end, from its first pulse to its last: as few equal ones as are no longer than
+    the job's `slice_s`."""
+    longest = job.get("sequence", {}).get("slice_s", np.inf)
+    count = max(int(np.ceil((to_s - from_s) / longest)), 1)
+    return [from_s + (to_s - from_s) * (end / count) for end in range(count)] + [to_s]
+
+
+def parts(path, job, world, from_s, to_s):
+    """Everything that a frame whose first and last pulse have these times can see."""
+    ends = slices(job, from_s, to_s)
     folder = os.path.dirname(path)
     scene = world.scene
     yield Part("scene", scene.vertices, scene.triangles, scene.centre, world.moved)
@@ -214,18 +240,22 @@ def parts(path, job, world, middle_s):
             skin = gltf["skins"][node["skin"]]
             chains = {chain[-1]: chain for chain in file.chains()}
             inverse = file.values(skin["inverseBindMatrices"]).astype(np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
-            joints = [file.from_node(chains[joint], middle_s) @ bind for joint, bind in zip(skin["joints"], inverse)]
-            posed = []
             # A primitive's vertices follow each other as `read_mesh` has them.
-            for primitive in gltf["meshes"][node["mesh"]]["primitives"]:
-                attributes = primitive["attributes"]
-                positions = file.values(attributes["POSITION"]).astype(np.float64)
-                weights, bones = file.values(attributes["WEIGHTS_0"]), file.values(attributes["JOINTS_0"])
+            attributes = [primitive["attributes"] for primitive in gltf["meshes"][node["mesh"]]["primitives"]]
+            positions, weights, bones = (
+                np.concatenate([file.values(each[key]) for each in attributes])
+                for key in ("POSITION", "WEIGHTS_0", "JOINTS_0")
+            )
+            positions = positions.astype(np.float64)
+            shapes = []
+            for begin, end in zip(ends, ends[1:]):
+                middle = begin / 2 + end / 2
+                joints = [file.from_node(chains[joint], middle) @ bind for joint, bind in zip(skin["joints"], inverse)]
                 blended = np.einsum("vk,vkij->vij", weights, np.array(joints)[bones])
-                posed.append(np.einsum("vij,vj->vi", blended[:, :3, :3], positions) + blended[:, :3, 3])
-            posed = np.concatenate(posed)
-            # A shape is kept in f32: half an ulp of at most 2 m in three components.
-            yield Part(name, posed, triangles, placed(()), np.sqrt(3) * 2.0**-24)
+                posed = np.einsum("vij,vj->vi", blended[:, :3, :3], positions) + blended[:, :3, 3]
+                # A shape is kept in f32: half an ulp of at most 2 m in three components.
+                shapes.append(Part(name, posed, triangles, placed(()), np.sqrt(3) * 2.0**-24))
+            yield Bending(name, ends[1:-1], shapes)
 
 
 def sensors(path, job):
@@ -267,7 +297,7 @@ def compare(path, job, world, frame, images):
         poses = np.array([place(time) for time in known])[which]
         origins = poses[:, :3, 3]
         turned = np.einsum("nij,nj->ni", poses[:, :3, :3], directions.reshape(-1, 3))
-        everything = list(parts(path, job, world, (at.min() + at.max()) / 2))
+        everything = list(parts(path, job, world, at.min(), at.max()))
         theirs, allowed, names = nearest(everything, sensor, origins, turned, at)
         ours = images(sensor.name)["range"].reshape(-1).astype(np.float64)
 
@@ -291,7 +321,7 @@ def compare(path, job, world, frame, images):
             explained |= agree(t, uncertain + 50 * TURNED * np.where(np.isfinite(t), t, 0), others)
         hits = np.isfinite(theirs) & same
         moving = hits & (names != "scene")
-        difference = np.abs(ours - theirs)[hits]
+        difference = np.abs(ours[hits] - theirs[hits])
         row = [str(len(ours)), str(int(np.isfinite(ours).sum())), str(int(moving.sum())), str(len(others)),
                str(int(explained.sum())), f"{difference.max(initial=0):.2e}", f"{(difference / allowed[hits]).max(initial=0):.3f}"]
         problems = []
@@ -314,7 +344,7 @@ def write_tables(path, job, world, frame, pixels):
         known, which = np.unique(at, return_inverse=True)
         poses = np.array([place(time) for time in known])[which]
         turned = np.einsum("nij,nj->ni", poses[:, :3, :3], directions.reshape(-1, 3))
-        everything = list(parts(path, job, world, (at.min() + at.max()) / 2))
+        everything = list(parts(path, job, world, at.min(), at.max()))
         t, allowed, names = nearest(everything, sensor, poses[:, :3, 3], turned, at)
         # A ray whose neighbours see another part, or another depth, is near an edge.
         calm = np.ones(len(t), bool)

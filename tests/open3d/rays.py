@@ -87,7 +87,8 @@ def make(name, description, world_from_sensor, centre):
         directions = rotating(description["rotating"]) @ axes.T
         cast = np.concatenate([np.broadcast_to(origin - centre, directions.shape), directions], -1).astype(np.float32)
     low, high = limits.get("min_m", 0.0), limits.get("max_m", np.inf)
-    limited = depth if limits.get("of", "range") == "depth" else np.ones(directions.shape[:2])
+    of = limits.get("of", "depth" if "pinhole" in description else "range")
+    limited = depth if of == "depth" else np.ones(directions.shape[:2])
     return Sensor(name, origin, directions, depth, cast, axes, low, high, limited)
 
 

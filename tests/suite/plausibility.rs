@@ -144,7 +144,7 @@ fn keys_of_other_programs_have_an_answer() {
         ("from = 15.0, to = -15.0", "start = 15.0, end = -15.0", "start", "`from`"),
         ("max_m = 50.0", "max_m = 50.0\n[sensor.noise]\nstddev = 0.01", "noise", "not supported yet"),
         ("[output]", "[trajectory]\nwaypoints = []\n[output]", "waypoints", "`poses`"),
-        ("dir = \"out\"", "dir = \"out\"\nframes = 10", "frames", "one frame"),
+        ("dir = \"out\"", "dir = \"out\"\nframes = 10", "frames", "`[sequence]`"),
         ("[output]", "[imu]\nrate_hz = 100\n[output]", "imu", "not supported yet"),
         ("[output]", "[weather]\nrain_mm_h = 10\n[output]", "weather", "not supported yet"),
         ("columns = 36", "columns = 36.0", "columns", "write 36"),
