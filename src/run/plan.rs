@@ -24,6 +24,8 @@ pub struct Plan {
     pub streams: Vec<Output>,
     /// The tables that have rows of all frames.
     pub tables: Vec<Table>,
+    /// The most slices of a frame, for each of which what bends has a shape of its own.
+    slices: usize,
     /// Rays of all frames.
     pub rays: u64,
     /// An upper estimate of the memory that the frames take with everything that is made of them, in bytes. The memory of
@@ -122,10 +124,22 @@ impl Plan {
         let (formats, streams): (Vec<Format>, Vec<Format>) = job.output.formats.iter().partition(is_of_frame);
         let of_run = |format: Format| Output { format, name: format!("run.{}", format.ending()) };
         let streams = streams.into_iter().map(of_run).collect();
-        let mut plan =
-            Self { sensors: Vec::new(), shard, formats, streams, tables: Table::of(job), rays: 0, bytes: 0 };
+        let mut plan = Self {
+            sensors: Vec::new(),
+            shard,
+            formats,
+            streams,
+            tables: Table::of(job),
+            slices: 1,
+            rays: 0,
+            bytes: 0,
+        };
         let mut longest = 0;
-        for MountedSensor { name, sensor, .. } in &job.sensors {
+        for (index, MountedSensor { name, sensor, .. }) in job.sensors.iter().enumerate() {
+            let first = job.capture(index, 0);
+            if !first.is_frozen {
+                plan.slices = plan.slices.max(first.window().slices(job.sequence.slice_s));
+            }
             let all = job.sequence.frames_of(sensor);
             longest = longest.max(all);
             let frames = selection.frames.start.min(all)..selection.frames.end.min(all);
@@ -169,7 +183,8 @@ impl Plan {
         if let Some(problem) = label_problem(formats, scene) {
             return Err(Error::Usage(problem));
         }
-        memory::check("the job with its scene", self.bytes.saturating_add(memory::of_scene(scene)))
+        let of_scene = memory::of_scene(scene) + memory::of_shapes(scene, self.slices);
+        memory::check("the job with its scene", self.bytes.saturating_add(of_scene))
     }
 
     /// The frames of the job that was planned, in the order in which they are cast: by the times at which they start, and at

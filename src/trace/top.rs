@@ -32,20 +32,19 @@ impl Top {
             meshes.get(mesh).unwrap_or_else(|| &shapes[mesh - meshes.len()])
         };
         let window = scene.arrangement.window;
-        // What each placement reaches, and of one that moves what the origin of its space reaches.
+        // What each placement that moves reaches, and what the origin of its space reaches.
         let reached = |p: &Placement| {
-            if !p.is_moving() {
-                return (carried_bounds(own(p), p, 0.0), Bounds::EMPTY);
-            }
             let of_mesh = p.bounds_of(own(p), window);
             if own(p).contains(DVec3::ZERO) {
                 return (of_mesh, of_mesh);
             }
             (of_mesh, p.bounds_of(&Bounds::EMPTY.with(DVec3::ZERO), window))
         };
-        let reached: Vec<_> = placements.par_iter().map(reached).collect();
-        let all = reached.iter().map(|(of_mesh, _)| *of_mesh).filter(|b| !b.is_empty());
+        let of_moving: Vec<_> = placements.par_iter().filter(|p| p.is_moving()).map(reached).collect();
+        let of_still = placements.iter().filter(|p| !p.is_moving()).map(|p| carried_bounds(own(p), p, 0.0));
+        let all = of_still.chain(of_moving.iter().map(|(of_mesh, _)| *of_mesh)).filter(|b| !b.is_empty());
         let size = all.fold(Bounds::EMPTY, Bounds::union).largest();
+        let mut of_moving = of_moving.into_iter();
         let (copies, is_copy) = copies(placements);
         let mut boxes = Vec::with_capacity(placements.len());
         for (placement, number) in placements.iter().zip(0..) {
@@ -53,17 +52,13 @@ impl Top {
                 continue;
             }
             let own = own(placement);
-            let (of_mesh, of_origin) = &reached[number as usize];
-            if placement.is_moving() && of_mesh.is_empty() {
-                continue;
-            }
-            let bounds = if own.is_empty() {
+            let moving = if placement.is_moving() { of_moving.next() } else { None };
+            let bounds = match moving {
+                Some((of_mesh, _)) if of_mesh.is_empty() => continue,
                 // An empty mesh 0 has a placement too. Its box is a point, where a ray finds nothing.
-                Bounds { low: DVec3::ZERO, high: DVec3::ZERO }
-            } else if placement.is_moving() {
-                padded(of_mesh, of_origin, size, scene.geometry.centre)
-            } else {
-                carried_bounds(own, placement, size)
+                _ if own.is_empty() => Bounds { low: DVec3::ZERO, high: DVec3::ZERO },
+                Some((of_mesh, of_origin)) => padded(&of_mesh, &of_origin, size, scene.geometry.centre),
+                None => carried_bounds(own, placement, size),
             };
             boxes.push((bounds, number));
         }

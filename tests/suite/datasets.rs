@@ -341,9 +341,9 @@ fn a_thousand_frames_take_the_memory_of_ten() {
     let [few, many] = [10, 1000].map(|frames| {
         let work = Workplace::with_sensors(&format!(
             "[sequence]\nframes = {frames}\n[[sensor]]\nname = \"top\"\npose = {{ position_m = [0.0, 0.0, 1.0] }}\n\
-             [sensor.rotating]\nelevations_deg = {{ from = 5.0, to = -30.0, count = 64 }}\ncolumns = 512\nrate_hz = 10.0\n"
+             [sensor.rotating]\nelevations_deg = {{ from = 5.0, to = -30.0, count = 64 }}\ncolumns = 1024\nrate_hz = 10.0\n"
         ));
-        let args = ["-q", "--threads", "2", "--set", "output.formats=[\"ply\"]"];
+        let args = ["-q", "--threads", "2", "--set", "output.formats=[\"labels\"]"];
         super::guards::peak(work.command("scan", &args))
     });
     assert!(many < 1.05 * few, "10 frames take {few} bytes at most, 1000 take {many}");
