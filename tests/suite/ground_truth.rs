@@ -527,23 +527,6 @@ fn still_objects_have_boxes_if_they_are_asked_for() {
     assert!((libm::atan2(x.y, x.x).to_degrees() + 60.0).abs() < 1e-3 && velocity == Velocity::default());
 }
 
-/// The keys of a value with their paths, `[]` behind the keys of lists.
-fn add_keys(value: &Value, path: &str, found: &mut BTreeSet<String>) {
-    match value {
-        Value::Object(keys) => {
-            for (key, value) in keys {
-                let list = if value.is_array() { "[]" } else { "" };
-                let deeper =
-                    if path.is_empty() { format!("{key}{list}") } else { format!("{path}.{key}{list}") };
-                add_keys(value, &deeper, found);
-                found.insert(deeper);
-            }
-        }
-        Value::Array(values) => values.iter().for_each(|value| add_keys(value, path, found)),
-        _ => {}
-    }
-}
-
 /// A run writes the tables that its job asks for, the manifest lists them, and docs/ground-truth.md has every key of theirs and no other.
 #[test]
 fn tables_are_written_and_their_page_has_every_key() {
@@ -605,7 +588,7 @@ fn tables_are_written_and_their_page_has_every_key() {
             .filter_map(|line| line.strip_prefix("| `")?.split_once('`').map(|(key, _)| key.to_owned()))
             .collect();
         let mut found = BTreeSet::new();
-        rows.iter().for_each(|row| add_keys(row, "", &mut found));
+        rows.iter().for_each(|row| super::json::add_keys(row, "", &mut found));
         // Bounds are null where there are none.
         let found: BTreeSet<String> =
             found.into_iter().filter(|key| !["bounds_px", "projected_px"].contains(&key.as_str())).collect();

@@ -119,7 +119,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
 }
 
 /// Adds the path of every key, with `[]` behind the keys of lists.
-fn add_keys(value: &Value, path: &str, found: &mut BTreeSet<String>) {
+pub(super) fn add_keys(value: &Value, path: &str, found: &mut BTreeSet<String>) {
     match value {
         Value::Object(keys) => {
             for (key, value) in keys {
