@@ -269,15 +269,34 @@ pub static CHANNELS: [ChannelSpec; 18] = [
 ];
 
 /// The names of all channels, sorted.
-pub const CHANNEL_NAMES: [&str; CHANNELS.len()] = {
-    let mut names = [""; CHANNELS.len()];
-    let mut i = 0;
-    while i < names.len() {
-        names[i] = CHANNELS[i].name;
+pub const CHANNEL_NAMES: [&str; CHANNELS.len()] = names::<{ CHANNELS.len() }>(true);
+
+/// The names of the channels that a frame has unasked, sorted: those that a baseline holds.
+pub const UNASKED_CHANNEL_NAMES: [&str; count(false)] = names::<{ count(false) }>(false);
+
+/// The number of channels, with or without those that a job must choose by name.
+const fn count(with_chosen: bool) -> usize {
+    let (mut count, mut i) = (0, 0);
+    while i < CHANNELS.len() {
+        count += (with_chosen || !CHANNELS[i].is_chosen) as usize;
+        i += 1;
+    }
+    count
+}
+
+/// The names of these channels.
+const fn names<const COUNT: usize>(with_chosen: bool) -> [&'static str; COUNT] {
+    let mut names = [""; COUNT];
+    let (mut found, mut i) = (0, 0);
+    while i < CHANNELS.len() {
+        if with_chosen || !CHANNELS[i].is_chosen {
+            names[found] = CHANNELS[i].name;
+            found += 1;
+        }
         i += 1;
     }
     names
-};
+}
 
 impl Place {
     fn row(self, f: &SensorFrame) -> usize {

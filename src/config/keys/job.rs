@@ -12,7 +12,7 @@ use super::pose::POSE_KEYS;
 use super::random::RANDOM;
 use super::sensor;
 use crate::frame::UpAxis;
-use crate::output::{CHANNEL_NAMES, CloudFrame, CloudTime};
+use crate::output::{CHANNEL_NAMES, CloudFrame, CloudTime, UNASKED_CHANNEL_NAMES};
 use crate::trace::methods::{METHODS, Method};
 use crate::truth;
 
@@ -255,7 +255,7 @@ pub(crate) static VISIBLE: Key<Flag> =
 
 pub(crate) static CHECK_KEYS: TableKeys = table("`[check]`", &[&COMPARED, &COMPARED_FRAMES, &TOLERANCES]);
 pub(crate) static COMPARED: Key<Choices<&'static str>> =
-    key("channels", Choices(Choice(&CHANNEL_WORDS)), "The channels that are compared; left out: all.");
+    key("channels", Choices(Choice(&COMPARED_WORDS)), "The channels that are compared; left out: all.");
 pub(crate) static COMPARED_FRAMES: Key<List<Integer<u64>>> = key(
     "frames",
     List { of: Integer::within(0, MAX_FRAMES), least: 1 },
@@ -265,21 +265,25 @@ pub(crate) static TOLERANCES: Key<ByName<NumberOrTable>> = key(
     "tolerance",
     ByName {
         of: NumberOrTable(Number::NOT_NEGATIVE, &TOLERANCE),
-        names: Names::Of("channel", &CHANNEL_NAMES),
+        names: Names::Of("channel", &UNASKED_CHANNEL_NAMES),
         example: "`[check.tolerance]`, then `range = 0.001`",
     },
     "By channel, how far a pixel may be off: a number in the channel's unit, or a table.",
 );
 /// The channels' names, each standing for itself.
-static CHANNEL_WORDS: [(&str, &str); CHANNEL_NAMES.len()] = {
-    let mut all = [("", ""); CHANNEL_NAMES.len()];
+static CHANNEL_WORDS: [(&str, &str); CHANNEL_NAMES.len()] = words(CHANNEL_NAMES);
+/// The names of the channels that a baseline holds.
+static COMPARED_WORDS: [(&str, &str); UNASKED_CHANNEL_NAMES.len()] = words(UNASKED_CHANNEL_NAMES);
+
+const fn words<const COUNT: usize>(names: [&'static str; COUNT]) -> [(&'static str, &'static str); COUNT] {
+    let mut all = [("", ""); COUNT];
     let mut index = 0;
-    while index < CHANNEL_NAMES.len() {
-        all[index] = (CHANNEL_NAMES[index], CHANNEL_NAMES[index]);
+    while index < COUNT {
+        all[index] = (names[index], names[index]);
         index += 1;
     }
     all
-};
+}
 
 pub(crate) static TOLERANCE: TableKeys = table("a tolerance", &[&ABSOLUTE, &RELATIVE, &PIXELS]);
 pub(crate) static ABSOLUTE: Key<Number> =
