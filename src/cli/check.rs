@@ -152,7 +152,7 @@ fn check_all(
             Err(error) => {
                 // Each of the other jobs reads the scene again, and so has an error of its own.
                 let place = job.places.scene.clone();
-                jobs[group.remove(0)].fail_at(place, error.into());
+                jobs[group.remove(0)].fail_at(place, error);
                 groups.extend(Some(group));
                 continue;
             }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::terminal::Terminal;
 use super::threads;
 use crate::config::{self, Job};
-use crate::error::{Error, SceneError};
+use crate::error::Error;
 use crate::run::{self, Bytes};
 use crate::scene::gltf;
 use crate::source::{Diagnostic, Severity};
@@ -79,8 +79,8 @@ pub fn load_job(path: &Path, overrides: &[String], terminal: &Terminal) -> Resul
 /// Reads a job's scene, and shows its warnings and, if the user wants to know, its notes and its files.
 ///
 /// # Errors
-/// With the element of the file that is wrong.
-pub fn load_scene(job: &mut Job, args: &SceneArgs, terminal: &Terminal) -> Result<gltf::Loaded, SceneError> {
+/// Those of [`run::load_scene`].
+pub fn load_scene(job: &mut Job, args: &SceneArgs, terminal: &Terminal) -> Result<gltf::Loaded, Error> {
     let loaded = run::load_scene(job, &args.allowed_folders)?;
     terminal.notices(&loaded.notices);
     for file in &loaded.scene.geometry.files {

@@ -61,9 +61,12 @@ pub struct Job {
     /// The job with its sensors' files merged in, as the manifest tells it: the keys that were given, without defaults,
     /// without the output's folder and without absolute paths.
     pub resolved: serde_json::Value,
-    /// The values that the job's `[random]` drew, by their keys: those of the run, and in the job of a frame those of the frame.
+    /// The values that the job drew, by their keys: those of the run, and in the job of a frame those of the frame. Places of
+    /// actors are among them as soon as [`load_scene`](crate::run::load_scene) has found them.
     pub drawn: serde_json::Map<String, serde_json::Value>,
-    /// The way to the jobs of single frames, if values are drawn for each.
+    /// The number of the frames that this is the job of, if it is a job of single frames ([`Job::of_frame`]).
+    pub frame: Option<u64>,
+    /// The way to the jobs of single frames, if `[random]` draws values for each.
     pub(crate) by_frame: Option<ByFrame>,
     /// Where the values stand in the job's files, for what is found out about them later.
     pub places: Places,
@@ -114,23 +117,31 @@ impl Job {
 
     /// Whether frames differ from each other by what is drawn for each of them.
     pub fn is_drawn_by_frame(&self) -> bool {
-        self.by_frame.is_some()
+        self.by_frame.is_some() || self.has_places_by_frame()
     }
 
     /// Whether the scene may differ from frame to frame.
     pub fn has_drawn_scenes(&self) -> bool {
-        self.by_frame.as_ref().is_some_and(|frames| frames.changes_scene)
+        self.by_frame.as_ref().is_some_and(|frames| frames.changes_scene) || self.has_places_by_frame()
     }
 
-    /// The job of the frames of this number: this job, with what its `[random]` draws for them.
+    /// Whether an actor has a place of its own in each frame.
+    fn has_places_by_frame(&self) -> bool {
+        self.actors.iter().filter_map(|actor| actor.placing.as_ref()).any(|placing| !placing.is_of_run)
+    }
+
+    /// The job of the frames of this number: this job, with what its `[random]` draws for them. The places of its actors are drawn
+    /// when its scene is loaded.
     ///
     /// # Errors
     /// [`Error::Config`] if a drawn value makes the job invalid, with the key, the value and the frame.
     pub fn of_frame(&self, frame: u64) -> Result<Cow<'_, Self>, Error> {
-        match &self.by_frame {
-            None => Ok(Cow::Borrowed(self)),
-            Some(frames) => (frames.make)(self, frame).map(Cow::Owned),
-        }
+        let job = match &self.by_frame {
+            None if !self.has_places_by_frame() => return Ok(Cow::Borrowed(self)),
+            None => self.clone(),
+            Some(frames) => (frames.make)(self, frame)?,
+        };
+        Ok(Cow::Owned(Self { frame: Some(frame), ..job }))
     }
 }
 
@@ -141,12 +152,44 @@ pub struct Actor {
     pub name: String,
     /// What moves.
     pub body: ActorBody,
-    /// The pose of the thing's own frame in the world over time.
+    /// The pose of the thing's own frame in the world over time. If its place is drawn, it is at the world's origin until
+    /// [`load_scene`](crate::run::load_scene) has found it one.
     pub trajectory: Trajectory,
+    /// How its place is drawn, if it is.
+    pub placing: Option<Placing>,
     /// Its semantic label, instead of what the job's labels and the file say.
     pub label: Option<u32>,
     /// Where the job names what moves.
     pub place: Place,
+}
+
+/// How the place of an [`Actor`] is drawn: on a surface of the scene, upright, and where it meets nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placing {
+    /// The surface.
+    pub on: SurfaceName,
+    /// Where the job names the surface.
+    pub place: Place,
+    /// The part of the surface that counts: from and to along x and y of the world, in metres.
+    pub zone_m: [[f64; 2]; 2],
+    /// The least and the most yaw, in degrees: so the pose that is drawn can be written into a job, and read as the same bits.
+    pub yaw_deg: [f64; 2],
+    /// The least distance from the actor's box to the scene and to the boxes of other actors, in metres.
+    pub clearance_m: f64,
+    /// The height above the actor's origin up to which it meets nothing, in metres.
+    pub lift_m: f64,
+    /// Whether all frames have the same place.
+    pub is_of_run: bool,
+}
+
+/// How a job names a surface of its scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SurfaceName {
+    /// Objects or materials with this name, where a `*` at the end stands for anything. If there are none: what has the label that
+    /// the job's `[labels]` gives this name.
+    Name(String),
+    /// Everything with this semantic label.
+    Label(u32),
 }
 
 /// What moves as an [`Actor`].

@@ -45,7 +45,7 @@ use crate::source::{Diagnostic, FileKind, Layer, Report, Severity, Unreadable, W
 pub use drive::{DRIVE_JOB, starter_drive};
 pub use job::{
     Actor, ActorBody, Animation, Config, FromScene, InScene, InputFile, Job, Length, MountedSensor,
-    OutputSettings, Owner, Places, SensorFile, Sequence, TruthSettings,
+    OutputSettings, Owner, Places, Placing, SensorFile, Sequence, SurfaceName, TruthSettings,
 };
 use keys::GRAMMAR;
 use keys::job::JOB;

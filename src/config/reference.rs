@@ -35,8 +35,8 @@ pub(super) fn page(grammar: &Grammar, introduction: &str) -> String {
             };
             let _ = writeln!(page, "| `{}` | {value} | {left_out} | {} |", facts.name, facts.about);
         }
-        if !table.one_of.is_empty() {
-            let names: Vec<_> = table.one_of.iter().map(|key| format!("`{}`", key.name())).collect();
+        for group in table.groups() {
+            let names: Vec<_> = group.iter().map(|key| format!("`{}`", key.name())).collect();
             let unless =
                 table.unless.map_or(String::new(), |key| format!(", unless there is a `{}`", key.name()));
             let _ = writeln!(page, "\nExactly one of {} must be there{unless}.", names.join(", "));

@@ -38,15 +38,21 @@ pub(super) fn table(keys: &'static TableKeys, is_partial: bool) -> Map<String, V
     if !required.is_empty() && !is_partial {
         table.insert("required".into(), json!(required));
     }
-    if !keys.one_of.is_empty() {
-        let one_of: Value = keys.one_of.iter().map(|key| complete(*key)).collect();
-        match keys.unless {
-            None => table.insert("oneOf".into(), one_of),
-            Some(other) => {
-                table.insert("if".into(), json!({ "not": { "required": [other.name()] } }));
-                table.insert("then".into(), json!({ "oneOf": one_of }))
-            }
-        };
+    let groups: Vec<Value> =
+        keys.groups().map(|group| group.iter().map(|key| complete(*key)).collect()).collect();
+    match (groups.as_slice(), keys.unless) {
+        ([], _) => {}
+        ([one_of], None) => {
+            table.insert("oneOf".into(), one_of.clone());
+        }
+        ([one_of], Some(other)) => {
+            table.insert("if".into(), json!({ "not": { "required": [other.name()] } }));
+            table.insert("then".into(), json!({ "oneOf": one_of }));
+        }
+        (several, _) => {
+            let all = several.iter().map(|one_of| json!({ "oneOf": one_of })).collect();
+            table.insert("allOf".into(), all);
+        }
     }
     table
 }

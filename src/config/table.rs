@@ -171,8 +171,8 @@ pub(crate) struct TableKeys {
     /// The table's name in messages.
     pub title: &'static str,
     pub keys: &'static [&'static dyn AnyKey],
-    /// Keys of which exactly one must be there.
-    pub one_of: &'static [&'static dyn AnyKey],
+    /// Keys of which exactly one must be there, in up to two groups; a group that does not exist is empty.
+    pub one_of: [&'static [&'static dyn AnyKey]; 2],
     /// A key that can stand for one of those.
     pub unless: Option<&'static dyn AnyKey>,
     /// Whether a preset may give a part of this table, so that the other part alone is not wrong in an editor.
@@ -181,7 +181,7 @@ pub(crate) struct TableKeys {
 
 /// Declares a table.
 pub(crate) const fn table(title: &'static str, keys: &'static [&'static dyn AnyKey]) -> TableKeys {
-    TableKeys { title, keys, one_of: &[], unless: None, is_partial: false }
+    TableKeys { title, keys, one_of: [&[], &[]], unless: None, is_partial: false }
 }
 
 impl TableKeys {
@@ -191,8 +191,19 @@ impl TableKeys {
     }
 
     pub const fn one_of(mut self, keys: &'static [&'static dyn AnyKey]) -> Self {
-        self.one_of = keys;
+        self.one_of[0] = keys;
         self
+    }
+
+    /// A second group, of which exactly one must be there, too.
+    pub const fn and_one_of(mut self, keys: &'static [&'static dyn AnyKey]) -> Self {
+        self.one_of[1] = keys;
+        self
+    }
+
+    /// The groups of keys of which exactly one must be there.
+    pub fn groups(&self) -> impl Iterator<Item = &'static [&'static dyn AnyKey]> {
+        self.one_of.into_iter().filter(|group| !group.is_empty())
     }
 
     pub const fn unless(mut self, key: &'static dyn AnyKey) -> Self {

@@ -82,6 +82,15 @@ pub struct Examined {
 }
 
 impl Examined {
+    /// Adds what is wrong with a job or a sensor file.
+    fn add_error(&mut self, path: &Path, error: Error) {
+        self.is_config_wrong = true;
+        match error {
+            Error::Config(found) => self.problems.extend(found),
+            other => self.problems.push(Diagnostic::about_file(path, other.to_string(), None)),
+        }
+    }
+
     /// The facts and the problems, if nothing is wrong.
     ///
     /// # Errors
@@ -152,7 +161,8 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
                 examined.problems.extend(plausibility::of_scene(scene.extent(), &place));
                 examined.facts.push(facts);
             }
-            Err(error) => examined.problems.push(about_scene(error)),
+            Err(Error::Scene(error)) => examined.problems.push(about_scene(error)),
+            Err(other) => examined.add_error(path, other),
         }
         return;
     }
@@ -190,11 +200,12 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
                         scene,
                     });
                 }
-                Err(error) => {
+                Err(Error::Scene(error)) => {
                     let mut problem = about_scene(error);
                     problem.message = format!("the scene of {name}: {}", problem.message);
                     examined.problems.push(problem);
                 }
+                Err(other) => examined.add_error(path, other),
             }
             examined.is_config_wrong |= !problems.is_empty();
             examined
@@ -202,13 +213,7 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
                 .extend(problems.into_iter().map(|text| Diagnostic::about_file(path, text, None)));
             examined.problems.extend(job.warnings);
         }
-        Err(error) => {
-            examined.is_config_wrong = true;
-            match error {
-                Error::Config(found) => examined.problems.extend(found),
-                other => examined.problems.push(Diagnostic::about_file(path, other.to_string(), None)),
-            }
-        }
+        Err(error) => examined.add_error(path, error),
     }
 }
 
@@ -227,7 +232,7 @@ fn open_scene(
     job: Option<&Job>,
     allowed_folders: &[PathBuf],
     diagnostics: &mut Vec<Diagnostic>,
-) -> Result<Scene, SceneError> {
+) -> Result<Scene, Error> {
     let loaded = match job {
         Some(job) => session::load_scene(&mut job.clone(), allowed_folders)?,
         None => {

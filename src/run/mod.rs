@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! session     a job with its scene and its tracer: casts the job's frames
+//! places      the places that a job draws for its actors
 //! plan        the frames of a job, the files that they become and the memory that they take, checked before anything is cast
 //! memory      the machine's memory, and estimates of how much a run needs
 //! journal     the folder that a run writes, and the record of the files in it
@@ -30,6 +31,7 @@ pub mod journal;
 pub mod memory;
 pub mod merge;
 pub mod paths;
+mod places;
 pub mod plan;
 pub mod record;
 pub mod session;

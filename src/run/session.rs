@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::memory;
 use super::paths::tidy;
+use super::places;
 use super::plan::{Item, Output};
 use super::tracked::Tracked;
 use crate::config::{Actor, ActorBody, Animation, InScene, Job, MountedSensor, OutputSettings};
@@ -23,15 +24,38 @@ use crate::trace::{AnyTracer, Cast};
 /// Reads a job's scene with its actors, and puts the bodies and sensors of the job whose places the scene decides there. The
 /// files may lie in their own scene's folder and in those that are allowed besides.
 ///
+/// The places that the job draws for its actors are found, and are in [`Job::drawn`] then.
+///
+/// # Errors
+/// [`Error::Scene`] with the element of the file that is wrong, and [`Error::Config`] if an actor finds no place.
+pub fn load_scene(job: &mut Job, allowed_folders: &[PathBuf]) -> Result<gltf::Loaded, Error> {
+    places::draw(job, allowed_folders)?;
+    let loaded = read_scene(job, allowed_folders, |_| true)?;
+    job.settle(&loaded.places);
+    Ok(loaded)
+}
+
+/// How the clips of actors' own files play. The names of clips are those of the job's scene: all clips of an actor's file play.
+pub(super) fn clips_of_actors(job: &Job) -> gltf::Clips {
+    let Animation { is_looped, start_s, .. } = job.animation;
+    gltf::Clips { names: None, is_looped, start_s }
+}
+
+/// Reads a job's scene with those of its actors that are meant.
+///
 /// # Errors
 /// With the element of the file that is wrong.
-pub fn load_scene(job: &mut Job, allowed_folders: &[PathBuf]) -> Result<gltf::Loaded, SceneError> {
+pub(super) fn read_scene(
+    job: &Job,
+    allowed_folders: &[PathBuf],
+    is_meant: impl Fn(&Actor) -> bool,
+) -> Result<gltf::Loaded, SceneError> {
     let Animation { clips, is_looped, start_s } = &job.animation;
     let names = clips.as_ref().map(|clips| clips.iter().map(|(name, _)| name.clone()).collect());
     let of_scene = gltf::Clips { names, is_looped: *is_looped, start_s: *start_s };
-    // The names of clips are those of the job's scene. All clips of an actor's own file play.
-    let of_actors = gltf::Clips { names: None, ..of_scene.clone() };
-    let actors = job.actors.iter().map(|Actor { name, body, trajectory, label, .. }| {
+    let of_actors = clips_of_actors(job);
+    let actors = job.actors.iter().filter(|actor| is_meant(actor));
+    let actors = actors.map(|Actor { name, body, trajectory, label, .. }| {
         let model = match body {
             ActorBody::File { path, as_written } => {
                 gltf::Model::File { path, display_name: as_written, clips: &of_actors }
@@ -54,9 +78,7 @@ pub fn load_scene(job: &mut Job, allowed_folders: &[PathBuf]) -> Result<gltf::Lo
         places: &places.collect::<Vec<_>>(),
         start_s: job.sequence.start_s,
     };
-    let loaded = open_scene(&job.scene_path, &job.scene_as_written, &options)?;
-    job.settle(&loaded.places);
-    Ok(loaded)
+    open_scene(&job.scene_path, &job.scene_as_written, &options)
 }
 
 /// Reads a scene. The error about a scene that isn't there suggests files that are.
@@ -104,7 +126,7 @@ impl Session {
     /// A scene that is drawn is read then; its files may lie in the allowed folders, too.
     ///
     /// # Errors
-    /// [`Error::Config`] if a drawn value makes the job invalid, [`Error::Scene`] if its scene can't be read, and
+    /// [`Error::Config`] if a drawn value makes the job invalid or an actor finds no place, [`Error::Scene`] if its scene can't be read, and
     /// [`Error::Usage`] if that does not fit into the machine's memory.
     pub fn of_frame(&self, frame: u64, allowed_folders: &[PathBuf]) -> Result<Cow<'_, Self>, Error> {
         let mut job = match self.job.of_frame(frame)? {

@@ -113,7 +113,7 @@ impl Scene {
     }
 
     /// The triangles whose surface is meant: for each run of them the placement, and their range in its mesh.
-    pub fn triangles_of(&self, is_meant: impl Fn(Surface) -> bool) -> Vec<(&Placement, Range<usize>)> {
+    pub fn triangles_of(&self, mut is_meant: impl FnMut(Surface) -> bool) -> Vec<(&Placement, Range<usize>)> {
         let mut found = Vec::new();
         for placement in &self.arrangement.placements {
             let mesh = self.mesh(placement.mesh);

@@ -91,12 +91,16 @@ impl Scene {
     }
 
     fn corners_at(&self, placement: &Placement, triangles: Range<usize>) -> Vec<DVec3> {
+        triangles.flat_map(|triangle| self.triangle_at(placement, triangle)).collect()
+    }
+
+    /// The corners in the world, in metres, of a triangle of the mesh at a placement, where the scene has it.
+    pub fn triangle_at(&self, placement: &Placement, triangle: usize) -> [DVec3; 3] {
         let mesh = self.mesh(placement.mesh);
-        let corner = |&vertex: &u32| {
+        mesh.triangles[triangle].map(|vertex| {
             let position = DVec3::from_array(mesh.positions[vertex as usize].map(f64::from));
             placement.scene_from_mesh().transform_point3(position) + self.geometry.centre
-        };
-        mesh.triangles[triangles].as_flattened().iter().map(corner).collect()
+        })
     }
 
     /// The time whose shape a mesh that bends has at a placement of a frame's arrangement: the middle of its slice.

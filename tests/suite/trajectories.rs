@@ -484,6 +484,7 @@ fn what_the_scene_is_asked_for_is_put_in_place() {
     assert!(at.translation.abs_diff_eq(DVec3::new(3.0, 0.0, 0.0), 1e-12), "{at:?}");
 
     let error = load("", "[trajectory]\nnode = \"cart\"").unwrap_err();
+    let beamcast::error::Error::Scene(error) = error else { panic!("{error}") };
     assert!(error.problem.contains("no node called"), "{error:?}");
     assert!(error.help.as_ref().is_some_and(|help| help.contains("did you mean \"car\"?")), "{error:?}");
 }

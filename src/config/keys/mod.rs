@@ -9,6 +9,7 @@ pub(crate) mod expect;
 pub(crate) mod job;
 pub(crate) mod limits;
 pub(crate) mod motion;
+pub(crate) mod placing;
 pub(crate) mod pose;
 pub(crate) mod random;
 pub(crate) mod sensor;

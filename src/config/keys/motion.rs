@@ -2,6 +2,7 @@
 
 use super::super::kinds::{Choice, Flag, Integer, List, Nested, Number, Tables, Text, Vector};
 use super::super::table::{Key, TableKeys, key, table};
+use super::placing::PLACE;
 use super::pose::{CONVENTION, LOOK_AT, MATRIX, POSE_KEYS, POSITION, QUATERNION, RPY, UPWARD};
 use crate::motion::Interpolation;
 
@@ -72,11 +73,12 @@ pub(crate) static ANGULAR: Key<Vector<3>> =
 pub(crate) static ACTORS: Key<Tables> = key(
     "actor",
     Tables::with_headers(&ACTOR, "actor", 0).at_most(MAX_ACTORS),
-    "What moves in the scene along a trajectory: one table a thing.",
+    "What moves in the scene along a trajectory, or stands at a place that is drawn: one table a thing.",
 );
 pub(crate) static ACTOR: TableKeys =
-    table("`[[actor]]`", &[&ACTOR_NAME, &ACTOR_SCENE, &ACTOR_NODE, &ACTOR_TRAJECTORY, &ACTOR_LABEL])
-        .one_of(&[&ACTOR_SCENE, &ACTOR_NODE]);
+    table("`[[actor]]`", &[&ACTOR_NAME, &ACTOR_SCENE, &ACTOR_NODE, &ACTOR_TRAJECTORY, &PLACE, &ACTOR_LABEL])
+        .one_of(&[&ACTOR_SCENE, &ACTOR_NODE])
+        .and_one_of(&[&ACTOR_TRAJECTORY, &PLACE]);
 pub(crate) static ACTOR_NAME: Key<Text> =
     key("name", Text, "The thing's name, as boxes and tables of poses have it.")
         .required("`name = \"car\"`: boxes and tables of poses name it");
@@ -89,8 +91,7 @@ pub(crate) static ACTOR_NODE: Key<Text> = key(
 )
 .replaces(&["scene"]);
 pub(crate) static ACTOR_TRAJECTORY: Key<Nested> =
-    key("trajectory", Nested(&ACTOR_TRAJECTORY_KEYS), "world_from_actor over time.")
-        .required("`trajectory = { file = \"car.csv\" }`");
+    key("trajectory", Nested(&ACTOR_TRAJECTORY_KEYS), "world_from_actor over time.").replaces(&["place"]);
 pub(crate) static ACTOR_LABEL: Key<Integer<u32>> = key(
     "label",
     Integer::within(0, u32::MAX as u64),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::super::job::{
-    InputFile, Job, Length, MountedSensor, OutputSettings, Places, Sequence, TruthSettings,
+    Actor, InputFile, Job, Length, MountedSensor, OutputSettings, Places, Sequence, TruthSettings,
 };
 use super::super::keys::job as keys;
 use super::super::keys::limits::MAX_FRAMES;
@@ -18,7 +18,7 @@ use super::preset::Laid;
 use super::rays::RayFiles;
 use super::{actors, expect, rig, trajectory};
 use crate::check::{Settings, Tolerance};
-use crate::frame::Pose;
+use crate::frame::{Pose, UpAxis};
 use crate::motion::Trajectory;
 use crate::output::{Channels, CloudTime, Format};
 use crate::sensor::Capture;
@@ -68,6 +68,7 @@ pub(super) fn from_entries(
     let check = t.read(&keys::CHECK).map(|t| settings(&t.value, &lengths));
     let (expectations, expectations_at) = expect::expectations(&t, &lengths);
     let (actors, actors_at) = actors::actors(&t, pose_files, folder);
+    report_what_cannot_be_placed(&t, up, &actors, &actors_at);
     let animation = actors::animation(&t);
     for given in body.iter().chain(&actors_at) {
         check_times(report, &sequence, &sensors, given);
@@ -131,10 +132,40 @@ pub(super) fn from_entries(
         inputs,
         resolved: resolved(entries),
         drawn: serde_json::Map::new(),
+        frame: None,
         by_frame: None,
         places,
         warnings: Vec::new(), // the owner of the report has them
     })
+}
+
+/// Reports places that can't be drawn because of what else the job says.
+fn report_what_cannot_be_placed(t: &Table<'_>, up: UpAxis, actors: &[Actor], at: &[trajectory::Given]) {
+    let placed =
+        || actors.iter().zip(at).filter_map(|(actor, at)| Some((actor, actor.placing.as_ref()?, at.span)));
+    if up == UpAxis::Y && placed().next().is_some() {
+        let message =
+            "with `up = \"y\"` the scene does not stand upright, and a place is drawn for what does";
+        let help = "leave `up` out: z is up in the world then".to_owned();
+        t.report().error(t.span_of(&keys::UP), message, "expected \"z\"", Some(help));
+    }
+    let mut of_frame = None;
+    for (actor, placing, span) in placed() {
+        match of_frame {
+            _ if !placing.is_of_run => of_frame = of_frame.or(Some(&actor.name)),
+            None => {}
+            Some(before) => {
+                let message = format!(
+                    "the place of {} is drawn once, and that of {} before it for each frame",
+                    quoted(&actor.name),
+                    quoted(before)
+                );
+                let help = "put the actors with `per = \"run\"` first: a place keeps clear of those that are drawn before it";
+                t.report().error(span, message, "", Some(help.to_owned()));
+                return;
+            }
+        }
+    }
 }
 
 /// Where the table of each sensor is written.

@@ -6,6 +6,7 @@ mod expect;
 mod job;
 pub(super) mod layers;
 mod modes;
+mod placing;
 mod pose;
 mod pose_files;
 mod preset;

@@ -28,6 +28,11 @@ pub(super) struct Given {
 }
 
 impl Given {
+    /// What stands at the world's origin until its place is drawn.
+    pub fn at_origin(span: Span) -> Self {
+        Self { trajectory: Trajectory::Fixed(Pose::IDENTITY), wanted: None, span }
+    }
+
     /// The question to the scene about the body's place, if there is one.
     pub fn asked_of_scene(&self, report: &Report) -> Option<FromScene> {
         let Spanned { value, span } = self.wanted.clone()?;
@@ -49,7 +54,7 @@ pub(super) fn of_body(t: &Table<'_>, files: &PoseFiles) -> Given {
         None => drop(trajectory(t, &BODY_POSE, files)),
     }
     let wanted = Spanned { value: InScene::Node(node.value.to_owned()), span: node.span };
-    Given { trajectory: Trajectory::Fixed(Pose::IDENTITY), wanted: Some(wanted), span: node.span }
+    Given { wanted: Some(wanted), ..Given::at_origin(node.span) }
 }
 
 /// The trajectory of an actor, which the scene does not decide. If there is something wrong, it is reported.
