@@ -1,15 +1,17 @@
-//! Places for things that stand in a scene: drawn uniformly over a surface, upright, and such that nothing is met.
+//! Places for things that stand in a scene: drawn uniformly over a surface, upright, where they meet nothing and are in nothing.
 //!
 //! ```text
 //! surface    the part of a scene that things stand on, and points that are uniform over it
 //! overlap    whether boxes meet each other, and triangles
 //! obstacles  the triangles of a scene, by where they are
+//! enclosure  whether a point is inside of something
 //! ```
 //!
 //! A place is found by rejection: points of the surface and yaws are drawn until the thing's box meets nothing there. So of all
 //! places where it meets nothing, each is as likely. An attempt takes four numbers of its stream, whatever comes of it, so that the
 //! numbers of an attempt depend on the stream and the attempt alone.
 
+mod enclosure;
 mod obstacles;
 mod overlap;
 mod surface;
@@ -68,6 +70,8 @@ pub struct Refused {
     pub scene: usize,
     /// The attempts at which only another box was met.
     pub others: usize,
+    /// The attempts that met nothing, and were inside of something.
+    pub inside: usize,
 }
 
 /// The lowest and the highest corner in the world, in metres, of all that is in snapshots of a scene. `None` if that is nothing.
@@ -112,7 +116,8 @@ fn oriented(low: DVec3, high: DVec3, place: &Found) -> OrientedBox {
     OrientedBox { world_from_box: Pose { translation, ..world_from_body }, size_m: high - low }
 }
 
-/// Finds a body a place on a surface where it meets no obstacle and no other box, with a yaw between two, in degrees.
+/// Finds a body a place on a surface where it meets no obstacle and no other box and is inside of nothing, with a yaw between two,
+/// in degrees.
 ///
 /// # Errors
 /// With what was met, if that was so at all of [`ATTEMPTS`].
@@ -137,6 +142,8 @@ pub fn find(
             refused.scene += 1;
         } else if others.iter().any(is_met) {
             refused.others += 1;
+        } else if obstacles.enclose(body.room(&place, 0.0).world_from_box.translation) {
+            refused.inside += 1;
         } else {
             return Ok(place);
         }

@@ -2,9 +2,11 @@
 
 use glam::DVec3;
 
+use super::enclosure::is_inside;
 use super::overlap::box_meets_triangle;
 use crate::scene::bounds::Bounds;
 use crate::scene::{Placement, Scene};
+use crate::trace::Tracer;
 use crate::truth::OrientedBox;
 
 /// Most triangles of a leaf.
@@ -16,6 +18,8 @@ pub struct Obstacles<'s> {
     scenes: &'s [Scene],
     triangles: Vec<Obstacle>,
     nodes: Vec<Node>,
+    /// Over all of the first snapshot.
+    tracer: Tracer,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +44,9 @@ struct Node {
 impl<'s> Obstacles<'s> {
     /// The triangles of snapshots of one scene that come near a box, given by its lowest and its highest corner in the world, in
     /// metres. What stands still is taken once.
+    ///
+    /// # Panics
+    /// If there is no snapshot.
     pub fn of(scenes: &'s [Scene], low: DVec3, high: DVec3) -> Self {
         let near = Bounds { low, high };
         let mut triangles = Vec::new();
@@ -67,7 +74,7 @@ impl<'s> Obstacles<'s> {
         if !triangles.is_empty() {
             split(&mut triangles, 0, &mut nodes);
         }
-        Self { scenes, triangles, nodes }
+        Self { scenes, triangles, nodes, tracer: Tracer::build(&scenes[0]) }
     }
 
     /// Whether a box meets one of the triangles.
@@ -92,6 +99,12 @@ impl<'s> Obstacles<'s> {
             }
         }
         false
+    }
+
+    /// Whether a point, in the world and in metres, is inside of something that is there in the first snapshot: most of what can be
+    /// seen from there is the back of a triangle.
+    pub fn enclose(&self, point: DVec3) -> bool {
+        is_inside(&self.tracer, point)
     }
 
     fn is_met(&self, obstacle: &Obstacle, oriented: &OrientedBox) -> bool {

@@ -19,7 +19,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("trace", &["scene"]),
     ("scan", &["frame", "scene", "sensor", "trace"]),
     ("truth", &["frame", "motion", "scan", "scene", "sensor"]),
-    ("placing", &["angle", "frame", "rng", "scene", "truth"]),
+    ("placing", &["angle", "frame", "rng", "scene", "trace", "truth"]),
     ("output", &["angle", "error", "frame", "scan", "scene", "sensor", "source", "truth"]),
     ("check", &["angle", "frame", "output", "scan", "scene", "sensor", "source"]),
     ("view", &["check", "error", "frame", "output", "scan", "scene", "sensor", "source"]),

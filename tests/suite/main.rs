@@ -25,6 +25,7 @@ mod moving;
 mod open3d;
 mod outputs;
 mod patterns;
+mod places;
 mod plausibility;
 mod presets;
 mod random;

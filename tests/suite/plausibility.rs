@@ -239,7 +239,7 @@ fn codes(json: &str, pointer: &str) -> Vec<String> {
 
 /// A glTF file of quads and boxes: (name, least corner, largest corner) in glTF's axes. A box without height is a floor that
 /// faces up.
-fn write_scene(path: &Path, objects: &[(&str, [f32; 3], [f32; 3])]) {
+pub(super) fn write_scene(path: &Path, objects: &[(&str, [f32; 3], [f32; 3])]) {
     let (mut bytes, mut meshes, mut nodes, mut views, mut accessors) =
         (Vec::new(), vec![], vec![], vec![], vec![]);
     for (index, (name, low, high)) in objects.iter().enumerate() {

@@ -284,13 +284,15 @@ pub(super) fn no_place(job: &Job, actor: &Actor, placing: &Placing, refused: Ref
         Some(frame) => format!(" in frame {frame}"),
         None => String::new(),
     };
-    let Refused { scene, others } = refused;
+    let Refused { scene, others, inside } = refused;
     let message = format!(
-        "actor {} finds no place on the {}{frame}: of {ATTEMPTS} attempts, {scene} met the scene and {others} another actor",
+        "actor {} finds no place on the {}{frame}: of {ATTEMPTS} attempts, {scene} met the scene, {others} another actor, and {inside} were inside of something",
         quoted(&actor.name),
         shown(&placing.on),
     );
-    let help = if scene >= others {
+    let help = if inside > scene.max(others) {
+        "what encloses it shows its back all around: do the walls of a room face outwards?"
+    } else if scene >= others {
         "a smaller `clearance_m`, another part of the surface by `x_m` and `y_m`, or a larger `lift_m` where the surface slopes, may do"
     } else {
         "fewer actors, a smaller `clearance_m` or a larger surface may do"
