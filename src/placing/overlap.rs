@@ -81,7 +81,7 @@ mod tests {
     fn any_box(rng: &mut Rng) -> OrientedBox {
         let turn = Angle::rad(4.0 * rng.signed());
         let tilt = [Angle::rad(rng.signed()), Angle::rad(rng.signed())];
-        let world_from_box = Pose::from_rpy(1.5 * rng.point(), tilt[0], tilt[1], turn);
+        let world_from_box = Pose::from_rpy(0.8 * rng.point(), tilt[0], tilt[1], turn);
         OrientedBox { world_from_box, size_m: DVec3::new(rng.unit(), rng.unit(), rng.unit()) + 0.2 }
     }
 
@@ -91,52 +91,60 @@ mod tests {
         (own.abs() - oriented.size_m / 2.0).max(DVec3::ZERO).length()
     }
 
-    /// Holds a verdict to the least distance of points that cover one of the two: bodies with a point of the one in the other meet,
-    /// and those that meet have a point nearer than the points are from each other. Gives how often they met.
-    fn hold(step: f64, cases: impl Iterator<Item = (bool, f64)>) -> [usize; 2] {
+    /// The least of a convex function between 0 and 1, by ternary search: (2/3)⁴⁰ is 1e-7.
+    fn least(f: &dyn Fn(f64) -> f64) -> f64 {
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..40 {
+            let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+            if f(a) <= f(b) { high = b } else { low = a }
+        }
+        f(low).min(f(high))
+    }
+
+    /// Holds verdicts to distances, which the search finds to a few 1e-7 m: those that meet have none, and those apart have one.
+    /// Gives how many were apart and how many met.
+    fn hold(cases: impl Iterator<Item = (bool, f64)>) -> [usize; 2] {
         let mut count = [0; 2];
-        for (meets, least) in cases {
-            assert!(meets || least > 0.0, "they meet and count as apart");
-            assert!(!meets || least <= step, "they are {least} m apart and count as met");
+        for (meets, distance) in cases {
+            assert!(meets || distance > 0.0, "they meet and count as apart");
+            assert!(!meets || distance < 1e-5, "they are {distance} m apart and count as met");
             count[usize::from(meets)] += 1;
         }
         count
     }
 
+    /// The distance to a box is convex, so that its least over a triangle is found by nested searches.
     #[test]
-    fn boxes_and_triangles_meet_where_points_of_the_triangle_lie_in_the_box() {
-        const STEPS: usize = 40;
+    fn boxes_and_triangles_meet_where_their_distance_is_0() {
         let mut rng = Rng::new(5);
-        let cases = (0..1500).map(|_| {
+        let cases = (0..2000).map(|_| {
             let oriented = any_box(&mut rng);
-            let triangle @ [a, b, c] = [(); 3].map(|()| 2.0 * rng.point());
-            let points = (0..=STEPS).flat_map(|i| (0..=STEPS - i).map(move |j| (i, j)));
-            let part = |k: usize| k as f64 / STEPS as f64;
-            let points = points.map(|(i, j)| a + (b - a) * part(i) + (c - a) * part(j));
-            let least = points.map(|p| distance(&oriented, p)).fold(f64::INFINITY, f64::min);
-            (box_meets_triangle(&oriented, triangle), least)
+            let triangle @ [a, b, c] = [(); 3].map(|()| 1.3 * rng.point());
+            let at = |u: f64, v: f64| distance(&oriented, a + ((b - a) + (c - b) * v) * u);
+            (box_meets_triangle(&oriented, triangle), least(&|u| least(&|v| at(u, v))))
         });
-        // An edge is at most 4√3 m long, and every point of a small triangle is nearer than its longest edge to a corner.
-        let [apart, met] = hold(4.0 * 3.0_f64.sqrt() / STEPS as f64, cases);
-        assert!(apart > 300 && met > 300, "{apart} apart, {met} met");
+        let [apart, met] = hold(cases);
+        assert!(apart > 500 && met > 500, "{apart} apart, {met} met");
     }
 
+    /// Solid boxes meet where a face of the one meets the other, or the one holds the other's centre.
     #[test]
-    fn boxes_meet_where_points_of_the_one_lie_in_the_other() {
-        const STEPS: usize = 16;
+    fn boxes_meet_where_their_faces_do_or_one_is_in_the_other() {
         let mut rng = Rng::new(6);
-        let cases = (0..1500).map(|_| {
+        let (mut apart, mut met) = (0, 0);
+        for _ in 0..5000 {
             let (one, other) = (any_box(&mut rng), any_box(&mut rng));
-            let part = |k: usize| k as f64 / STEPS as f64 - 0.5;
-            let all = (0..(STEPS + 1).pow(3)).map(|n| [n, n / (STEPS + 1), n / (STEPS + 1).pow(2)]);
-            let points = all.map(|n| DVec3::from_array(n.map(|k| part(k % (STEPS + 1)))) * other.size_m);
-            let points = points.map(|p| other.world_from_box.point(p));
-            let least = points.map(|p| distance(&one, p)).fold(f64::INFINITY, f64::min);
-            (boxes_meet(&one, &other), least)
-        });
-        // The sides of a box are at most 1.2 m long, so that a cell of points has a diagonal of 1.2·√3/16 m.
-        let [apart, met] = hold(1.2 * 3.0_f64.sqrt() / STEPS as f64, cases);
-        assert!(apart > 300 && met > 300, "{apart} apart, {met} met");
+            let corners = other.corners();
+            let faces = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+            let mut triangles = faces.iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
+            let meets = distance(&other, one.world_from_box.translation) == 0.0
+                || triangles
+                    .any(|triangle| box_meets_triangle(&one, triangle.map(|corner| corners[*corner])));
+            assert_eq!(boxes_meet(&one, &other), meets);
+            assert_eq!(boxes_meet(&other, &one), meets);
+            (apart, met) = (apart + usize::from(!meets), met + usize::from(meets));
+        }
+        assert!(apart > 1000 && met > 1000, "{apart} apart, {met} met");
     }
 
     /// Far from the world's origin, where coordinates have a step of 1e-9 m, boxes that touch meet, and a gap of a tenth of a
