@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::paths::configs_in;
 use super::plan::{format_problems, label_problem};
-use super::{memory, session};
+use super::{loading, memory, session};
 use crate::config::{self, Config, Job};
 use crate::error::{Error, SceneError};
 use crate::output::Format;
@@ -237,7 +237,7 @@ fn open_scene(
         Some(job) => session::load_scene(&mut job.clone(), allowed_folders)?,
         None => {
             let options = gltf::Options { allowed_folders, ..gltf::Options::default() };
-            session::open_scene(path, as_written, &options)?
+            loading::open_scene(path, as_written, &options)?
         }
     };
     diagnostics.extend(loaded.diagnostics(path));

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! session     a job with its scene and its tracer: casts the job's frames
+//! loading     the reading of scenes as jobs have them
 //! places      the places that a job draws for its actors
 //! plan        the frames of a job, the files that they become and the memory that they take, checked before anything is cast
 //! memory      the machine's memory, and estimates of how much a run needs
@@ -28,6 +29,7 @@ pub mod baseline;
 pub mod checking;
 pub mod facts;
 pub mod journal;
+mod loading;
 pub mod memory;
 pub mod merge;
 pub mod paths;

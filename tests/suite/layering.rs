@@ -40,6 +40,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
             "config",
             "error",
             "frame",
+            "motion",
             "output",
             "placing",
             "plausibility",

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::session::read_scene;
+use super::loading::read_scene;
 use crate::config::{Actor, Job, Placing};
 use crate::error::Error;
 use crate::motion::Trajectory;

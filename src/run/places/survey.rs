@@ -7,7 +7,7 @@ use std::rc::Rc;
 
 use glam::DVec3;
 
-use super::super::session::{clips_of_actors, open_scene};
+use super::super::loading::{clips_of_actors, open_scene};
 use crate::config::{Actor, ActorBody, Job, Placing, SurfaceName};
 use crate::error::Error;
 use crate::placing::{ATTEMPTS, Body, NoSurface, Refused, Standing, Surface};
