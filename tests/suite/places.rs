@@ -163,6 +163,31 @@ fn a_place_follows_from_seed_frame_and_name_and_not_from_what_comes_after() {
     assert!(!only.is_drawn_by_frame());
 }
 
+/// Values and places are drawn for the same frame, and neither changes the other. What is drawn of a place's own keys holds for it.
+#[test]
+fn values_and_places_are_drawn_together() {
+    let actors = bin("r", "on = \"step\", per = \"run\"") + &bin("a", "on = \"pavement\"");
+    let height = "[random]\n\"sensor.eye.pose.position_m[2]\" = { uniform = [8.0, 9.0] }\n";
+    let ((_one, mut both), (_two, alone)) = (job(11, &(actors.clone() + height)), job(11, &actors));
+    load_scene(&mut both, &[]).unwrap();
+    for frame in [0, 5] {
+        let (drawn, without) = (placed(&both, frame).drawn, placed(&alone, frame).drawn);
+        let keys: Vec<&String> = drawn.keys().collect();
+        assert_eq!(keys, ["actor.r.place", "sensor.eye.pose.position_m[2]", "actor.a.place"]);
+        assert_eq!(
+            (&drawn["actor.a.place"], &drawn["actor.r.place"]),
+            (&without["actor.a.place"], &without["actor.r.place"])
+        );
+    }
+    let end = "[random]\n\"actor.a.place.x_m[1]\" = { uniform = [-9.0, -8.0] }\n";
+    let (_third, narrow) =
+        job(11, &(actors.replace("\"pavement\"", "\"pavement\", x_m = [-10.0, 10.0]") + end));
+    for frame in 0..5 {
+        let job = placed(&narrow, frame);
+        assert!(place(&job, "a").0.x <= job.drawn["actor.a.place.x_m[1]"].as_f64().unwrap());
+    }
+}
+
 /// Where the bin of the job with the seed 11 stands in frame 0.
 const FIRST: [f64; 3] = [0.5435941736815941, 0.9757674984307805, 0.0];
 

@@ -1,8 +1,13 @@
 //! The keys of places that are drawn for actors.
 
+use std::ops::Bound::Included;
+
 use super::super::kinds::{Integer, Nested, Number, Text, Vector};
 use super::super::table::{Key, TableKeys, key, table};
 use super::random::PER;
+
+/// A distance that is no larger than things are.
+const DISTANCE: Number = Number::within(Included(0.0), Included(1000.0));
 
 pub(crate) static PLACE: Key<Nested> = key(
     "place",
@@ -43,13 +48,13 @@ pub(crate) static YAW: Key<Vector<2>> = key(
 .or("[0.0, 360.0]");
 pub(crate) static CLEARANCE: Key<Number> = key(
     "clearance_m",
-    Number::NOT_NEGATIVE,
+    DISTANCE,
     "The least distance from its box to the scene and to the boxes of other actors, in metres.",
 )
 .or("0.0");
 pub(crate) static LIFT: Key<Number> = key(
     "lift_m",
-    Number::NOT_NEGATIVE,
+    DISTANCE,
     "The height above its origin up to which nothing counts as met, because it stands on the surface; more where the surface slopes or is uneven.",
 )
 .or("0.05");
