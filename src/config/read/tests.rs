@@ -10,7 +10,7 @@ const SENSORS: [&str; 9] =
     ["equirectangular", "fisheye", "mirror", "pinhole", "raster", "rays", "risley", "rotating", "spaced"];
 
 /// Jobs that have each table of a job between them, except for the patterns.
-const JOBS: [&str; 2] = ["tests/schema/job.toml", "configs/street_rig.toml"];
+const JOBS: [&str; 3] = ["tests/schema/job.toml", "tests/schema/places.toml", "configs/street_rig.toml"];
 
 #[test]
 fn every_key_that_is_declared_is_read() {
