@@ -255,10 +255,13 @@ fn places_that_cannot_be_are_told_where_the_job_names_them() {
     for (actors, expected) in [
         (
             bin("a", "on = \"pavment\""),
-            "13: the scene of actor `a` has no surface `pavment` |  | did you mean `pavement`?",
+            "13: the scene has no surface `pavment` for actor `a` |  | did you mean `pavement`?",
         ),
         (bin("a", "on = \"lawn\""), "are called `house`, `pavement`, `pillar` and `step`"),
-        (bin("a", "on_label = 3"), "has no surface with the label 3 |  | its labels are 0 and 7"),
+        (
+            bin("a", "on_label = 3"),
+            "has no surface with the label 3 for actor `a` |  | its labels are 0 and 7",
+        ),
         (bin("a", "on = \"pavement\", x_m = [20, 30]"), "| it goes from -10.000 to 10.000 m in x"),
         (bin("a", "on = \"pavement\", x_m = [3, 4], y_m = [-1, 1]"), "do the walls of a room face outwards?"),
         (

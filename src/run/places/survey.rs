@@ -109,7 +109,7 @@ impl<'j> Survey<'j> {
         let scene = &self.snapshots[0];
         let name = quoted(&actor.name);
         let meant = Meant::of(self.job, scene, on).map_err(|help| {
-            wrong(placing, format!("the scene of actor {name} has no {}", shown(on)), help)
+            wrong(placing, format!("the scene has no {} for actor {name}", shown(on)), help)
         })?;
         let mut objects = BTreeSet::new();
         scene.triangles_of(|surface| {
