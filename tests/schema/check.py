@@ -100,6 +100,17 @@ def mutations(config, schema):
         yield f"{name[:-len(str(path[-1]))]}no_such_key", unknown, path[:-1] != ("labels",)
 
 
+def moved(value, folder):
+    """The value with whole paths for all strings that name files in a folder."""
+    if isinstance(value, dict):
+        return {key: moved(inner, folder) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [moved(inner, folder) for inner in value]
+    if isinstance(value, str) and (folder / value).is_file():
+        return str((folder / value).resolve())
+    return value
+
+
 def main(beamcast, configs):
     wrong = []
     tried = 0
@@ -114,17 +125,7 @@ def main(beamcast, configs):
         mutants = list(mutations(value, check.schema))
         with tempfile.TemporaryDirectory() as folder:  # lint reads a folder's files at once
             for index, (_, mutant, _) in enumerate(mutants):
-                def moved(path):
-                    return str((config.parent / path).resolve())
-
-                mutant = copy.deepcopy(mutant)
-                if isinstance(mutant.get("scene"), str) and mutant["scene"] == value.get("scene"):
-                    mutant["scene"] = moved(mutant["scene"])
-                for sensor in mutant.get("sensor", []) if isinstance(mutant.get("sensor"), list) else []:
-                    if isinstance(sensor, dict) and str(sensor.get("preset")).endswith(".toml"):
-                        sensor["preset"] = moved(sensor["preset"])
-                if isinstance(mutant.get("rays"), dict) and str(mutant["rays"].get("file")).endswith(".csv"):
-                    mutant["rays"]["file"] = moved(mutant["rays"]["file"])
+                mutant = moved(mutant, config.parent)
                 text = "".join(f"{json.dumps(k)} = {to_toml(v)}\n" for k, v in mutant.items())
                 pathlib.Path(folder, f"{index:05}.toml").write_text(text)
             lint = subprocess.run([beamcast, "lint", "--json", folder], capture_output=True, text=True, check=False)
