@@ -45,6 +45,10 @@ def to_toml(value):
     return json.dumps(value) if isinstance(value, str) else repr(value)
 
 
+# Times that may lie outside of a trajectory, which no schema knows.
+TIMES = ("t_s", "trigger_s", "start_s")
+
+
 def keys(value, path=()):
     """The path of every key, and of the elements of lists of tables."""
     if isinstance(value, dict):
@@ -90,6 +94,8 @@ def mutations(config, schema):
         for wrong in WRONG_KINDS:
             told = schema_at(schema, path)
             plain = isinstance(wrong, (str, bool)) or wrong == -1 or (wrong == 0.5 and told.get("type") == "integer")
+            if wrong == -1 and path[-1] in TIMES:
+                plain = False
             agree = plain and type(wrong) is not type(at(config, path)) and "enum" not in told and "anyOf" not in told
             yield f"{name} = {wrong!r}", changed(wrong), agree and bool(told)
         words = schema_at(schema, path)
