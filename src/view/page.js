@@ -87,19 +87,17 @@
         };
         // Of the moments that are asked for while one is being shown, the last counts.
         let wanted = 0, going = null;
+        const catchUp = async () => {
+            while (player.moment !== wanted) {
+                player.moment = wanted;
+                await Promise.all([...player.turns].map((turn) => turn(player.moment)));
+            }
+        };
         const goTo = (at) => {
             wanted = at;
             tell(at);
-            going ??= (async () => {
-                try {
-                    while (player.moment !== wanted) {
-                        player.moment = wanted;
-                        await Promise.all([...player.turns].map((turn) => turn(player.moment)));
-                    }
-                } finally {
-                    going = null;
-                }
-            })();
+            // It has caught up at once if the moment is the one that is shown, and is then over only after this assignment.
+            going ??= catchUp().finally(() => { going = null; });
             return going;
         };
         let isPlaying = false;
