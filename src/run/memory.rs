@@ -272,7 +272,7 @@ mod tests {
         assert_eq!(bytes(Holding::Image), 300 * (48 + FRAME_BYTES_A_RAY));
         let check = |compared, page| bytes(Holding::Check { compared, page });
         assert_eq!(check(false, false), 400 * FRAME_BYTES_A_RAY);
-        assert_eq!(check(true, false), 400 * (FRAME_BYTES_A_RAY + 48) + 300 * 96);
+        assert_eq!(check(true, false), 400 * FRAME_BYTES_A_RAY + 300 * 96);
         assert!(check(true, true) > check(true, false) && check(false, true) > check(false, false));
         assert!(of_page(&rig, true) > of_page(&rig, false));
         assert!(bytes(Holding::Views) > bytes(Holding::Frame));
