@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use glam::DAffine3;
+use rayon::prelude::*;
 
 use super::arrangement::{Arrangement, Placement, Scene};
 use super::geometry::Mesh;
@@ -24,8 +25,8 @@ impl Scene {
     /// The scene as it is at one time: a snapshot, in which nothing moves.
     pub fn at(&self, time_s: f64) -> Self {
         self.arranged(None, |mover, arrangement| {
-            let shape = self.shape(mover, time_s, arrangement);
-            let Some((mesh, reach)) = shape else { return };
+            let Some(shape) = self.shape(mover, time_s) else { return };
+            let (mesh, reach) = self.number(shape, arrangement);
             let maps = placed(&mover.motion, time_s, self.geometry.centre, reach);
             arrangement.placements.extend(maps.map(|maps| placement(mover, mesh, maps)));
         })
@@ -39,14 +40,25 @@ impl Scene {
     pub fn during(&self, window: Window, slice_s: Option<f64>) -> Self {
         self.arranged(Some(window), |mover, arrangement| {
             let slices = if mover.deformer.is_some() { window.slices(slice_s) } else { 1 };
-            for slice in 0..slices {
-                // Both neighbours compute the end of a slice in the same way, so no time lies between them.
-                let [from_s, to_s] = [slice, slice + 1].map(|end| window.end_of_slice(end, slices));
-                if !mover.motion.is_visible_in(from_s, to_s) {
-                    continue;
-                }
-                let middle_s = from_s / 2.0 + to_s / 2.0;
-                let Some((mesh, reach)) = self.shape(mover, middle_s, arrangement) else { continue };
+            // Both neighbours compute the end of a slice in the same way, so no time lies between them.
+            let ends_of = |slice| [slice, slice + 1].map(|end| window.end_of_slice(end, slices));
+            let middle_of = |slice| {
+                let [from_s, to_s] = ends_of(slice);
+                from_s / 2.0 + to_s / 2.0
+            };
+            let posed = |slice| {
+                let [from_s, to_s] = ends_of(slice);
+                let is_shown = mover.motion.is_visible_in(from_s, to_s);
+                is_shown.then(|| Some((slice, self.shape(mover, middle_of(slice))?))).flatten()
+            };
+            let shapes: Vec<(usize, Shape)> = match slices {
+                // There may be thousands of movers of one slice, for which threads are not worth waking.
+                1 => posed(0).into_iter().collect(),
+                _ => (0..slices).into_par_iter().filter_map(posed).collect(),
+            };
+            for (slice, shape) in shapes {
+                let ([from_s, to_s], middle_s) = (ends_of(slice), middle_of(slice));
+                let (mesh, reach) = self.number(shape, arrangement);
                 let moving = Moving {
                     motion: mover.motion.clone(),
                     centre: self.geometry.centre,
@@ -92,13 +104,13 @@ impl Scene {
         Self { geometry: self.geometry.clone(), arrangement: Arc::new(arrangement) }
     }
 
-    /// The mesh of a mover at a time, and its largest |coordinate|. A new shape is added to those of the arrangement. `None` if
-    /// the mesh has no shape then, or one with a vertex that is not finite or farther than [`SceneBuilder::MAX_COORDINATE_M`].
-    fn shape(&self, mover: &Mover, time_s: f64, arrangement: &mut Arrangement) -> Option<(u32, f64)> {
-        let rest = &self.geometry.meshes[mover.mesh as usize];
+    /// The mesh of a mover at a time. `None` if it has no shape then, or one with a vertex that is not finite or farther than
+    /// [`SceneBuilder::MAX_COORDINATE_M`].
+    fn shape(&self, mover: &Mover, time_s: f64) -> Option<Shape> {
         let Some(deformer) = &mover.deformer else {
-            return Some((mover.mesh, mover.reach));
+            return Some(Shape::AtRest { mesh: mover.mesh, reach: mover.reach });
         };
+        let rest = &self.geometry.meshes[mover.mesh as usize];
         let all = deformer.shape_at(time_s)?;
         let positions: Vec<_> =
             mover.vertices.iter().map(|&v| all.get(v as usize).copied()).collect::<Option<_>>()?;
@@ -106,11 +118,29 @@ impl Scene {
         // False for NaN.
         let is_near = reach <= SceneBuilder::MAX_COORDINATE_M;
         is_near.then(|| {
-            let shape = Mesh { positions, triangles: rest.triangles.clone(), parts: rest.parts.clone() };
-            arrangement.shapes.push(shape);
-            ((self.geometry.meshes.len() + arrangement.shapes.len() - 1) as u32, reach)
+            let mesh = Mesh { positions, triangles: rest.triangles.clone(), parts: rest.parts.clone() };
+            Shape::Bent { mesh, reach }
         })
     }
+
+    /// The number of a mover's mesh in the scene, and its largest |coordinate|. A new shape is added to those of the arrangement.
+    fn number(&self, shape: Shape, arrangement: &mut Arrangement) -> (u32, f64) {
+        match shape {
+            Shape::AtRest { mesh, reach } => (mesh, reach),
+            Shape::Bent { mesh, reach } => {
+                arrangement.shapes.push(mesh);
+                ((self.geometry.meshes.len() + arrangement.shapes.len() - 1) as u32, reach)
+            }
+        }
+    }
+}
+
+/// The mesh of a mover at a time, with its largest |coordinate|.
+enum Shape {
+    /// The mesh of this number, as it is stored.
+    AtRest { mesh: u32, reach: f64 },
+    /// A shape of a mesh that bends.
+    Bent { mesh: Mesh, reach: f64 },
 }
 
 /// A placement of a mover's mesh, or of a shape of it, given the maps to and from the scene's space.
