@@ -1,4 +1,4 @@
-//! What moves through the street by itself: a car and a cyclist. Each is a file of its own, stands at the origin, faces +x,
+//! Things that move through the street by themselves: a car and a cyclist. Each is a file of its own, stands at the origin, faces +x,
 //! and has an animation that fits the speed in its `extras`: no wheel and no foot slides on the ground.
 
 use std::f64::consts::TAU;
@@ -34,15 +34,8 @@ pub fn times(period: f64, count: usize) -> Vec<f64> {
 
 pub fn car() -> SceneFile {
     let mut doc = Document::new();
-    let paint = CarPaint {
-        body: doc.material("green paint", [0.04, 0.3, 0.16]),
-        glass: doc.material("car glass", [0.04, 0.05, 0.05]),
-        tyre: doc.grey("tyre", 0.04),
-        rim: doc.grey("alloy", 0.55),
-        light: doc.grey("headlight", 0.8),
-        tail: doc.material("tail light", [0.5, 0.02, 0.02]),
-        trim: doc.grey("black trim", 0.06),
-    };
+    let body = doc.material("green paint", [0.04, 0.3, 0.16]);
+    let paint = CarPaint::with_body(&mut doc, body);
     let body = doc.solid("car body", &vehicles::plain_car(&HATCHBACK, &paint));
     let wheel = doc.solid("car wheel", &vehicles::plain_wheel(&HATCHBACK, &paint));
     let mut parts = vec![doc.node("car body", body, Place::at(0.0, 0.0, 0.0), json!(null))];

@@ -28,6 +28,20 @@ pub struct Fabric {
     pub roof: Material,
 }
 
+impl Fabric {
+    pub fn new(doc: &mut Document) -> Self {
+        Self {
+            frame: doc.grey("window frame", 0.65),
+            glass: doc.material("window glass", [0.06, 0.07, 0.08]),
+            stone: doc.material("sandstone", [0.45, 0.4, 0.32]),
+            door: doc.material("green door", [0.05, 0.14, 0.09]),
+            rail: doc.grey("wrought iron", 0.09),
+            awning: doc.material("terracotta", [0.45, 0.14, 0.07]),
+            roof: doc.material("slate", [0.13, 0.13, 0.15]),
+        }
+    }
+}
+
 /// The panels with walls of one colour.
 #[derive(Clone, Copy)]
 pub struct Bays {

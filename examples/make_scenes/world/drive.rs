@@ -89,15 +89,7 @@ fn ground(doc: &mut Document) {
 }
 
 fn houses(doc: &mut Document) {
-    let fabric = Fabric {
-        frame: doc.grey("window frame", 0.65),
-        glass: doc.material("window glass", [0.06, 0.07, 0.08]),
-        stone: doc.material("sandstone", [0.45, 0.4, 0.32]),
-        door: doc.material("green door", [0.05, 0.14, 0.09]),
-        rail: doc.grey("wrought iron", 0.09),
-        awning: doc.material("terracotta", [0.45, 0.14, 0.07]),
-        roof: doc.material("slate", [0.13, 0.13, 0.15]),
-    };
+    let fabric = Fabric::new(doc);
     let brick = doc.material("brick", [0.36, 0.13, 0.08]);
     let render = doc.material("cream render", [0.66, 0.58, 0.42]);
     let grey = doc.material("grey render", [0.4, 0.41, 0.42]);
@@ -169,15 +161,8 @@ fn trees(doc: &mut Document) {
 }
 
 fn parked_cars(doc: &mut Document) {
-    let paint = CarPaint {
-        body: doc.grey("silver paint", 0.5),
-        glass: doc.material("car glass", [0.04, 0.05, 0.05]),
-        tyre: doc.grey("tyre", 0.04),
-        rim: doc.grey("alloy", 0.55),
-        light: doc.grey("headlight", 0.8),
-        tail: doc.material("tail light", [0.5, 0.02, 0.02]),
-        trim: doc.grey("black trim", 0.06),
-    };
+    let body = doc.grey("silver paint", 0.5);
+    let paint = CarPaint::with_body(doc, body);
     let mut mesh = vehicles::plain_car(&SALOON, &paint);
     let wheel = vehicles::plain_wheel(&SALOON, &paint);
     for (_, at, yaw_deg) in vehicles::wheel_places(&SALOON) {

@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::glb::Material;
+use super::glb::{Document, Material};
 use super::mesh::{Mesh, circle, sincos_deg, turned, v};
 
 /// Materials of a car.
@@ -15,6 +15,21 @@ pub struct CarPaint {
     pub light: Material,
     pub tail: Material,
     pub trim: Material,
+}
+
+impl CarPaint {
+    /// The materials of a car with a body of one.
+    pub fn with_body(doc: &mut Document, body: Material) -> Self {
+        Self {
+            body,
+            glass: doc.material("car glass", [0.04, 0.05, 0.05]),
+            tyre: doc.grey("tyre", 0.04),
+            rim: doc.grey("alloy", 0.55),
+            light: doc.grey("headlight", 0.8),
+            tail: doc.material("tail light", [0.5, 0.02, 0.02]),
+            trim: doc.grey("black trim", 0.06),
+        }
+    }
 }
 
 /// The outline of a car in metres. x is measured forward from the middle.
@@ -137,7 +152,7 @@ pub fn wheel_places(shape: &CarShape) -> [(&'static str, DVec3, f64); 4] {
     ]
 }
 
-/// What is on a body, and between the wheels.
+/// The parts on a body, and between the wheels.
 fn fittings(mesh: &mut Mesh, shape: &CarShape, paint: &CarPaint) {
     let half = shape.width / 2.0;
     // The wheel arches are filled between the wheels, so that one cannot look through under the car.

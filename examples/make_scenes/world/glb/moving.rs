@@ -1,4 +1,4 @@
-//! What moves: trees of nodes, skins and animations.
+//! Moving parts of a scene: trees of nodes, skins and animations.
 
 use glam::{DQuat, DVec3};
 use serde_json::{Map, Value, json};
