@@ -192,7 +192,7 @@ impl Expected {
         }
     }
 
-    /// What is found in frames of one moment.
+    /// The finding in frames of one moment.
     fn examine(&self, seen: &Seen) -> Finding {
         match self {
             Self::Points { target, count, range_m } => points::points(seen, target, count, range_m),

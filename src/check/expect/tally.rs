@@ -73,7 +73,7 @@ impl Runs {
     }
 }
 
-/// What was found in a frame.
+/// The finding of a frame.
 #[derive(Clone, Debug)]
 struct Found {
     frame: u64,
@@ -82,7 +82,7 @@ struct Found {
     sights: Vec<Sight>,
 }
 
-/// What an expectation found in the frames of a sequence so far.
+/// The findings of an expectation in the frames of a sequence so far.
 #[derive(Clone, Debug, Default)]
 pub struct Tally {
     counts: FrameCounts,
@@ -204,7 +204,7 @@ impl Tally {
         words
     }
 
-    /// What was found in all frames together: `met in 20 of 100 frames, not in frames 0 to 79`.
+    /// The findings of all frames together: `met in 20 of 100 frames, not in frames 0 to 79`.
     fn words(&self, demand: &Demand) -> String {
         let FrameCounts { looked_at, met, first_met_s, changes } = self.counts;
         let mut parts = vec![match met {
