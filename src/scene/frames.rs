@@ -48,8 +48,10 @@ impl Scene {
             };
             let posed = |slice| {
                 let [from_s, to_s] = ends_of(slice);
-                let is_shown = mover.motion.is_visible_in(from_s, to_s);
-                is_shown.then(|| Some((slice, self.shape(mover, middle_of(slice))?))).flatten()
+                if !mover.motion.is_visible_in(from_s, to_s) {
+                    return None;
+                }
+                Some((slice, self.shape(mover, middle_of(slice))?))
             };
             let shapes: Vec<(usize, Shape)> = match slices {
                 // There may be thousands of movers of one slice, for which threads are not worth waking.
