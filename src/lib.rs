@@ -71,6 +71,7 @@ pub mod import;
 pub mod kernels;
 pub mod motion;
 pub mod output;
+pub mod physics;
 pub mod placing;
 pub mod plausibility;
 pub mod rng;

@@ -165,7 +165,7 @@ fn sensor() -> Sensor {
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
     let pattern = Rotating::new((0..64).map(beam).collect(), 512, turn, 10.0);
     let pattern = Pattern::Rotating(pattern.expect("64 beams and a full turn make a pattern"));
-    Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row }
+    Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row, measurement: Default::default() }
 }
 
 /// A triangle that the sensor sees, and the sensor's place in the triangle's space.

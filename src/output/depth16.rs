@@ -125,6 +125,7 @@ mod tests {
             pattern: Pattern::Camera(camera.clone()),
             range: RangeLimits { max_m, ..RangeLimits::default() },
             ring: RingOrder::Row,
+            measurement: Default::default(),
         };
         assert_eq!(loses(&of(65.535), &scaled(1000.0)), None);
         assert_eq!(loses(&of(200.0), &scaled(256.0)), None);

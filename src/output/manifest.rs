@@ -186,7 +186,8 @@ mod tests {
             ..Geometry::default()
         };
         let arrangement = Arrangement { placements: vec![Placement::FIXED], ..Arrangement::default() };
-        let scene = Scene { geometry: Arc::new(geometry), arrangement: Arc::new(arrangement) };
+        let scene =
+            Scene { geometry: Arc::new(geometry), arrangement: Arc::new(arrangement), ..Scene::default() };
         let output = WrittenFile { path: "top/000000.exr".into(), bytes: 9, blake3: "def".into() };
         let frames = [SensorFrames { sensor: "top".into(), first: 0, count: 1, of: 1 }];
         let manifest = Manifest {
@@ -245,7 +246,7 @@ mod tests {
         let size = |files: usize, objects: usize| {
             let tree = Object { name: "tree".into(), ..Object::default() };
             let geometry = Geometry { objects: vec![tree; objects], ..Geometry::default() };
-            let scene = Scene { geometry: Arc::new(geometry), arrangement: Arc::default() };
+            let scene = Scene { geometry: Arc::new(geometry), ..Scene::default() };
             let output =
                 |i: usize| WrittenFile { path: format!("top/{i:06}.exr"), bytes: 9, blake3: "0".repeat(64) };
             let outputs: Vec<WrittenFile> = (0..files).map(output).collect();

@@ -157,6 +157,7 @@ mod tests {
             pattern: Pattern::Rotating(pattern),
             range: RangeLimits::default(),
             ring: RingOrder::default(),
+            measurement: Default::default(),
         }
     }
 

@@ -252,7 +252,12 @@ mod tests {
     }
 
     fn mounted(pattern: Pattern) -> MountedSensor {
-        let sensor = Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row };
+        let sensor = Sensor {
+            pattern,
+            range: RangeLimits::default(),
+            ring: RingOrder::Row,
+            measurement: Default::default(),
+        };
         MountedSensor { name: "top".to_owned(), sensor, body_from_sensor: Pose::IDENTITY, trigger_s: 0.0 }
     }
 

@@ -335,7 +335,12 @@ mod tests {
         let scene = builder.build().unwrap();
         let camera = Camera::from_hfov((33, 33), Angle::deg(60.0), None).unwrap();
         let range = RangeLimits { min_m: 0.5, max_m: 2.2, ..RangeLimits::default() };
-        let sensor = Sensor { pattern: Pattern::Camera(camera), range, ring: RingOrder::Row };
+        let sensor = Sensor {
+            pattern: Pattern::Camera(camera),
+            range,
+            ring: RingOrder::Row,
+            measurement: Default::default(),
+        };
         // The camera is turned upside down, and reports in its own frame.
         let pose = Pose::from_rpy(DVec3::ZERO, Angle::deg(180.0), Angle::default(), Angle::default());
         let progress = Progress::default();

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3};
 
 use super::bounds::Bounds;
+use super::environment::Environment;
 use super::geometry::{Geometry, Mesh, Part};
 use super::moving::{Moving, inverted};
 use crate::motion::Window;
@@ -18,6 +19,8 @@ pub struct Scene {
     pub geometry: Arc<Geometry>,
     /// Where the meshes are.
     pub arrangement: Arc<Arrangement>,
+    /// The air and the sun.
+    pub environment: Environment,
 }
 
 /// The object and the material that a triangle belongs to.
@@ -95,7 +98,7 @@ impl Scene {
             );
             next_triangle = u64::from(placement.first_triangle) + mesh.triangles.len() as u64;
         }
-        Self { geometry: self.geometry.clone(), arrangement }
+        Self { geometry: self.geometry.clone(), arrangement, environment: self.environment }
     }
 
     /// The number of triangles, each counted as often as it is placed: one more than the largest triangle id. What is hidden at

@@ -124,7 +124,7 @@ impl SceneBuilder {
             files: self.files,
         };
         let arrangement = Arrangement { placements, ..Arrangement::default() };
-        Ok(Scene { geometry: Arc::new(geometry), arrangement: Arc::new(arrangement) })
+        Ok(Scene { geometry: Arc::new(geometry), arrangement: Arc::new(arrangement), ..Scene::default() })
     }
 
     /// Stores the meshes that are placed once, in one region or several.

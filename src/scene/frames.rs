@@ -103,7 +103,11 @@ impl Scene {
         }
         next.for_each(|mover| place(mover, &mut arrangement));
         arrangement.window = window.filter(|_| arrangement.placements.iter().any(Placement::is_moving));
-        Self { geometry: self.geometry.clone(), arrangement: Arc::new(arrangement) }
+        Self {
+            geometry: self.geometry.clone(),
+            arrangement: Arc::new(arrangement),
+            environment: self.environment,
+        }
     }
 
     /// The mesh of a mover at a time. `None` if it has no shape then, or one with a vertex that is not finite or farther than

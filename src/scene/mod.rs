@@ -20,6 +20,7 @@
 //! flatten      the meshes that are placed once; regions and steps: how large scenes are split, and why they agree
 //! rounding     what it costs that vertices have 32 bits
 //! geometry     the half that no time changes; material: what surfaces are like
+//! optics       how a job says that surfaces send light back; environment: the air and the sun
 //! arrangement  the half that says where meshes are, and the scene as both
 //! mover        what changes over time; moving: the maps of such a placement; frames: the scene at a time and during a frame
 //! only         a part of a scene, object by object
@@ -33,6 +34,7 @@ mod arrangement;
 mod bending;
 pub(crate) mod bounds;
 mod build;
+mod environment;
 mod extent;
 mod flatten;
 mod frames;
@@ -43,6 +45,7 @@ mod mover;
 mod moving;
 mod notice;
 mod only;
+mod optics;
 mod regions;
 mod rounding;
 mod source;
@@ -50,10 +53,12 @@ mod steps;
 
 pub use arrangement::{Arrangement, Placement, Scene, Surface};
 pub use bending::Slicing;
+pub use environment::{Environment, Haze, Sun, Weather};
 pub use extent::Extent;
 pub use geometry::{Geometry, Group, Mesh, Object, Part, SourceFile, label_names};
 pub use material::Material;
 pub use mover::{Deformer, Mover};
 pub use notice::Notice;
+pub use optics::{Optics, SurfaceKind};
 pub use rounding::Rounding;
 pub use source::{SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart};

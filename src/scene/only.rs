@@ -57,7 +57,11 @@ impl Scene {
         };
         let placements = fixed.iter().cloned().chain(of_placed).collect();
         let arrangement = Arrangement { placements, ..Arrangement::default() };
-        Self { geometry: Arc::new(geometry), arrangement: Arc::new(arrangement) }
+        Self {
+            geometry: Arc::new(geometry),
+            arrangement: Arc::new(arrangement),
+            environment: self.environment,
+        }
     }
 
     /// The corners in the world of all triangles of an object, where the scene has it.

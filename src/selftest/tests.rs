@@ -22,7 +22,12 @@ fn lidar_of(beams: Vec<Beam>) -> Sensor {
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
     let pattern = Rotating::new(beams, 180, turn, 10.0).unwrap();
     let range = RangeLimits { min_m: 0.5, max_m: 100.0, ..RangeLimits::default() };
-    Sensor { pattern: Pattern::Rotating(pattern), range, ring: RingOrder::Row }
+    Sensor {
+        pattern: Pattern::Rotating(pattern),
+        range,
+        ring: RingOrder::Row,
+        measurement: Default::default(),
+    }
 }
 
 fn lidar() -> Sensor {
@@ -40,13 +45,18 @@ fn beside_its_axis() -> Sensor {
     let pattern = Rotating::new(beams, 180, turn, 10.0).unwrap().turning_while_firing();
     let pattern = pattern.with_origins(&origins).unwrap().with_cycle(&phases).unwrap();
     let range = RangeLimits { min_m: 0.5, max_m: 100.0, ..RangeLimits::default() };
-    Sensor { pattern: Pattern::Rotating(pattern.with_ranges_from_origin()), range, ring: RingOrder::Row }
+    Sensor {
+        pattern: Pattern::Rotating(pattern.with_ranges_from_origin()),
+        range,
+        ring: RingOrder::Row,
+        measurement: Default::default(),
+    }
 }
 
 fn camera() -> Sensor {
     let pattern = Camera::new((64, 48), (40.0, 41.0), (31.3, 24.9), Some(30.0)).unwrap();
     let range = RangeLimits::default();
-    Sensor { pattern: Pattern::Camera(pattern), range, ring: RingOrder::Row }
+    Sensor { pattern: Pattern::Camera(pattern), range, ring: RingOrder::Row, measurement: Default::default() }
 }
 
 fn somewhere() -> Pose {

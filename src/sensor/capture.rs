@@ -231,6 +231,7 @@ mod tests {
             pattern: Pattern::Risley(pattern.unwrap()),
             range: RangeLimits::default(),
             ring: RingOrder::default(),
+            measurement: Default::default(),
         }
     }
 

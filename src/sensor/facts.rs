@@ -182,6 +182,7 @@ mod tests {
             pattern,
             range: RangeLimits { min_m: 0.5, max_m: 50.0, ..RangeLimits::default() },
             ring: RingOrder::Row,
+            measurement: Default::default(),
         }
     }
 
@@ -212,7 +213,12 @@ mod tests {
     #[test]
     fn facts_of_a_camera() {
         let pattern = Pattern::Camera(Camera::new((640, 480), (320.0, 240.0), (320.0, 240.0), None).unwrap());
-        let sensor = Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row };
+        let sensor = Sensor {
+            pattern,
+            range: RangeLimits::default(),
+            ring: RingOrder::Row,
+            measurement: Default::default(),
+        };
         let facts = SensorFacts::of(&sensor);
         assert_eq!(rounded(facts.horizontal_fov_deg), 90.0);
         assert_eq!(facts.elevation_deg.map(rounded), [-45.0, 45.0]);

@@ -3,6 +3,7 @@
 //! ```text
 //! rotating raster mirror risley rays   the patterns of LiDARs, one file each
 //! camera     the directions of a camera's pixels; lens: models of distortion; polynomial: where a model folds
+//! measurement  how a sensor measures: its beams' width, its receiver, its noise
 //! shutter    the times at which the rows of an image are exposed
 //! capture    one frame of one sensor: the only door to pulses
 //! sight      where a sensor looks
@@ -13,6 +14,7 @@ mod camera;
 mod capture;
 pub mod facts;
 mod lens;
+mod measurement;
 mod mirror;
 mod polynomial;
 mod raster;
@@ -31,6 +33,7 @@ use crate::angle::Angle;
 pub use camera::{Camera, CameraError};
 pub use capture::{Capture, NumberProblem};
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
+pub use measurement::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};
 pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};
@@ -48,12 +51,19 @@ pub struct Sensor {
     pub range: RangeLimits,
     /// The meaning of `ring` in a point cloud.
     pub ring: RingOrder,
+    /// How the sensor measures.
+    pub measurement: Measurement,
 }
 
 impl Sensor {
     /// A sensor with a pattern and no limits of range. Its rings are the rows of its image.
     pub fn new(pattern: Pattern) -> Self {
-        Self { pattern, range: RangeLimits::default(), ring: RingOrder::default() }
+        Self {
+            pattern,
+            range: RangeLimits::default(),
+            ring: RingOrder::default(),
+            measurement: Measurement::default(),
+        }
     }
 
     /// Whether the length of a ray alone says what the sensor reports of a hit: its range counts along the ray from the

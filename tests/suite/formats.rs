@@ -26,12 +26,22 @@ fn lidar() -> Sensor {
     };
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
     let pattern = Rotating::new(vec![beam(10.0), beam(-10.0)], 3, turn, 10.0).unwrap();
-    Sensor { pattern: Pattern::Rotating(pattern), range: LIMITS, ring: RingOrder::BottomUp }
+    Sensor {
+        pattern: Pattern::Rotating(pattern),
+        range: LIMITS,
+        ring: RingOrder::BottomUp,
+        measurement: Default::default(),
+    }
 }
 
 fn camera() -> Sensor {
     let camera = Camera::from_hfov((3, 2), Angle::deg(80.0), None).unwrap();
-    Sensor { pattern: Pattern::Camera(camera), range: LIMITS, ring: RingOrder::Row }
+    Sensor {
+        pattern: Pattern::Camera(camera),
+        range: LIMITS,
+        ring: RingOrder::Row,
+        measurement: Default::default(),
+    }
 }
 
 fn hit(range_m: f64, instance: u32, label: u32) -> Return {

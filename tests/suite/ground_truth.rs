@@ -34,6 +34,7 @@ fn lidar() -> Sensor {
         pattern: Pattern::Rotating(pattern),
         range: RangeLimits { max_m: 100.0, ..RangeLimits::default() },
         ring: RingOrder::Row,
+        measurement: Default::default(),
     }
 }
 

@@ -435,7 +435,7 @@ fn lidar() -> Sensor {
     };
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
     let pattern = Pattern::Rotating(Rotating::new((0..32).map(beam).collect(), 400, turn, 10.0).unwrap());
-    Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row }
+    Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::Row, measurement: Default::default() }
 }
 
 fn see(scene: &Scene, method: Option<&Method>, pose: &Pose) -> Frame {

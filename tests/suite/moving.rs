@@ -321,7 +321,12 @@ fn spinning(limits: RangeLimits) -> Sensor {
     };
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
     let pattern = Rotating::new((0..32).map(beam).collect(), 360, turn, 10.0).unwrap();
-    Sensor { pattern: Pattern::Rotating(pattern), range: limits, ring: RingOrder::Row }
+    Sensor {
+        pattern: Pattern::Rotating(pattern),
+        range: limits,
+        ring: RingOrder::Row,
+        measurement: Default::default(),
+    }
 }
 
 /// Scans a scene arranged for a capture.

@@ -21,7 +21,12 @@ use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, Text};
 use glam::{DVec3, Vec3};
 
 fn sensor(pattern: Pattern) -> Sensor {
-    Sensor { pattern, range: RangeLimits::default(), ring: RingOrder::BottomUp }
+    Sensor {
+        pattern,
+        range: RangeLimits::default(),
+        ring: RingOrder::BottomUp,
+        measurement: Default::default(),
+    }
 }
 
 fn lidar(beams: usize, columns: usize) -> Sensor {

@@ -115,7 +115,7 @@ fn ranges(trajectory: &Trajectory) -> [f64; 3] {
     };
     let pulses = [(0.05, 90.0), (0.1, 60.0), (0.1, 120.0)].map(pulse).to_vec();
     let pattern = Pattern::Rays(RayTable::new(pulses, Some(10.0)).unwrap());
-    let sensor = Sensor { pattern, range: NO_LIMITS, ring: RingOrder::Row };
+    let sensor = Sensor { pattern, range: NO_LIMITS, ring: RingOrder::Row, measurement: Default::default() };
     let capture = Capture::new(&sensor, Pose::IDENTITY, trajectory, 0, 0);
     let scene = alone(quad(wall));
     let frame = scan(&scene, &Tracer::build(&scene), &capture, &Progress::default()).unwrap();
@@ -199,7 +199,7 @@ fn a_table_of_a_body_that_speeds_up_is_off_by_what_is_told() {
     let scene = alone(quad(wall));
     let pulses = (0..=100).map(|k| Pulse::new(DVec3::ZERO, DVec3::X, f64::from(k) * 0.01)).collect();
     let pattern = Pattern::Rays(RayTable::new(pulses, Some(0.5)).unwrap());
-    let sensor = Sensor { pattern, range: NO_LIMITS, ring: RingOrder::Row };
+    let sensor = Sensor { pattern, range: NO_LIMITS, ring: RingOrder::Row, measurement: Default::default() };
     let capture = Capture::new(&sensor, Pose::IDENTITY, &job.trajectory, 0, 0);
     let frame = scan(&scene, &Tracer::build(&scene), &capture, &Progress::default()).unwrap();
     let bound = a * h * h / 8.0;
@@ -227,7 +227,12 @@ fn a_plane_passed_at_a_constant_twist() {
     };
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
     let pattern = Rotating::new((0..8).map(beam).collect(), 180, turn, 10.0).unwrap();
-    let sensor = Sensor { pattern: Pattern::Rotating(pattern), range: NO_LIMITS, ring: RingOrder::Row };
+    let sensor = Sensor {
+        pattern: Pattern::Rotating(pattern),
+        range: NO_LIMITS,
+        ring: RingOrder::Row,
+        measurement: Default::default(),
+    };
     // The plane 0.6·x + 0.8·y = 16 about (12, 11, 0), to 640 m along it and 512 m up: its corners are whole numbers.
     let (middle, along) = (DVec3::new(12.0, 11.0, 0.0), DVec3::new(-512.0, 384.0, 0.0));
     let corner = |(u, z): (f64, f64)| middle + along * u + DVec3::Z * (512.0 * z);

@@ -25,12 +25,22 @@ fn lidar(limits: RangeLimits) -> Sensor {
     };
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
     let pattern = Rotating::new((0..32).map(beam).collect(), 360, turn, 10.0).unwrap();
-    Sensor { pattern: Pattern::Rotating(pattern), range: limits, ring: RingOrder::Row }
+    Sensor {
+        pattern: Pattern::Rotating(pattern),
+        range: limits,
+        ring: RingOrder::Row,
+        measurement: Default::default(),
+    }
 }
 
 fn camera(limits: RangeLimits) -> Sensor {
     let pattern = Camera::new((160, 120), (97.0, 98.0), (80.3, 58.9), None).unwrap();
-    Sensor { pattern: Pattern::Camera(pattern), range: limits, ring: RingOrder::Row }
+    Sensor {
+        pattern: Pattern::Camera(pattern),
+        range: limits,
+        ring: RingOrder::Row,
+        measurement: Default::default(),
+    }
 }
 
 const NO_LIMITS: RangeLimits = RangeLimits { min_m: 0.0, max_m: f64::INFINITY, of: Limited::Range };
@@ -180,7 +190,12 @@ fn grazing_planes() {
     });
     let turn = (Angle::deg(180.0), Angle::deg(-180.0));
     let pattern = Rotating::new(beams.to_vec(), 720, turn, 10.0).unwrap();
-    let sensor = Sensor { pattern: Pattern::Rotating(pattern), range: NO_LIMITS, ring: RingOrder::Row };
+    let sensor = Sensor {
+        pattern: Pattern::Rotating(pattern),
+        range: NO_LIMITS,
+        ring: RingOrder::Row,
+        measurement: Default::default(),
+    };
     let mut hits = 0;
     for place in [DVec3::ZERO, DVec3::new(1e6, 2e5, -3e5)] {
         for height in [0.05, 0.2, 0.349] {
@@ -402,7 +417,12 @@ fn a_range_from_the_sensors_origin_is_that_of_the_point_on_the_wall() {
     let pattern = Rotating::new(beams.to_vec(), 360, turn, 10.0).unwrap().turning_while_firing();
     let pattern = pattern.with_origins(&[centre; 3]).unwrap().with_ranges_from_origin();
     let limits = RangeLimits { min_m: 2.1, max_m: 5.0, of: Limited::Range };
-    let sensor = Sensor { pattern: Pattern::Rotating(pattern), range: limits, ring: RingOrder::Row };
+    let sensor = Sensor {
+        pattern: Pattern::Rotating(pattern),
+        range: limits,
+        ring: RingOrder::Row,
+        measurement: Default::default(),
+    };
     let wall = [(-1e3, -1e3), (1e3, -1e3), (1e3, 1e3), (-1e3, 1e3)].map(|(y, z)| DVec3::new(2.0, y, z));
     let scene = alone(quad(wall));
     let frame = see(&scene, &sensor, &Pose::IDENTITY);
@@ -443,7 +463,7 @@ fn nothing_blocks_a_beam_before_its_own_origin() {
     let pattern = pattern.with_origins(&[DVec3::new(offset, 0.0, 0.0)]).unwrap();
     let pattern = Pattern::Rotating(pattern.with_range_offset(offset).unwrap());
     let limits = RangeLimits { min_m, ..RangeLimits::default() };
-    let sensor = Sensor { pattern, range: limits, ring: RingOrder::Row };
+    let sensor = Sensor { pattern, range: limits, ring: RingOrder::Row, measurement: Default::default() };
     // A plate at x, square to the beam ahead (column 2), and a wall at 5 m. The scene is rounded to multiples of 2⁻²².
     let cause = |x: f64| {
         let square =
@@ -554,7 +574,7 @@ fn each_pulse_of_a_moving_sensor_is_cast_from_its_own_pose() {
         Pulse::new(DVec3::ZERO, direction(Angle::deg(azimuth), Angle::default()), time_s)
     };
     let pattern = Pattern::Rays(RayTable::new(rays.map(pulse).to_vec(), Some(10.0)).unwrap());
-    let sensor = Sensor { pattern, range: NO_LIMITS, ring: RingOrder::Row };
+    let sensor = Sensor { pattern, range: NO_LIMITS, ring: RingOrder::Row, measurement: Default::default() };
     let trajectory = Trajectory::Twist {
         start: Pose::IDENTITY,
         linear_m_s: DVec3::new(speed, 0.0, 0.0),

@@ -12,8 +12,12 @@ use crate::sensor::{Camera, Pattern, RangeLimits, RingOrder};
 #[test]
 fn sizes_of_a_cameras_frames() {
     let camera = Camera::from_hfov((640, 480), Angle::deg(90.0), None).unwrap();
-    let sensor =
-        Sensor { pattern: Pattern::Camera(camera), range: RangeLimits::default(), ring: RingOrder::Row };
+    let sensor = Sensor {
+        pattern: Pattern::Camera(camera),
+        range: RangeLimits::default(),
+        ring: RingOrder::Row,
+        measurement: Default::default(),
+    };
     let sizes = SensorSizes::of(Some("front"), &sensor, &Format::all().collect::<Vec<_>>());
     assert_eq!(sizes.output_bytes["exr"], 640 * 480 * 48);
     assert_eq!(sizes.frame_bytes, 640 * 480 * memory::FRAME_BYTES_A_RAY);

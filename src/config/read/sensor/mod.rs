@@ -59,7 +59,7 @@ pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> 
     check_limits(t, &pattern, range)?;
     check_least_range(t, &pattern, range)?;
     warn_of_ambiguity(t, &pattern, range);
-    let sensor = Sensor { pattern, range, ring };
+    let sensor = Sensor { pattern, range, ring, measurement: Default::default() };
     if let Some(problem) = Capture::at_origin(&sensor).problem_of_numbers() {
         let key = given.first().map_or(t.span, |(key, _)| t.span_of(*key));
         report.error(key, problem.to_string(), "a number here is too large or too small", None);
