@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_pulse_of_5_ns_is_32_cm_wide() {
-        assert!((pulse_sigma_m(5e-9) - 0.3183).abs() < 5e-5, "{}", pulse_sigma_m(5e-9));
+        assert!((pulse_sigma_m(5e-9) - 0.318_28).abs() < 5e-6, "{}", pulse_sigma_m(5e-9));
     }
 
     /// Where two echoes merge, in σ, for their ratios of energy. The sum has a horizontal point of inflection there: with the
