@@ -110,8 +110,10 @@ impl Job {
 
     /// A frame of a sensor before it is cast: the sensor, its pulses, and where and when they are sent from.
     pub fn capture(&self, sensor: usize, frame: u64) -> Capture<'_> {
+        let index = sensor as u32;
         let MountedSensor { sensor, body_from_sensor, trigger_s, .. } = &self.sensors[sensor];
         Capture::new(sensor, *body_from_sensor, &self.trajectory, frame, self.seed)
+            .of_rig(index)
             .in_sequence(self.sequence.start_s + trigger_s, self.sequence.is_frozen)
     }
 

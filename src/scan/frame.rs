@@ -2,38 +2,74 @@
 
 use std::ops::Range;
 
-/// The reason why a pixel has no return, or the origin of its returns.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-#[non_exhaustive]
-#[repr(u8)]
-pub enum Cause {
+/// Declares the causes once, in the order of their numbers.
+macro_rules! causes {
+    ($($(#[$doc:meta])* $variant:ident $name:literal,)*) => {
+        /// The reason why a pixel has no return, or the origin of a return.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+        #[non_exhaustive]
+        #[repr(u8)]
+        pub enum Cause {
+            $($(#[$doc])* $variant,)*
+        }
+
+        impl Cause {
+            /// Every cause, by its number in files.
+            pub const ALL: &[Self] = &[$(Self::$variant,)*];
+
+            /// The name in files, such as `too_near`.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $name,)*
+                }
+            }
+        }
+    };
+}
+
+causes! {
     /// The pixel sent no pulse: the lens's model has no ray for it, or a prism reflects the beam inward.
     #[default]
-    NoPulse = 0,
+    NoPulse "no_pulse",
     /// The pulse came back from a surface.
-    Surface = 1,
+    Surface "surface",
     /// The pulse met no surface at any distance.
-    Nothing = 2,
+    Nothing "nothing",
     /// A surface nearer than the sensor's least range blocks the beam.
-    TooNear = 3,
+    TooNear "too_near",
     /// The first surface on the beam's way is farther than the sensor's largest range.
-    OutOfRange = 4,
+    OutOfRange "out_of_range",
+    /// The light of several surfaces makes one return, which may lie between them.
+    Mixed "mixed",
+    /// The return is a surface's image in a mirror or in a film of water. It lies behind the mirror.
+    Mirror "mirror",
+    /// The light of the return went through glass, or was reflected by it.
+    Glass "glass",
+    /// A surface sends too little light back to be detected.
+    BelowThreshold "below_threshold",
+    /// A surface would be detected in clear air, but the air takes too much of its light.
+    Absorbed "absorbed",
+    /// A surface sends enough light back on average, but noise hides it this time.
+    Dropped "dropped",
+    /// Noise alone passes the threshold.
+    FalseAlarm "false_alarm",
+    /// The receiver takes the pulse of another device for its own.
+    Interference "interference",
+    /// The return is from a drop of rain.
+    Rain "rain",
+    /// The return is from a flake of snow.
+    Snow "snow",
+    /// The return is from fog.
+    Fog "fog",
+    /// The return is from dust.
+    Dust "dust",
+    /// The return is the halo of a bright return of another beam.
+    Blooming "blooming",
 }
 
 impl Cause {
-    /// Every cause, by its number in files.
-    pub const ALL: [Self; 5] = [Self::NoPulse, Self::Surface, Self::Nothing, Self::TooNear, Self::OutOfRange];
-
-    /// The name in files, such as `too_near`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::NoPulse => "no_pulse",
-            Self::Surface => "surface",
-            Self::Nothing => "nothing",
-            Self::TooNear => "too_near",
-            Self::OutOfRange => "out_of_range",
-        }
-    }
+    /// The causes that frames of ideal sensors have.
+    pub const IDEAL: &[Self] = Self::ALL.split_at(5).0;
 
     /// The number in files.
     pub fn number(self) -> u32 {
@@ -43,6 +79,54 @@ impl Cause {
     /// The cause with this number in files.
     pub fn numbered(number: u32) -> Option<Self> {
         Self::ALL.get(number as usize).copied()
+    }
+}
+
+/// What is known of a return of a sensor that is not ideal, beside the columns of [`Returns`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Echo {
+    /// The origin of the return.
+    pub cause: Cause,
+    /// The signal-to-noise ratio of the peak, without this pulse's own noise. It is 0 of a return that no light made.
+    pub snr: f32,
+    /// The standard deviation of the echo in range, in metres: that of the pulse, widened by the spread of the ranges.
+    pub width_m: f32,
+    /// The error budget of the range.
+    pub terms: Terms,
+}
+
+/// The error budget of a range: the exact range, and each effect's part in the difference to the range that is reported. All in
+/// metres, and they add up to the reported range.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Terms {
+    /// The exact range of the surface on the beam's axis, if it is part of the return, else of the return's brightest part.
+    pub ideal_m: f64,
+    /// The error of the pulse's direction.
+    pub angle_m: f64,
+    /// The beam's width: the peak of all the light together.
+    pub footprint_m: f64,
+    /// What is left of the walk of a fixed threshold.
+    pub walk_m: f64,
+    /// The noise of this pulse.
+    pub noise_m: f64,
+    /// The bias of the beam.
+    pub bias_m: f64,
+    /// The rounding to the unit of ranges.
+    pub rounding_m: f64,
+}
+
+impl Terms {
+    /// The names of the terms in files, without the ideal range.
+    pub const NAMES: [&str; 6] = ["angle", "footprint", "walk", "noise", "bias", "rounding"];
+
+    /// The terms in the order of [`Terms::NAMES`].
+    pub fn errors_m(&self) -> [f64; 6] {
+        [self.angle_m, self.footprint_m, self.walk_m, self.noise_m, self.bias_m, self.rounding_m]
+    }
+
+    /// The range before it is rounded to the sensor's unit.
+    pub fn unrounded_m(&self) -> f64 {
+        self.ideal_m + self.angle_m + self.footprint_m + self.walk_m + self.noise_m + self.bias_m
     }
 }
 
@@ -145,6 +229,12 @@ pub struct Frame {
     layout: Layout,
     returns: Returns,
     causes: Vec<Cause>,
+    /// Whether the sensor is not ideal.
+    is_measured: bool,
+    /// Of each slot, if the sensor is not ideal.
+    echoes: Vec<Echo>,
+    /// The ambient light of each pixel, if there is any.
+    ambient: Vec<f32>,
 }
 
 /// The rule that assigns slots to pixels.
@@ -169,6 +259,31 @@ impl Frame {
         (self.rows, self.columns, self.layout) = (rows, columns, Layout::OneEach);
         self.returns.set_slots(rows * columns);
         self.causes.resize(rows * columns, Cause::NoPulse);
+        self.is_measured = false;
+        self.echoes.clear();
+        self.ambient.clear();
+    }
+
+    /// Makes this an empty frame of a sensor that is not ideal, to which pixels are added row by row.
+    pub(super) fn begin_measured(&mut self, rows: usize, columns: usize) {
+        self.set_size(rows, columns);
+        self.returns.set_slots(0);
+        self.causes.clear();
+        self.layout = Layout::From(vec![0]);
+        self.is_measured = true;
+    }
+
+    /// Adds the next pixel to a frame that was [begun](Self::begin_measured).
+    pub(super) fn add_measured(&mut self, cause: Cause, returns: &[(Return, Echo)], ambient: Option<f32>) {
+        for (one, echo) in returns {
+            self.returns.push(*one);
+            self.echoes.push(*echo);
+        }
+        self.causes.push(cause);
+        self.ambient.extend(ambient);
+        if let Layout::From(first) = &mut self.layout {
+            first.push(self.echoes.len());
+        }
     }
 
     /// A frame from pixels, row by row. Each pixel has its cause and its returns. A pixel whose cause is [`Cause::TooNear`] has
@@ -188,7 +303,7 @@ impl Frame {
             first.push(returns.slots());
         }
         assert_eq!(causes.len(), rows * columns, "a frame has rows × columns pixels");
-        Self { rows, columns, layout: Layout::From(first), returns, causes }
+        Self { rows, columns, layout: Layout::From(first), returns, causes, ..Self::default() }
     }
 
     /// Rows of the range image.
@@ -281,6 +396,21 @@ impl Frame {
         &self.causes
     }
 
+    /// What is known of the return in a slot beside its columns. `None` if the sensor is ideal.
+    pub fn echo(&self, slot: usize) -> Option<&Echo> {
+        self.echoes.get(slot)
+    }
+
+    /// Whether the sensor is not ideal, so that each slot has an [`Echo`].
+    pub fn is_measured(&self) -> bool {
+        self.is_measured
+    }
+
+    /// The ambient light of a pixel, relative to a white plane that faces the sun at 100 klx. `None` if there is no sun.
+    pub fn ambient(&self, pixel: usize) -> Option<f32> {
+        self.ambient.get(pixel).copied()
+    }
+
     /// The number of pixels that sent no pulse.
     pub fn blind_pixels(&self) -> usize {
         self.pixels_of(Cause::NoPulse)
@@ -361,13 +491,11 @@ mod tests {
     #[test]
     fn causes_have_the_numbers_and_names_of_files() {
         for (number, cause) in (0..).zip(Cause::ALL) {
-            assert_eq!((cause.number(), Cause::numbered(number)), (number, Some(cause)));
+            assert_eq!((cause.number(), Cause::numbered(number)), (number, Some(*cause)));
         }
         assert_eq!(Cause::numbered(Cause::ALL.len() as u32), None);
-        assert_eq!(
-            Cause::ALL.map(Cause::name),
-            ["no_pulse", "surface", "nothing", "too_near", "out_of_range"]
-        );
+        let ideal: Vec<_> = Cause::IDEAL.iter().map(|cause| cause.name()).collect();
+        assert_eq!(ideal, ["no_pulse", "surface", "nothing", "too_near", "out_of_range"]);
     }
 
     #[test]

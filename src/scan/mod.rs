@@ -17,7 +17,7 @@ use crate::trace::{Cast, Hit, Origins, PACKET_RAYS, Rays};
 
 pub use alone::alone;
 use frame::ReturnsMut;
-pub use frame::{Cause, Frame, Return, Returns};
+pub use frame::{Cause, Echo, Frame, Return, Returns, Terms};
 
 /// The progress of a scan, which another thread can read, and the means to stop it.
 #[derive(Debug, Default)]

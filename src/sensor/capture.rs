@@ -27,6 +27,8 @@ pub struct Capture<'a> {
     pub is_frozen: bool,
     /// The seed of all random numbers.
     pub seed: u64,
+    /// The number of the sensor in its rig, from 0. Sensors of a rig draw different random numbers.
+    pub index: u32,
 }
 
 impl<'a> Capture<'a> {
@@ -40,13 +42,19 @@ impl<'a> Capture<'a> {
         seed: u64,
     ) -> Self {
         let start_s = sensor.pattern.rate_hz().map_or(0.0, |rate_hz| frame as f64 / rate_hz);
-        Self { sensor, body_from_sensor, trajectory, frame, start_s, is_frozen: false, seed }
+        Self { sensor, body_from_sensor, trajectory, frame, start_s, is_frozen: false, seed, index: 0 }
     }
 
     /// The same frame in a sequence whose frame 0 starts at `start_s`.
     #[must_use]
     pub fn in_sequence(self, start_s: f64, is_frozen: bool) -> Self {
         Self { start_s: start_s + self.start_s, is_frozen, ..self }
+    }
+
+    /// The same frame of the sensor with this number in its rig.
+    #[must_use]
+    pub fn of_rig(self, index: u32) -> Self {
+        Self { index, ..self }
     }
 
     /// The first frame of a sensor that stands at the world's origin, for questions about the sensor alone.
@@ -57,7 +65,7 @@ impl<'a> Capture<'a> {
     /// The capture of another frame, with the same sensor, mount and motion.
     #[must_use]
     pub fn with_frame(self, frame: u64) -> Self {
-        Self::new(self.sensor, self.body_from_sensor, self.trajectory, frame, self.seed)
+        Self::new(self.sensor, self.body_from_sensor, self.trajectory, frame, self.seed).of_rig(self.index)
     }
 
     /// Rows of the frame's image.

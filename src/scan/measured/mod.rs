@@ -1,0 +1,245 @@
+//! Scans of sensors that are not ideal.
+//!
+//! ```text
+//! beams    the sub-rays of each pulse, in the direction that it really takes
+//! paths    the ways of their light through the scene; optics: where light goes at a surface
+//! light    what comes back, path by path
+//! receive  the receiver: from light to returns, each with its cause and its error budget
+//! effects  the numbers of random effects
+//! ```
+//!
+//! Each random number follows from the seed, the sensor, the frame, the pixel, the path of the light and the effect, so frames do
+//! not depend on threads, and an effect that is turned on changes no draw of another.
+
+mod beams;
+mod effects;
+mod light;
+mod optics;
+mod paths;
+mod receive;
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use rayon::prelude::*;
+
+use self::beams::Beams;
+use self::light::{IDEAL_SAMPLE, Light};
+use self::paths::{Paths, Wave, Way};
+use self::receive::{Detector, Received, Reception, Scratch};
+use super::{Cause, Echo, Frame, Progress, Return, STRIP, SensorPose, TILE};
+use crate::scene::Scene;
+use crate::sensor::{Capture, Pulse, Receiver};
+use crate::trace::Cast;
+
+/// Casts a capture of a sensor that is not ideal, as [`scan_into`](super::scan_into) does.
+pub(super) fn scan_into(
+    frame: &mut Frame,
+    scene: &Scene,
+    tracer: &impl Cast,
+    capture: &Capture,
+    progress: &Progress,
+) -> bool {
+    let default_receiver = Receiver::default();
+    let measurement = &capture.sensor.measurement;
+    let receiver = measurement.receiver.as_ref().unwrap_or(&default_receiver);
+    let beams = Beams::new(capture);
+    let sun = scene.environment.sun.map_or(1.0, |sun| sun.klx / receiver.sun_klx);
+    let noise = measurement.noise.unwrap_or_default();
+    let detector = Detector::new(receiver, noise, capture.sensor.range, beams.streams, sun);
+    let divergence = measurement.footprint.map_or(0.0, |f| f.half_divergence[0].radians().max(f.half_divergence[1].radians()));
+    let paths = Paths {
+        scene,
+        tracer,
+        receiver,
+        white_at_1_m: detector.white_at_1_m / beams.samples() as f64,
+        exponent: detector.exponent(),
+        extinction_per_m: 0.0,
+        mirror_roughness: crate::physics::surface::mirror_roughness(2.0 * divergence),
+    };
+    let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
+    let scanner = Scanner { capture, beams, paths, detector, fixed };
+    let (rows, columns) = (capture.rows(), capture.columns());
+    let strips: Vec<_> = (0..rows.div_ceil(TILE.0))
+        .flat_map(|band| (0..columns.div_ceil(STRIP)).map(move |strip| (band * TILE.0, strip * STRIP)))
+        .collect();
+    let received: Vec<Strip> = strips
+        .par_iter()
+        .map_init(Memory::default, |memory, &first| {
+            if progress.cancelled.load(Relaxed) {
+                return Strip::default();
+            }
+            let (strip, rays) = scanner.strip(first, memory);
+            progress.rays_done.fetch_add(rays as u64, Relaxed);
+            strip
+        })
+        .collect();
+    if progress.cancelled.load(Relaxed) {
+        return false;
+    }
+    frame.begin_measured(rows, columns);
+    for band in received.chunks(columns.div_ceil(STRIP)) {
+        let height = band[0].rows;
+        for row in 0..height {
+            for strip in band {
+                let pixels = row * strip.columns..(row + 1) * strip.columns;
+                for pixel in pixels {
+                    let returns = &strip.returns[strip.first[pixel]..strip.first[pixel + 1]];
+                    frame.add_measured(strip.causes[pixel], returns, None);
+                }
+            }
+        }
+    }
+    true
+}
+
+/// The pixels of a strip, row by row.
+#[derive(Default)]
+struct Strip {
+    rows: usize,
+    columns: usize,
+    causes: Vec<Cause>,
+    /// The place in `returns` of the first return of each pixel, and at the end their number.
+    first: Vec<usize>,
+    returns: Vec<(Return, Echo)>,
+}
+
+/// The memory of a thread, which is kept from strip to strip.
+#[derive(Default)]
+struct Memory {
+    wave: Wave,
+    next: Wave,
+    /// The pulses of the strip, tile by tile.
+    pulses: Vec<Pulse>,
+    /// The row and column in the strip of each pulse, and its pose.
+    pixels: Vec<(usize, usize)>,
+    poses: Vec<SensorPose>,
+    ideal: Vec<f64>,
+    lights: Vec<Light>,
+    sorted: Vec<Light>,
+    first_light: Vec<usize>,
+    scratch: Scratch,
+    received: Received,
+}
+
+struct Scanner<'a, C> {
+    capture: &'a Capture<'a>,
+    beams: Beams<'a>,
+    paths: Paths<'a, C>,
+    detector: Detector<'a>,
+    /// The sensor's pose, if it stands still.
+    fixed: Option<SensorPose>,
+}
+
+impl<C: Cast> Scanner<'_, C> {
+    /// Casts the pulses of a strip. Returns its pixels and the number of rays.
+    fn strip(&self, (first_row, first_column): (usize, usize), memory: &mut Memory) -> (Strip, usize) {
+        let rows = TILE.0.min(self.capture.rows() - first_row);
+        let columns = STRIP.min(self.capture.columns() - first_column);
+        self.send((first_row, first_column), (rows, columns), memory);
+        let Memory { wave, next, pulses, ideal, lights, .. } = memory;
+        lights.clear();
+        let rays = self.paths.follow(wave, next, pulses, lights, ideal);
+        sort_by_pulse(lights, pulses.len(), &mut memory.sorted, &mut memory.first_light);
+        // A pixel without a pulse stays without light.
+        let mut of_pixel = vec![None; rows * columns];
+        for (pulse, &(row, column)) in memory.pixels.iter().enumerate() {
+            of_pixel[row * columns + column] = Some(pulse);
+        }
+        let mut strip = Strip { rows, columns, first: vec![0], ..Strip::default() };
+        for (pixel, pulse) in of_pixel.into_iter().enumerate() {
+            match pulse {
+                None => strip.causes.push(Cause::NoPulse),
+                Some(pulse) => {
+                    let (row, column) = (first_row + pixel / columns, first_column + pixel % columns);
+                    self.receive(pulse, (row, column), memory);
+                    strip.causes.push(memory.received.cause);
+                    strip.returns.append(&mut memory.received.returns);
+                }
+            }
+            strip.first.push(strip.returns.len());
+        }
+        (strip, rays)
+    }
+
+    /// Fills the first wave with the rays of all pulses of a strip, tile by tile.
+    fn send(&self, (first_row, first_column): (usize, usize), (rows, columns): (usize, usize), memory: &mut Memory) {
+        let Memory { wave, pulses, pixels, poses, ideal, .. } = memory;
+        wave.clear();
+        pulses.clear();
+        pixels.clear();
+        poses.clear();
+        let is_off = self.beams.are_off();
+        for first in (0..columns).step_by(TILE.1) {
+            for row in 0..rows {
+                for column in first..columns.min(first + TILE.1) {
+                    let Some(pulse) = self.capture.pulse(first_row + row, first_column + column) else { continue };
+                    let pose = match self.fixed {
+                        Some(pose) => pose,
+                        None => SensorPose::new(self.capture.world_from_sensor(pulse.time_s)),
+                    };
+                    let world_from_sensor = pose.world_from_sensor;
+                    let time_s = self.capture.cast_at_s(pulse.time_s);
+                    let number = pulses.len() as u32;
+                    let mut add = |sample: u16, origin, direction| {
+                        let (origin, direction) =
+                            (world_from_sensor.point(origin), world_from_sensor.direction(direction));
+                        wave.push(Way::of(number, sample), origin, direction, time_s);
+                    };
+                    let rays = self.beams.rays(first_row + row, first_column + column, &pulse);
+                    for (sample, ray) in rays.enumerate() {
+                        add(sample as u16, ray.origin, ray.direction);
+                    }
+                    if is_off {
+                        add(IDEAL_SAMPLE, pulse.origin, pulse.direction);
+                    }
+                    pixels.push((row, column));
+                    poses.push(pose);
+                    pulses.push(pulse);
+                }
+            }
+        }
+        ideal.clear();
+        ideal.resize(pulses.len(), f64::INFINITY);
+    }
+
+    /// Receives the light of a pulse.
+    fn receive(&self, pulse: usize, (row, column): (usize, usize), memory: &mut Memory) {
+        let Memory { pulses, poses, ideal, sorted, first_light, scratch, received, .. } = memory;
+        let lights = &mut sorted[first_light[pulse]..first_light[pulse + 1]];
+        lights.sort_by(|a, b| a.range_m.total_cmp(&b.range_m).then(a.path.cmp(&b.path)));
+        let pose = &poses[pulse];
+        let at = Reception {
+            pixel: (row * self.capture.columns() + column) as u32,
+            pulse: &pulses[pulse],
+            beam: self.beams.beam(row),
+            direction: pose.world_from_sensor.direction(pulses[pulse].direction),
+            ideal_m: self.beams.are_off().then_some(ideal[pulse]),
+            sensor_from_world: pose.sensor_from_world.rotation,
+        };
+        self.detector.receive(&at, lights, scratch, received);
+    }
+}
+
+/// Sorts light by its pulse, in the order in which it was found. Pulse i has the lights from entry i to entry i + 1 of `first`.
+fn sort_by_pulse(lights: &[Light], pulses: usize, sorted: &mut Vec<Light>, first: &mut Vec<usize>) {
+    first.clear();
+    first.resize(pulses + 2, 0);
+    for light in lights {
+        first[light.pulse as usize + 2] += 1;
+    }
+    for pulse in 2..first.len() {
+        first[pulse] += first[pulse - 1];
+    }
+    sorted.clear();
+    let Some(any) = lights.first() else {
+        first.truncate(pulses + 1);
+        return;
+    };
+    sorted.resize(lights.len(), *any);
+    for light in lights {
+        let place = &mut first[light.pulse as usize + 1];
+        sorted[*place] = *light;
+        *place += 1;
+    }
+    first.truncate(pulses + 1);
+}

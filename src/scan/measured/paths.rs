@@ -1,0 +1,300 @@
+//! The ways of light from the sensor to what it meets, and back: through holes and panes, and by mirrors.
+
+use glam::DVec3;
+
+use super::light::{IDEAL_SAMPLE, Light, PATHS_A_SAMPLE, Target};
+use super::optics::{Meeting, Split, split};
+use crate::physics::surface::mirror_roughness;
+use crate::scan::{Cause, surface::SeenTriangle};
+use crate::scene::{Appearance, Optics, Scene};
+use crate::sensor::{Pulse, Receiver};
+use crate::trace::{Cast, Hit, Origins, Rays};
+
+/// The share of light, both ways, below which a path is not followed.
+const LEAST_SHARE: f64 = 1e-9;
+
+/// The most surfaces that a path goes through.
+const MOST_PASSES: u8 = 64;
+
+/// The distance from a mirror at which a reflected ray begins, in metres along the ray, at a right angle to the mirror. It is far
+/// above the error of the point where the ray meets the mirror (10⁻⁹ m at 200 m), so that the ray does not meet the mirror
+/// again.
+const CLEARANCE_M: f64 = 1e-6;
+
+/// Rays that are cast as one batch, each with its way so far.
+#[derive(Default)]
+pub(super) struct Wave {
+    origins: Vec<DVec3>,
+    directions: Vec<DVec3>,
+    times_s: Vec<f64>,
+    after: Vec<Option<Hit>>,
+    ways: Vec<Way>,
+    hits: Vec<Option<Hit>>,
+}
+
+/// The way of a ray so far.
+#[derive(Clone, Copy)]
+pub(super) struct Way {
+    /// The number of the pulse in its strip.
+    pub pulse: u32,
+    /// The number of the sub-ray.
+    pub sample: u16,
+    /// The number of the surfaces that were met before.
+    met: u8,
+    bounces: u8,
+    passes: u8,
+    cause: Cause,
+    /// The share of the light, both ways, that the surfaces on the way leave.
+    share: f64,
+    /// The length of the way to the ray's origin, in metres.
+    length_m: f64,
+}
+
+impl Way {
+    /// The way of a sub-ray that leaves the sensor.
+    pub fn of(pulse: u32, sample: u16) -> Self {
+        let (cause, share) = (Cause::Surface, 1.0);
+        Self { pulse, sample, met: 0, bounces: 0, passes: 0, cause, share, length_m: 0.0 }
+    }
+}
+
+impl Wave {
+    pub fn clear(&mut self) {
+        self.origins.clear();
+        self.directions.clear();
+        self.times_s.clear();
+        self.after.clear();
+        self.ways.clear();
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.ways.is_empty()
+    }
+
+    pub fn len(&self) -> usize {
+        self.ways.len()
+    }
+
+    /// Adds a ray that leaves the sensor.
+    pub fn push(&mut self, way: Way, origin: DVec3, direction: DVec3, time_s: f64) {
+        self.add(way, origin, direction, time_s, None);
+    }
+
+    fn add(&mut self, way: Way, origin: DVec3, direction: DVec3, time_s: f64, after: Option<Hit>) {
+        self.ways.push(way);
+        self.origins.push(origin);
+        self.directions.push(direction);
+        self.times_s.push(time_s);
+        self.after.push(after);
+    }
+
+    fn cast(&mut self, scene: &Scene, tracer: &impl Cast) {
+        self.hits.clear();
+        self.hits.resize(self.ways.len(), None);
+        let origins = &self.origins;
+        let common = origins.first().copied().filter(|first| origins.iter().all(|o| o == first));
+        let rays = Rays {
+            origins: common.map_or(Origins::Each(origins), Origins::Common),
+            directions: &self.directions,
+            t_min: 0.0,
+            t_max: f64::INFINITY,
+            after: self.after.iter().any(Option::is_some).then_some(&self.after[..]),
+            times_s: scene.arrangement.window.is_some().then_some(&self.times_s[..]),
+        };
+        tracer.cast(&rays, &mut self.hits);
+    }
+}
+
+/// What the paths of a sensor's light have in common.
+pub(super) struct Paths<'a, C> {
+    pub scene: &'a Scene,
+    pub tracer: &'a C,
+    pub receiver: &'a Receiver,
+    /// The energy of a white Lambertian plane at 1 m that takes a whole sub-ray, in clear air.
+    pub white_at_1_m: f64,
+    /// The exponent by which energy falls with the length of the way.
+    pub exponent: f64,
+    /// The extinction of the air, a metre.
+    pub extinction_per_m: f64,
+    pub mirror_roughness: f64,
+}
+
+/// The surfaces that the rays of a wave meet, of which neighbours often meet the same.
+#[derive(Default)]
+struct Last<'s> {
+    triangle: Option<SeenTriangle>,
+    appearance: Option<Appearance>,
+    optics: Option<&'s Optics>,
+}
+
+impl<'a, C: Cast> Paths<'a, C> {
+    pub fn mirror_roughness_of(half_divergence_rad: f64) -> f64 {
+        mirror_roughness(2.0 * half_divergence_rad)
+    }
+
+    /// Follows the rays of `wave`, and those that surfaces make of them, until no light is left. Adds what comes back to `lights`
+    /// and the range of each ideal ray that meets something to `ideal`. `next` is memory. Returns the number of rays.
+    pub fn follow(
+        &self,
+        wave: &mut Wave,
+        next: &mut Wave,
+        pulses: &[Pulse],
+        lights: &mut Vec<Light>,
+        ideal: &mut [f64],
+    ) -> usize {
+        let mut rays = 0;
+        while !wave.is_empty() {
+            rays += wave.len();
+            wave.cast(self.scene, self.tracer);
+            next.clear();
+            let mut last = Last::default();
+            for ray in 0..wave.len() {
+                if let Some(hit) = wave.hits[ray] {
+                    self.meet(wave, ray, &hit, &mut last, pulses, lights, ideal, next);
+                }
+            }
+            std::mem::swap(wave, next);
+        }
+        rays
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "the inner loop's memory, which is kept from batch to batch")]
+    fn meet(
+        &self,
+        wave: &Wave,
+        ray: usize,
+        hit: &Hit,
+        last: &mut Last<'a>,
+        pulses: &[Pulse],
+        lights: &mut Vec<Light>,
+        ideal: &mut [f64],
+        next: &mut Wave,
+    ) {
+        let way = wave.ways[ray];
+        let (origin, direction) = (wave.origins[ray], wave.directions[ray]);
+        let length_m = way.length_m + hit.t;
+        if !last.triangle.as_ref().is_some_and(|seen| seen.is_of(hit)) {
+            let seen = last.triangle.insert(SeenTriangle::of(hit, self.scene));
+            last.optics = self.scene.optics(seen.surface());
+            last.appearance = None;
+        }
+        let Some(seen) = &last.triangle else { return };
+        let appearance = match last.appearance {
+            Some(appearance) => appearance,
+            None => {
+                let appearance = self.scene.appearance(hit.placement, hit.triangle, hit.u, hit.v);
+                // The appearance of a triangle without textures is the same everywhere.
+                last.appearance =
+                    (!self.scene.is_textured(hit.placement, hit.triangle)).then_some(appearance);
+                appearance
+            }
+        };
+        let along = hit.normal.dot(direction);
+        let normal = if along > 0.0 { -hit.normal } else { hit.normal };
+        let cosine = along.abs().min(1.0);
+        let at = Meeting {
+            cosine,
+            length_m,
+            spacing_m: self.receiver.spacing_m,
+            mirror_roughness: self.mirror_roughness,
+        };
+        let split = split(&appearance, last.optics, at);
+        let cover = f64::from(self.scene.cover(hit, &appearance));
+        let point = origin + direction * hit.t;
+        let back = cover * split.back;
+        if way.sample == IDEAL_SAMPLE {
+            if back > 0.0 && ideal[way.pulse as usize].is_infinite() {
+                ideal[way.pulse as usize] = pulses[way.pulse as usize].range_m(length_m);
+            }
+        } else if back > 0.0 {
+            let fall = match self.exponent == 2.0 {
+                true => length_m * length_m,
+                false => libm::pow(length_m, self.exponent),
+            };
+            let clear_air = match self.extinction_per_m > 0.0 {
+                true => libm::exp(2.0 * self.extinction_per_m * length_m),
+                false => 1.0,
+            };
+            // A surface at the very origin of a ray sends back everything.
+            let energy = (way.share * back * self.white_at_1_m / (fall * clear_air)).min(f64::MAX);
+            lights.push(Light {
+                pulse: way.pulse,
+                path: u32::from(way.sample) * PATHS_A_SAMPLE + u32::from(way.met),
+                range_m: pulses[way.pulse as usize].range_m(length_m),
+                length_m,
+                energy,
+                clear_air,
+                cause: way.cause,
+                target: Target {
+                    point,
+                    normal,
+                    object: seen.object(),
+                    label: seen.label(),
+                    triangle: seen.id(),
+                },
+            });
+        }
+        self.go_on(wave, ray, hit, &split, cover, normal, next);
+    }
+
+    /// Adds the rays that go on from a surface to the next wave.
+    #[expect(clippy::too_many_arguments, reason = "all of it is known where the surface is met")]
+    fn go_on(
+        &self,
+        wave: &Wave,
+        ray: usize,
+        hit: &Hit,
+        split: &Split,
+        cover: f64,
+        normal: DVec3,
+        next: &mut Wave,
+    ) {
+        let way = wave.ways[ray];
+        let (origin, direction, time_s) = (wave.origins[ray], wave.directions[ray], wave.times_s[ray]);
+        let met = way.met.saturating_add(1);
+        let can_pass = way.passes < MOST_PASSES && way.met < u8::MAX - 1;
+        // What is not covered lets light through as air does, both ways.
+        let uncovered = (1.0 - cover) * (1.0 - cover);
+        if uncovered > 0.0 && way.share * uncovered > LEAST_SHARE && can_pass {
+            let on = Way { met, share: way.share * uncovered, passes: way.passes + 1, ..way };
+            next.add(on, origin, direction, time_s, Some(*hit));
+        }
+        if way.sample == IDEAL_SAMPLE && cover > 0.0 && split.back > 0.0 {
+            return;
+        }
+        let passed = way.share * cover * split.passed;
+        if passed > LEAST_SHARE && can_pass {
+            let on = Way {
+                met,
+                share: passed,
+                passes: way.passes + 1,
+                cause: split.passed_cause.unwrap_or(way.cause),
+                length_m: way.length_m + split.delay_m,
+                ..way
+            };
+            // A pane moves the ray sideways, towards the normal that points away from the light.
+            let aside = -normal - direction * direction.dot(-normal);
+            let shift = if split.shift_m > 0.0 && aside.length_squared() > 1e-24 {
+                aside.normalize() * split.shift_m
+            } else {
+                DVec3::ZERO
+            };
+            next.add(on, origin + shift, direction, time_s, Some(*hit));
+        }
+        let mirrored = way.share * cover * split.mirrored;
+        if mirrored > LEAST_SHARE && u32::from(way.bounces) < self.receiver.bounces && way.met < u8::MAX - 1 {
+            let reflected = direction - 2.0 * direction.dot(normal) * normal;
+            let start_m = CLEARANCE_M / reflected.dot(normal).abs().max(1e-3);
+            let on = Way {
+                met,
+                share: mirrored,
+                bounces: way.bounces + 1,
+                cause: split.mirrored_cause,
+                length_m: way.length_m + hit.t + start_m,
+                ..way
+            };
+            let point = origin + direction * hit.t;
+            next.add(on, point + reflected * start_m, reflected, time_s, None);
+        }
+    }
+}
