@@ -1,0 +1,50 @@
+//! The formulas of a LiDAR's measurement, as pure functions of numbers. This room reads no files, draws no random numbers and
+//! knows no scene.
+//!
+//! | file | topic |
+//! |---|---|
+//! | `air` | extinction by haze, fog, rain and dust; the way there and back through them |
+//! | `particles` | sizes, numbers, places and echoes of drops and flakes |
+//! | `soft_target` | the echo of fog and dust |
+//!
+//! Lengths are in metres, wavelengths too; angles are in radians, extinction is per metre, and the other units are named where
+//! they occur. A *power factor* is the power that comes back from a surface which takes the whole beam, relative to the power
+//! from a white Lambert plane at normal incidence at the same range. An *echo* is a power factor over the range squared: it is
+//! 1 for the white plane at 1 m in clear air.
+//!
+//! Angles of incidence are given by their cosines, 1 at normal incidence and 0 at grazing incidence.
+
+pub mod air;
+pub mod particles;
+pub mod soft_target;
+
+pub use air::{Haze, two_way_transmission};
+pub use particles::SizeDistribution;
+pub use soft_target::{PulseShape, SoftTarget};
+
+/// The speed of light in vacuum in metres a second, exact by the definition of the metre.
+pub const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
+
+#[cfg(test)]
+mod testing {
+    /// Asserts that a number agrees with a printed figure, to half a unit of its last digit and the rounding of that half.
+    #[track_caller]
+    pub fn agrees(value: f64, printed: f64, last_digit: f64) {
+        assert!(
+            (value - printed).abs() <= 0.5 * last_digit * (1.0 + 1e-9),
+            "{value} is not {printed} as printed"
+        );
+    }
+
+    /// Asserts that two numbers differ by no more than a share of the second.
+    #[track_caller]
+    pub fn close(value: f64, expected: f64, share: f64) {
+        assert!((value - expected).abs() <= share * expected.abs(), "{value} is not {expected}");
+    }
+
+    /// The integral of a smooth function by the midpoint rule, whose error falls with the square of the number of steps.
+    pub fn midpoint(from: f64, to: f64, steps: u32, f: impl Fn(f64) -> f64) -> f64 {
+        let step = (to - from) / f64::from(steps);
+        (0..steps).map(|i| f(from + (f64::from(i) + 0.5) * step)).sum::<f64>() * step
+    }
+}
