@@ -4,8 +4,12 @@
 //! | file | topic |
 //! |---|---|
 //! | `air` | extinction by haze, fog, rain and dust; the way there and back through them |
+//! | `film` | diffuse ground under a film of water |
+//! | `fresnel` | Snell's law, and the reflectance of a face for both polarisations |
+//! | `pane` | a pane of two faces: transmission, reflectance, delay and shift |
 //! | `particles` | sizes, numbers, places and echoes of drops and flakes |
 //! | `soft_target` | the echo of fog and dust |
+//! | `surface` | Lambert's law and the materials of glTF, seen from where they are lit |
 //!
 //! Lengths are in metres, wavelengths too; angles are in radians, extinction is per metre, and the other units are named where
 //! they occur. A *power factor* is the power that comes back from a surface which takes the whole beam, relative to the power
@@ -15,12 +19,20 @@
 //! Angles of incidence are given by their cosines, 1 at normal incidence and 0 at grazing incidence.
 
 pub mod air;
+pub mod film;
+pub mod fresnel;
+pub mod pane;
 pub mod particles;
 pub mod soft_target;
+pub mod surface;
 
 pub use air::{Haze, two_way_transmission};
+pub use film::WetDiffuse;
+pub use fresnel::{Face, Polarised};
+pub use pane::Pane;
 pub use particles::SizeDistribution;
 pub use soft_target::{PulseShape, SoftTarget};
+pub use surface::MetallicRoughness;
 
 /// The speed of light in vacuum in metres a second, exact by the definition of the metre.
 pub const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
