@@ -6,8 +6,10 @@
 //! | `air` | extinction by haze, fog, rain and dust; the way there and back through them |
 //! | `film` | diffuse ground under a film of water |
 //! | `fresnel` | Snell's law, and the reflectance of a face for both polarisations |
+//! | `intensity` | the scales of intensity of LiDAR makers |
 //! | `pane` | a pane of two faces: transmission, reflectance, delay and shift |
 //! | `particles` | sizes, numbers, places and echoes of drops and flakes |
+//! | `retro` | retroreflective sheeting and prisms |
 //! | `soft_target` | the echo of fog and dust |
 //! | `surface` | Lambert's law and the materials of glTF, seen from where they are lit |
 //!
@@ -21,16 +23,20 @@
 pub mod air;
 pub mod film;
 pub mod fresnel;
+pub mod intensity;
 pub mod pane;
 pub mod particles;
+pub mod retro;
 pub mod soft_target;
 pub mod surface;
 
 pub use air::{Haze, two_way_transmission};
 pub use film::WetDiffuse;
 pub use fresnel::{Face, Polarised};
+pub use intensity::IntensityScale;
 pub use pane::Pane;
 pub use particles::SizeDistribution;
+pub use retro::{Lobe, Prism, Sheeting};
 pub use soft_target::{PulseShape, SoftTarget};
 pub use surface::MetallicRoughness;
 
