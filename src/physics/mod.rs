@@ -11,6 +11,9 @@
 //! | `particles` | sizes, numbers, places and echoes of drops and flakes |
 //! | `retro` | retroreflective sheeting and prisms |
 //! | `soft_target` | the echo of fog and dust |
+//! | `spad` | the first count of a single-photon detector, and pile-up |
+//! | `sun` | sunlight, background power and the ambient channel |
+//! | `sun_spectrum` | the sun's spectrum, as a table |
 //! | `surface` | Lambert's law and the materials of glTF, seen from where they are lit |
 //!
 //! Lengths are in metres, wavelengths too; angles are in radians, extinction is per metre, and the other units are named where
@@ -28,6 +31,9 @@ pub mod pane;
 pub mod particles;
 pub mod retro;
 pub mod soft_target;
+pub mod spad;
+pub mod sun;
+mod sun_spectrum;
 pub mod surface;
 
 pub use air::{Haze, two_way_transmission};
