@@ -52,6 +52,9 @@ impl Pane {
     /// d·sin(θ − θt)/cosθt = d·sinθ·(1 − cosθ/(n·cosθt)). The ray is shifted in the plane of incidence, toward the normal that
     /// points away from the side it came from.
     pub fn shift_m(&self, cosine: f64) -> f64 {
+        if self.index == 1.0 {
+            return 0.0; // at grazing incidence the quotient below would be 0/0
+        }
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
         self.thickness_m * sine * (1.0 - cosine / (self.index * self.inner_cosine(cosine)))
     }
@@ -164,6 +167,7 @@ mod tests {
         agrees(pane.shift_m(cosine_deg(60.0)), 3.075e-3, 1e-6);
         assert_eq!(pane.shift_m(1.0), 0.0);
         assert_eq!(pane.shift_m(0.0), 0.006);
+        assert_eq!(Pane::clear(1.0, 0.006).shift_m(0.0), 0.0);
     }
 
     #[test]

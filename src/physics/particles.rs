@@ -29,7 +29,8 @@ impl SizeDistribution {
         Self { intercept_per_m4: 8e6, slope_per_m: 4100.0 * libm::pow(rate_mm_h, -0.21) }
     }
 
-    /// Snow by Gunn and Marshall: N0 = 3800·Rr^−.87 m⁻³mm⁻¹ and Λ = 2.55·Rr^−.48 mm⁻¹, with the rate Rr of its water in mm/h.
+    /// Snow by Gunn and Marshall: N0 = 3800·Rr^−.87 m⁻³mm⁻¹ and Λ = 2.55·Rr^−.48 mm⁻¹, with the rate Rr of its water in mm/h,
+    /// more than 0.
     /// D is the diameter of the drop that a flake melts to; see [`Self::of_flakes`].
     ///
     /// LISA has twice that N0. Its snow would fall at .5 m/s, half as fast as snowflakes do, to bring the water of its rate.
@@ -41,7 +42,7 @@ impl SizeDistribution {
     }
 
     /// Snow by Sekhon and Srivastava: N0 = 2500·Rr^−.94 m⁻³mm⁻¹ and Λ = 2.29·Rr^−.45 mm⁻¹, with the rate Rr of its water in
-    /// mm/h. D is the diameter of the drop that a flake melts to; see [`Self::of_flakes`].
+    /// mm/h, more than 0. D is the diameter of the drop that a flake melts to; see [`Self::of_flakes`].
     pub fn sekhon_srivastava(rate_mm_h: f64) -> Self {
         Self {
             intercept_per_m4: 2.5e6 * libm::pow(rate_mm_h, -0.94),

@@ -97,7 +97,7 @@ impl SoftTarget {
     }
 
     /// The echo of the layer between two ranges, as one number: π·β·∫ξ(r)·exp(−2αr)/r² dr. It is the layer's energy, in units
-    /// of that of a white Lambert plane at 1 m.
+    /// of that of a white Lambert plane at 1 m. Of `to_m` and [`Self::until_m`], one is finite.
     pub fn energy(&self, from_m: f64, to_m: f64) -> f64 {
         self.power_factor_per_m() * self.integral(from_m, to_m, |_| 1.0)
     }
