@@ -38,7 +38,7 @@ pub fn normal_exceeded(p: f64) -> f64 {
 /// The threshold at which a pulse without any light gives a false alarm with the probability `false_alarm`, in (0, 1). There are
 /// as many independent chances as pulse lengths in the range window, M = 2·R/(c·τ): 1 − Φ(T)^M is the probability.
 pub fn threshold(false_alarm: f64, window_m: f64, pulse_fwhm_s: f64) -> f64 {
-    let chances = (2.0 * window_m / (super::echo::SPEED_OF_LIGHT_M_S * pulse_fwhm_s)).max(1.0);
+    let chances = (2.0 * window_m / (super::SPEED_OF_LIGHT_M_S * pulse_fwhm_s)).max(1.0);
     // 1 − Φ(T) = 1 − (1 − p)^(1/M), without cancellation.
     normal_exceeded(-expm1(log1p(-false_alarm) / chances))
 }

@@ -10,10 +10,8 @@
 
 use libm::exp;
 
+use super::SPEED_OF_LIGHT_M_S;
 use super::footprint::FWHM_IN_SIGMA;
-
-/// The speed of light in vacuum, in m/s (exact, by the definition of the metre).
-pub const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
 
 /// The standard deviation in range of a pulse whose full width at half maximum is so many seconds, in metres.
 pub fn pulse_sigma_m(fwhm_s: f64) -> f64 {

@@ -3,6 +3,8 @@
 
 mod alone;
 mod frame;
+mod measured;
+mod surface;
 
 use std::cmp::Ordering;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -17,6 +19,7 @@ use crate::trace::{Cast, Hit, Origins, PACKET_RAYS, Rays};
 
 pub use alone::alone;
 use frame::ReturnsMut;
+use surface::SeenTriangle;
 pub use frame::{Cause, Echo, Frame, Return, Returns, Terms};
 
 /// The progress of a scan, which another thread can read, and the means to stop it.
@@ -56,6 +59,9 @@ pub fn scan_into(
     progress: &Progress,
 ) -> bool {
     capture.prepare();
+    if !capture.sensor.measurement.is_ideal() {
+        return measured::scan_into(frame, scene, tracer, capture, progress);
+    }
     frame.set_size(capture.rows(), capture.columns());
     let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
     let scanner = Scanner { scene, tracer, capture, fixed };
@@ -217,7 +223,7 @@ impl<C: Cast> Scanner<'_, C> {
             let pose = self.fixed.as_ref().unwrap_or_else(|| &poses[ray]);
             // Neighbouring rays often hit the same triangle.
             let seen = match &mut last {
-                Some(seen) if (seen.placement, seen.triangle) == (hit.placement, hit.triangle) => seen,
+                Some(seen) if seen.is_of(hit) => seen,
                 _ => last.insert(SeenTriangle::of(hit, self.scene)),
             };
             let one = seen.receive(&pose.sensor_from_world, directions[ray], hit, range_m);
@@ -233,48 +239,6 @@ impl Piece<'_> {
         // The memory may hold an earlier frame, so a pixel without a return is written too.
         self.returns.set(column, one.unwrap_or_default());
         self.causes[column] = cause;
-    }
-}
-
-/// The values that all returns of one triangle share.
-struct SeenTriangle {
-    placement: u32,
-    triangle: u32,
-    /// The triangle's id in the scene.
-    id: u32,
-    object: u32,
-    label: u32,
-    reflectivity: f64,
-}
-
-impl SeenTriangle {
-    fn of(hit: &Hit, scene: &Scene) -> Self {
-        let Hit { placement, triangle, .. } = *hit;
-        let surface = scene.surface(placement, triangle);
-        Self {
-            placement,
-            triangle,
-            id: scene.arrangement.placements[placement as usize].first_triangle + triangle,
-            object: surface.object,
-            label: scene.label(surface),
-            reflectivity: f64::from(scene.geometry.materials[surface.material as usize].reflectivity()),
-        }
-    }
-
-    /// The return of a hit as an ideal receiver measures it from a Lambertian surface: its intensity is ρ·cos θ.
-    #[inline(always)]
-    fn receive(&self, sensor_from_world: &Pose, direction: DVec3, hit: &Hit, range_m: f64) -> Return {
-        let along = hit.normal.dot(direction);
-        let towards_sensor = if along > 0.0 { -hit.normal } else { hit.normal };
-        let normal = sensor_from_world.direction(towards_sensor);
-        Return {
-            range_m,
-            normal: normal.as_vec3().to_array(),
-            intensity: (self.reflectivity * along.abs().min(1.0)) as f32,
-            instance: self.object,
-            label: self.label,
-            triangle: self.id,
-        }
     }
 }
 

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+pub use crate::physics::Haze;
+
 /// The air and the sun of a scene. Without either, air is clear and there is no sunlight.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Environment {
@@ -47,16 +49,6 @@ impl Default for Weather {
             drop_gain: 1.0,
         }
     }
-}
-
-/// A model of how the extinction of fog and haze depends on the wavelength.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Haze {
-    /// I. I. Kim et al. 2001, in which dense fog is grey.
-    #[default]
-    Kim,
-    /// P. W. Kruse et al. 1962.
-    Kruse,
 }
 
 /// The sun.

@@ -1,9 +1,9 @@
 //! How a sensor measures: the width of its beams, its receiver, its noise. A sensor without any of it is ideal.
 
 use crate::angle::Angle;
-use crate::physics::detection::{RangePair, Sensitivity};
+use crate::physics::IntensityScale;
+use crate::physics::detection::{RangePair, Sensitivity, normal_exceeded, threshold};
 use crate::physics::footprint::Samples;
-use crate::physics::intensity::IntensityScale;
 
 /// How a sensor measures. Each part that is absent is ideal, and a sensor without any part reports exact ranges.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -83,6 +83,23 @@ pub struct Receiver {
 impl Receiver {
     /// The rate of false alarms that the threshold has where none are asked for.
     pub const FALSE_ALARM_OF_THRESHOLD: f64 = 1e-4;
+
+    /// The threshold in standard deviations of the noise, for pulses that are looked for over `window_m` metres.
+    pub fn threshold(&self, window_m: f64) -> f64 {
+        let asked = if self.false_alarm > 0.0 { self.false_alarm } else { Self::FALSE_ALARM_OF_THRESHOLD };
+        threshold(asked, window_m, self.pulse_fwhm_s)
+    }
+
+    /// The signal-to-noise ratio at a range pair: the threshold, and so much more that the stated share of pulses is detected.
+    pub fn limit_snr(&self, window_m: f64) -> f64 {
+        self.threshold(window_m) - normal_exceeded(self.detection)
+    }
+
+    /// The mean signal-to-noise ratio of a target in clear air, whose factor is ρ·cos θ of a Lambertian plane, at a range in
+    /// metres. `None` if the receiver's sensitivity is not known.
+    pub fn snr(&self, factor: f64, range_m: f64, window_m: f64) -> Option<f64> {
+        Some(self.limit_snr(window_m) * self.sensitivity?.margin(factor, range_m))
+    }
 }
 
 impl Default for Receiver {

@@ -4,7 +4,6 @@ use glam::DVec3;
 
 use super::light::{IDEAL_SAMPLE, Light, PATHS_A_SAMPLE, Target};
 use super::optics::{Meeting, Split, split};
-use crate::physics::surface::mirror_roughness;
 use crate::scan::{Cause, surface::SeenTriangle};
 use crate::scene::{Appearance, Optics, Scene};
 use crate::sensor::{Pulse, Receiver};
@@ -116,6 +115,7 @@ pub(super) struct Paths<'a, C> {
     pub exponent: f64,
     /// The extinction of the air, a metre.
     pub extinction_per_m: f64,
+    /// The roughness below which a glossy lobe is narrower than the beam.
     pub mirror_roughness: f64,
 }
 
@@ -128,10 +128,6 @@ struct Last<'s> {
 }
 
 impl<'a, C: Cast> Paths<'a, C> {
-    pub fn mirror_roughness_of(half_divergence_rad: f64) -> f64 {
-        mirror_roughness(2.0 * half_divergence_rad)
-    }
-
     /// Follows the rays of `wave`, and those that surfaces make of them, until no light is left. Adds what comes back to `lights`
     /// and the range of each ideal ray that meets something to `ideal`. `next` is memory. Returns the number of rays.
     pub fn follow(
@@ -228,7 +224,7 @@ impl<'a, C: Cast> Paths<'a, C> {
                 target: Target {
                     point,
                     normal,
-                    object: seen.object(),
+                    object: seen.surface().object,
                     label: seen.label(),
                     triangle: seen.id(),
                 },

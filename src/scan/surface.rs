@@ -1,0 +1,71 @@
+//! What is known of the triangle that a ray hits.
+
+use glam::DVec3;
+
+use super::Return;
+use crate::frame::Pose;
+use crate::scene::{Scene, Surface};
+use crate::trace::Hit;
+
+/// The values that all returns of one triangle share.
+pub(super) struct SeenTriangle {
+    placement: u32,
+    triangle: u32,
+    /// The triangle's id in the scene.
+    id: u32,
+    surface: Surface,
+    label: u32,
+    reflectivity: f64,
+}
+
+impl SeenTriangle {
+    pub fn of(hit: &Hit, scene: &Scene) -> Self {
+        let Hit { placement, triangle, .. } = *hit;
+        let surface = scene.surface(placement, triangle);
+        Self {
+            placement,
+            triangle,
+            id: scene.arrangement.placements[placement as usize].first_triangle + triangle,
+            surface,
+            label: scene.label(surface),
+            reflectivity: f64::from(scene.geometry.materials[surface.material as usize].reflectivity()),
+        }
+    }
+
+    /// Whether a hit is of this triangle.
+    #[inline(always)]
+    pub fn is_of(&self, hit: &Hit) -> bool {
+        (self.placement, self.triangle) == (hit.placement, hit.triangle)
+    }
+
+    /// The object and the material.
+    pub fn surface(&self) -> Surface {
+        self.surface
+    }
+
+    /// The semantic label.
+    pub fn label(&self) -> u32 {
+        self.label
+    }
+
+    /// The triangle's id in the scene.
+    pub fn id(&self) -> u32 {
+        self.id
+    }
+
+    /// The return of a hit as an ideal receiver measures it from a Lambertian surface: its intensity is ρ·cos θ.
+    #[inline(always)]
+    pub fn receive(&self, sensor_from_world: &Pose, direction: DVec3, hit: &Hit, range_m: f64) -> Return {
+        let along = hit.normal.dot(direction);
+        let towards_sensor = if along > 0.0 { -hit.normal } else { hit.normal };
+        let normal = sensor_from_world.direction(towards_sensor);
+        Return {
+            range_m,
+            normal: normal.as_vec3().to_array(),
+            intensity: (self.reflectivity * along.abs().min(1.0)) as f32,
+            instance: self.surface.object,
+            label: self.label,
+            triangle: self.id,
+        }
+    }
+}
