@@ -4,7 +4,7 @@
 use super::id::id_of;
 use super::sensor_frame::SensorFrame;
 use crate::frame::BODY_FROM_OPTICAL;
-use crate::scan::{Cause, Returns};
+use crate::scan::{Cause, Echo, Returns};
 use crate::sensor::Sensor;
 use glam::DVec3;
 
@@ -64,6 +64,8 @@ pub enum Sensors {
     All,
     /// Sensors with planar depth.
     Cameras,
+    /// Sensors that are not ideal.
+    Measured,
 }
 
 /// The rule by which a channel's value follows from a return, with its type in files. Each value takes 4 bytes.
@@ -75,8 +77,8 @@ pub enum Values {
     U32(fn(&SensorFrame, Place) -> u32),
     /// Numbers that stand for words, which every pixel has, whether something came back or not.
     OfPixel {
-        /// The number of a pixel, by the pixel's own number.
-        number: fn(&SensorFrame, usize) -> u32,
+        /// The number of a pixel's return number k, by the pixel's own number and k. There need not be such a return.
+        number: fn(&SensorFrame, usize, usize) -> u32,
         /// The word that a number stands for.
         word: fn(u32) -> Option<&'static str>,
     },
@@ -106,6 +108,21 @@ const PLAIN: ChannelSpec = ChannelSpec {
     is_chosen: false,
 };
 
+/// A channel of sensors that are not ideal.
+const fn measured(
+    name: &'static str,
+    unit: &'static str,
+    about: &'static str,
+    value: fn(&SensorFrame, Place) -> f64,
+) -> ChannelSpec {
+    ChannelSpec { name, unit, about, sensors: Sensors::Measured, values: Values::F32(value), ..PLAIN }
+}
+
+/// A term of the error budget of ranges, which a job has to ask for.
+const fn term(name: &'static str, about: &'static str, value: fn(&SensorFrame, Place) -> f64) -> ChannelSpec {
+    ChannelSpec { is_chosen: true, ..measured(name, "m", about, value) }
+}
+
 /// An axis of the displacement of a surface's point.
 const fn flow(name: &'static str, about: &'static str, value: fn(&SensorFrame, Place) -> f64) -> ChannelSpec {
     ChannelSpec { name, unit: "m", about, values: Values::F32(value), is_chosen: true, ..PLAIN }
@@ -121,7 +138,7 @@ const fn velocity(
 }
 
 /// Every channel, sorted by name. [`DEPTH_FOR_OPENCV`] is not among them, because it repeats one of them.
-pub static CHANNELS: [ChannelSpec; 18] = [
+pub static CHANNELS: [ChannelSpec; 28] = [
     ChannelSpec {
         name: "Z",
         unit: "m",
@@ -138,16 +155,23 @@ pub static CHANNELS: [ChannelSpec; 18] = [
     ChannelSpec {
         name: "cause",
         unit: "",
-        about: "Why the pixel has no return, or 1 if it has one. The EXR's attribute beamcast:cause lists the numbers.",
+        about: "Why the pixel has no return, or what its return is of: 1 is a surface. The EXR's attribute beamcast:cause lists the \
+                numbers. In the image of a further return, 0 is a pixel that lacks it.",
         no_return: 0.0, // every pixel has a cause
         sensors: Sensors::All,
         values: Values::OfPixel {
-            number: |f, pixel| f.frame.causes()[pixel].number(),
+            number: |f, pixel, number| f.frame.cause(pixel, number).map_or(0, Cause::number),
             word: |number| Cause::numbered(number).map(Cause::name),
         },
         shown: Some(Shown { rank: 7, label: "cause", scale: Scale::Id }),
         ..PLAIN
     },
+    measured(
+        "echo_width",
+        "m",
+        "The standard deviation of the echo in range: that of the pulse, widened by the spread of the ranges in the footprint.",
+        |f, at| f.echo(at).width_m.into(),
+    ),
     flow(
         "flow.X",
         "The x of the displacement of the surface's own point from when the pulse meets it to the frame's end (the start of the \
@@ -194,6 +218,9 @@ pub static CHANNELS: [ChannelSpec; 18] = [
         shown: None, // there are too many to tell apart
         ..PLAIN
     },
+    term("ideal", "The exact range of the surface on the beam's axis, to which the terms add.", |f, at| {
+        f.echo(at).terms.ideal_m
+    }),
     ChannelSpec {
         name: "intensity",
         unit: "",
@@ -203,6 +230,15 @@ pub static CHANNELS: [ChannelSpec; 18] = [
         values: Values::F32(|f, at| f64::from(f.returns().intensity[at.slot])),
         shown: Some(Shown { rank: 2, label: "intensity", scale: Scale::Linear }),
         ..PLAIN
+    },
+    ChannelSpec {
+        is_chosen: true,
+        ..measured(
+            "near_ir",
+            "",
+            "The sunlight that the surface scatters to the sensor, relative to a white plane that faces a sun of 100 klx.",
+            |f, at| f.echo(at).ambient.into(),
+        )
     },
     ChannelSpec {
         name: "normal.X",
@@ -244,6 +280,29 @@ pub static CHANNELS: [ChannelSpec; 18] = [
         shown: Some(Shown { rank: 0, label: "range", scale: Scale::Log }),
         ..PLAIN
     },
+    measured(
+        "snr",
+        "",
+        "The height of the echo's peak over the standard deviation of the noise. Without range pairs the noise is unknown, and the \
+         peak is relative to a white plane at 1 m.",
+        |f, at| f.echo(at).snr.into(),
+    ),
+    term(
+        "term.angle",
+        "The range's error because the pulse goes elsewhere than the sensor believes.",
+        |f, at| f.echo(at).terms.angle_m,
+    ),
+    term("term.bias", "The bias of the beam.", |f, at| f.echo(at).terms.bias_m),
+    term(
+        "term.footprint",
+        "The peak of all the light of the beam together, less the range on its axis.",
+        |f, at| f.echo(at).terms.footprint_m,
+    ),
+    term("term.noise", "The noise of this pulse.", |f, at| f.echo(at).terms.noise_m),
+    term("term.rounding", "The rounding to the sensor's unit of ranges.", |f, at| {
+        f.echo(at).terms.rounding_m
+    }),
+    term("term.walk", "What is left of the walk of a fixed threshold.", |f, at| f.echo(at).terms.walk_m),
     ChannelSpec {
         name: "time",
         unit: "s",
@@ -270,6 +329,10 @@ pub static CHANNELS: [ChannelSpec; 18] = [
 
 /// The names of all channels, sorted.
 pub const CHANNEL_NAMES: [&str; CHANNELS.len()] = names::<{ CHANNELS.len() }>(true);
+
+/// The channels of the error budget, which `[output] terms` asks for.
+pub const TERM_NAMES: [&str; 7] =
+    ["ideal", "term.angle", "term.bias", "term.footprint", "term.noise", "term.rounding", "term.walk"];
 
 /// The names of the channels that a frame has unasked, sorted: those that a baseline holds.
 pub const UNASKED_CHANNEL_NAMES: [&str; count(false)] = names::<{ count(false) }>(false);
@@ -312,6 +375,10 @@ impl SensorFrame<'_> {
     fn returns(&self) -> &Returns {
         self.frame.returns()
     }
+
+    fn echo(&self, at: Place) -> Echo {
+        self.frame.echo(at.slot).copied().unwrap_or_default()
+    }
 }
 
 /// A return's normal in the frame to which the image refers.
@@ -347,6 +414,7 @@ impl ChannelSpec {
         match self.sensors {
             Sensors::All => true,
             Sensors::Cameras => sensor.pattern.is_camera(),
+            Sensors::Measured => !sensor.measurement.is_ideal(),
         }
     }
 }

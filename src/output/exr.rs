@@ -126,7 +126,8 @@ fn attributes(frame: &SensorFrame) -> LayerAttributes {
 
     set("beamcast:no_return", text(NO_RETURN));
     let possible = if frame.frame.is_measured() { Cause::ALL } else { Cause::IDEAL };
-    let causes: Vec<_> = possible.iter().map(|cause| format!("{} {}", cause.number(), cause.name())).collect();
+    let causes: Vec<_> =
+        possible.iter().map(|cause| format!("{} {}", cause.number(), cause.name())).collect();
     set("beamcast:cause", text(&causes.join(", ")));
     // An attribute holds one byte for each character.
     set("beamcast:sensor", text(&frame.name.escape_default().to_string()));

@@ -64,6 +64,7 @@ impl Image {
         number: usize,
         channels: impl IntoIterator<Item = &'c ChannelSpec>,
     ) -> Self {
+        let of_return = number;
         let pixels = 0..frame.frame.pixels();
         let place = |pixel| frame.frame.slot(pixel, number).map(|slot| Place { pixel, slot });
         let samples = |spec: &ChannelSpec| match spec.values {
@@ -77,7 +78,7 @@ impl Image {
                 pixels.clone().map(|i| place(i).map_or(spec.no_return as u32, |at| id(frame, at))).collect(),
             ),
             Values::OfPixel { number, .. } => {
-                Samples::U32(pixels.clone().map(|i| number(frame, i)).collect())
+                Samples::U32(pixels.clone().map(|i| number(frame, i, of_return)).collect())
             }
         };
         let of_sensor = channels.into_iter().filter(|spec| spec.is_of(frame.capture.sensor));

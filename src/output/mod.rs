@@ -58,7 +58,7 @@ mod zip;
 
 pub use channel::{
     BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, NO_RETURN_M, Place, Scale,
-    Sensors, Shown, UNASKED_CHANNEL_NAMES, Values, channel, is_of_all_pixels, no_return,
+    Sensors, Shown, TERM_NAMES, UNASKED_CHANNEL_NAMES, Values, channel, is_of_all_pixels, no_return,
 };
 pub use files::{Destination, FileNames, GrowingFile, WrittenFile};
 pub use film::{Palette, film};

@@ -2,7 +2,7 @@
 
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::ply;
-use super::points::{MOTION, MOTION_FIELDS};
+use super::points::more_fields;
 
 /// The fields in their order: those of the PLY, in NumPy's words.
 static FIELDS: [Field; 10] = [
@@ -32,9 +32,9 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     file_bytes_a_ray: ply::FORMAT.file_bytes_a_ray,
     options: ply::FORMAT.options,
     kind: Kind::File(|cloud, options| {
-        let of_motion = MOTION_FIELDS.iter().filter(|_| options.is_set(&MOTION));
-        let of_motion = of_motion.map(|&name| (name, if name == "track" { "<i4" } else { "<f4" }));
-        let fields = FIELDS.iter().map(|field| (field.name, field.kind)).chain(of_motion);
+        let more = more_fields(cloud.capture.sensor, options);
+        let more = more.into_iter().map(|(name, is_integer)| (name, if is_integer { "<i4" } else { "<f4" }));
+        let fields = FIELDS.iter().map(|field| (field.name, field.kind)).chain(more);
         let types: Vec<_> = fields.map(|(name, kind)| format!("('{name}', '{kind}')")).collect();
         let mut file = header(&format!("[{}]", types.join(", ")), &[cloud.frame.return_count()])?;
         ply::add_points(cloud, options, &mut file)?;

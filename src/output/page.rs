@@ -70,7 +70,11 @@ pub fn formats_page() -> String {
     page.push_str(CHANNELS_INTRODUCTION);
     for channel in &CHANNELS {
         let kind = if matches!(channel.values, Values::F32(_)) { "float32" } else { "uint32" };
-        let sensors = if channel.sensors == Sensors::Cameras { "cameras" } else { "all" };
+        let sensors = match channel.sensors {
+            Sensors::All => "all",
+            Sensors::Cameras => "cameras",
+            Sensors::Measured => "those that are not ideal",
+        };
         let (name, unit, none, about) = (channel.name, channel.unit, channel.no_return, channel.about);
         let none =
             if matches!(channel.values, Values::OfPixel { .. }) { String::new() } else { none.to_string() };

@@ -5,7 +5,7 @@ use glam::DQuat;
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::id::id_of;
 use super::options::{OptionSpec, OptionValues, Options};
-use super::points::{MOTION, MOTION_FIELDS, Point, motion_bytes};
+use super::points::{MOTION, Point, TERMS, more_bytes, more_fields};
 use super::sensor_frame::SensorFrame;
 use crate::sensor::Sensor;
 
@@ -31,10 +31,10 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     about: "binary PCD point clouds",
     content: Content::Points(&FIELDS),
     read_by: "pypcd4, Open3D",
-    options: &[ORGANISED, MOTION],
+    options: &[ORGANISED, MOTION, TERMS],
     check: |sensor, _| check(sensor),
-    encoding_bytes_a_ray: |_, options| BYTES_PER_POINT as u64 + motion_bytes(options),
-    file_bytes_a_ray: |_, options| BYTES_PER_POINT as u64 + motion_bytes(options),
+    encoding_bytes_a_ray: |sensor, options| BYTES_PER_POINT as u64 + more_bytes(sensor, options),
+    file_bytes_a_ray: |sensor, options| BYTES_PER_POINT as u64 + more_bytes(sensor, options),
     kind: Kind::File(encode),
     ..FormatSpec::PLAIN
 };
@@ -61,13 +61,13 @@ fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
     let (frame, is_organised) = (cloud.frame, options.is_set(&ORGANISED));
     let (width, height) =
         if is_organised { (frame.columns(), frame.rows()) } else { (frame.return_count(), 1) };
-    let with_motion = options.is_set(&MOTION);
-    let mut file = header(cloud, width, height, with_motion).into_bytes();
-    file.reserve_exact(width * height * (BYTES_PER_POINT + motion_bytes(options) as usize));
+    let more = more_bytes(cloud.capture.sensor, options) as usize;
+    let mut file = header(cloud, width, height, options).into_bytes();
+    file.reserve_exact(width * height * (BYTES_PER_POINT + more));
     let add_point = |file: &mut Vec<u8>, point: &Point| -> Result<(), EncodeError> {
         add_point(file, point)?;
-        if with_motion {
-            file.extend_from_slice(cloud.motion_of(point).as_flattened());
+        if more > 0 {
+            cloud.add_more(point, options, file);
         }
         Ok(())
     };
@@ -80,7 +80,7 @@ fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
                 // All else is 0, as in channels.
                 let ring = cloud.capture.sensor.ring(row);
                 add(&mut file, [f32::NAN; 3], ring, 0.0, [0.0, f32::NAN], [0, 0])?;
-                file.resize(file.len() + motion_bytes(options) as usize, 0);
+                file.resize(file.len() + more, 0);
             } else {
                 let first = slots.start..slots.start + 1;
                 cloud
@@ -124,10 +124,10 @@ fn add(
 }
 
 /// The header. The viewpoint turns the points into the world: PCL's viewer shows them there.
-fn header(cloud: &SensorFrame, width: usize, height: usize, with_motion: bool) -> String {
-    let of_motion = |&name: &&'static str| field(name, if name == "track" { "U4" } else { "F4" }, "");
+fn header(cloud: &SensorFrame, width: usize, height: usize, options: &Options) -> String {
+    let more = more_fields(cloud.capture.sensor, options).into_iter();
     let mut fields = FIELDS.to_vec();
-    fields.extend(MOTION_FIELDS.iter().filter(|_| with_motion).map(of_motion));
+    fields.extend(more.map(|(name, is_integer)| field(name, if is_integer { "U4" } else { "F4" }, "")));
     let all = |column: fn(&Field) -> &str| fields.iter().map(column).collect::<Vec<_>>().join(" ");
     let world_from_points = cloud.world_from_points();
     let [tx, ty, tz] = world_from_points.translation.to_array();

@@ -3,7 +3,7 @@
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::id::id_of;
 use super::options::Options;
-use super::points::{MOTION, MOTION_FIELDS, Point, motion_bytes};
+use super::points::{MOTION, Point, TERMS, more_bytes, more_fields};
 use super::sensor_frame::{CloudFrame, SensorFrame, pose_as_toml};
 use crate::sensor::Sensor;
 
@@ -32,9 +32,9 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     check,
     most_label: |_| i32::MAX as u32,
     most_instance: |_| i32::MAX as u32,
-    options: &[MOTION],
-    encoding_bytes_a_ray: |_, options| BYTES_PER_POINT as u64 + motion_bytes(options),
-    file_bytes_a_ray: |_, options| BYTES_PER_POINT as u64 + motion_bytes(options),
+    options: &[MOTION, TERMS],
+    encoding_bytes_a_ray: |sensor, options| BYTES_PER_POINT as u64 + more_bytes(sensor, options),
+    file_bytes_a_ray: |sensor, options| BYTES_PER_POINT as u64 + more_bytes(sensor, options),
     kind: Kind::File(encode),
     ..FormatSpec::PLAIN
 };
@@ -53,14 +53,14 @@ fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
     Ok(file)
 }
 
-/// Adds the points of a cloud, each with its [`FIELDS`] in 4 bytes, and with those of its motion if they are asked for.
+/// Adds the points of a cloud, each with its [`FIELDS`] in 4 bytes, and with [`more_fields`].
 pub(super) fn add_points(
     cloud: &SensorFrame,
     options: &Options,
     file: &mut Vec<u8>,
 ) -> Result<(), EncodeError> {
-    let with_motion = options.is_set(&MOTION);
-    file.reserve_exact(cloud.frame.return_count() * (BYTES_PER_POINT + motion_bytes(options) as usize));
+    let more = more_bytes(cloud.capture.sensor, options) as usize;
+    file.reserve_exact(cloud.frame.return_count() * (BYTES_PER_POINT + more));
     cloud.each_point(|point| {
         let Point { position_m: [x, y, z], ring, column, time_s, hit, .. } = point;
         let fields = [
@@ -76,8 +76,8 @@ pub(super) fn add_points(
             (hit.range_m as f32).to_le_bytes(),
         ];
         file.extend_from_slice(fields.as_flattened());
-        if with_motion {
-            file.extend_from_slice(cloud.motion_of(point).as_flattened());
+        if more > 0 {
+            cloud.add_more(point, options, file);
         }
         Ok(())
     })
@@ -113,8 +113,8 @@ fn header(cloud: &SensorFrame, points: usize, options: &Options) -> String {
     for Field { name, kind, .. } in &FIELDS {
         header += &format!("property {kind} {name}\n");
     }
-    for name in MOTION_FIELDS.iter().filter(|_| options.is_set(&MOTION)) {
-        let kind = if *name == "track" { "int" } else { "float" };
+    for (name, is_integer) in more_fields(cloud.capture.sensor, options) {
+        let kind = if is_integer { "int" } else { "float" };
         header += &format!("property {kind} {name}\n");
     }
     header + "end_header\n"

@@ -10,6 +10,7 @@ use super::options::{OptionSpec, OptionValues, Options};
 use super::sensor_frame::SensorFrame;
 use crate::frame::Pose;
 use crate::scan::Return;
+use crate::sensor::Sensor;
 use crate::truth::SurfaceMotion;
 
 /// A return as a point of a cloud.
@@ -27,6 +28,41 @@ pub(super) struct Point {
     pub hit: Return,
     /// The slot of the return.
     pub slot: usize,
+    /// The number of the return in its pixel, from 0.
+    pub number: usize,
+}
+
+/// The option of clouds that adds [`TERM_FIELDS`].
+pub(super) const TERMS: OptionSpec = OptionSpec {
+    name: "terms",
+    about: "Whether each point of a sensor that is not ideal has, after its other fields, `ideal` (the exact range in metres) and the \
+            terms of its range's error, which add up to the range: `angle`, `footprint`, `walk`, `noise`, `bias` and `rounding`.",
+    values: OptionValues::Flag { default: false },
+};
+
+/// The names of the fields that the option [`TERMS`] adds: floats of 32 bits.
+pub(super) const TERM_FIELDS: [&str; 7] =
+    ["ideal", "angle", "footprint", "walk", "noise", "bias", "rounding"];
+
+/// The names of the fields that points of sensors have which are not ideal: two integers, then floats of 32 bits.
+pub(super) const MEASURED_FIELDS: [&str; 4] = ["return", "cause", "snr", "echo_width"];
+
+/// The fields that a sensor's points have after those of the format: each with its name, and whether it is an integer.
+pub(super) fn more_fields(sensor: &Sensor, options: &Options) -> Vec<(&'static str, bool)> {
+    let is_measured = !sensor.measurement.is_ideal();
+    let measured = MEASURED_FIELDS.iter().filter(|_| is_measured);
+    let terms = TERM_FIELDS.iter().filter(|_| is_measured && options.is_set(&TERMS));
+    let motion = MOTION_FIELDS.iter().filter(|_| options.is_set(&MOTION));
+    measured
+        .chain(terms)
+        .chain(motion)
+        .map(|&name| (name, ["return", "cause", "track"].contains(&name)))
+        .collect()
+}
+
+/// The bytes of [`more_fields`].
+pub(super) fn more_bytes(sensor: &Sensor, options: &Options) -> u64 {
+    BYTES_A_VALUE * more_fields(sensor, options).len() as u64
 }
 
 /// The option of clouds that adds [`MOTION_FIELDS`].
@@ -42,14 +78,26 @@ pub(super) const MOTION: OptionSpec = OptionSpec {
 pub(super) const MOTION_FIELDS: [&str; 7] =
     ["track", "velocity_x", "velocity_y", "velocity_z", "flow_x", "flow_y", "flow_z"];
 
-/// The bytes that the option [`MOTION`] adds to a point.
-pub(super) fn motion_bytes(options: &Options) -> u64 {
-    if options.is_set(&MOTION) { BYTES_A_VALUE * MOTION_FIELDS.len() as u64 } else { 0 }
-}
-
 impl SensorFrame<'_> {
+    /// Appends the values of [`more_fields`] of a point.
+    pub(super) fn add_more(&self, point: &Point, options: &Options, file: &mut Vec<u8>) {
+        if let Some(echo) = self.frame.echo(point.slot) {
+            file.extend_from_slice(&(point.number as u32).to_le_bytes());
+            file.extend_from_slice(&echo.cause.number().to_le_bytes());
+            file.extend_from_slice([echo.snr, echo.width_m].map(f32::to_le_bytes).as_flattened());
+            if options.is_set(&TERMS) {
+                file.extend_from_slice(&(echo.terms.ideal_m as f32).to_le_bytes());
+                let errors = echo.terms.errors_m().map(|error_m| (error_m as f32).to_le_bytes());
+                file.extend_from_slice(errors.as_flattened());
+            }
+        }
+        if options.is_set(&MOTION) {
+            file.extend_from_slice(self.motion_of(point).as_flattened());
+        }
+    }
+
     /// The values of the [`MOTION_FIELDS`] of a point. A track has no more bits than an integer of the format.
-    pub(super) fn motion_of(&self, point: &Point) -> [[u8; 4]; 7] {
+    fn motion_of(&self, point: &Point) -> [[u8; 4]; 7] {
         let world_from_cloud =
             self.world_from_sensor_at(point.time_s) * self.cloud_from_sensor(point.time_s).inverse();
         let along = |in_world: DVec3| world_from_cloud.rotation.transpose() * in_world;
@@ -97,10 +145,19 @@ impl SensorFrame<'_> {
         let Some(pulse) = self.capture.pulse(row, column) else { return Ok(()) };
         let cloud_from_sensor = fixed.unwrap_or_else(|| self.cloud_from_sensor(pulse.time_s));
         let ring = self.capture.sensor.ring(row);
+        let first = slots.start;
         for slot in slots {
             let hit = self.frame.returns().get(slot);
             let position_m = cloud_from_sensor.point(pulse.point(hit.range_m)).as_vec3().to_array();
-            write(&Point { position_m, ring, column, time_s: pulse.time_s, hit, slot })?;
+            write(&Point {
+                position_m,
+                ring,
+                column,
+                time_s: pulse.time_s,
+                hit,
+                slot,
+                number: slot - first,
+            })?;
         }
         Ok(())
     }

@@ -52,17 +52,19 @@ pub struct RangePair {
     pub range_m: f64,
 }
 
-/// The sensitivity of a receiver: a plane of reflectivity ρ is at the limit of detection at the range R with ρ = P·R^k.
+/// The sensitivity of a receiver: a plane of reflectivity ρ is at the limit of detection at the range R with ρ ∝ R^k.
 ///
 /// An extended target returns power in proportion to ρ/R², so k is 2 by physics (G. W. Kamerman, "Laser Radar", in: The Infrared
 /// and Electro-Optical Systems Handbook, volume 6, 1993). Data sheets imply from 1.9 to 3.7, because devices average and limit
-/// in ways of their own.
+/// in ways of their own. Such an exponent holds from the nearest range of the data sheet on; nearer, power falls with R².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensitivity {
     /// The least power that is detected, relative to that of a white plane at 1 m.
     pub least_power: f64,
     /// The exponent k by which power falls with range.
     pub exponent: f64,
+    /// The range from which on the exponent holds, in metres.
+    pub from_m: f64,
     /// The largest relative error of the range that the fit gives for a pair of the data sheet.
     pub misfit: f64,
 }
@@ -79,27 +81,38 @@ impl Sensitivity {
         let both = logs.iter().map(|l| (l.0 - x) * (l.1 - y)).sum::<f64>();
         // Ranges that differ by less than a thousandth say nothing about an exponent.
         let exponent = if along > 1e-6 && both > 0.0 { both / along } else { 2.0 };
-        if pairs.is_empty() {
-            return None;
-        }
-        let fitted = Self { least_power: exp(y - exponent * x), exponent, misfit: 0.0 };
+        let from_m = pairs.iter().map(|pair| pair.range_m).reduce(f64::min)?;
+        // ρ = P·R^k at the data sheet's ranges is ρ = P·from^(k−2)·fall(R).
+        let least_power = exp(y - exponent * x + (exponent - 2.0) * log(from_m));
+        let fitted = Self { least_power, exponent, from_m, misfit: 0.0 };
         let error = |pair: &RangePair| (fitted.range_m(pair.reflectivity) / pair.range_m - 1.0).abs();
         Some(Self { misfit: pairs.iter().map(error).fold(0.0, f64::max), ..fitted })
     }
 
+    /// The factor by which the power of a target is less than at 1 m, in clear air: R², or from [`Sensitivity::from_m`] on
+    /// R²·(R/from)^(k−2).
+    pub fn fall(&self, range_m: f64) -> f64 {
+        let square = range_m * range_m;
+        if range_m <= self.from_m || self.exponent == 2.0 {
+            return square;
+        }
+        square * pow(range_m / self.from_m, self.exponent - 2.0)
+    }
+
     /// The range at which a plane of reflectivity ρ is at the limit of detection, in clear air.
     pub fn range_m(&self, reflectivity: f64) -> f64 {
-        pow(reflectivity / self.least_power, 1.0 / self.exponent)
+        let fall = reflectivity / self.least_power;
+        let square = fall.sqrt();
+        if square <= self.from_m || self.exponent == 2.0 {
+            return square;
+        }
+        self.from_m * pow(square / self.from_m, 2.0 / self.exponent)
     }
 
     /// The ratio of the power of a target to the least that is detected, in clear air. `factor` is f·cos θ of the target
     /// relative to a white plane at a right angle.
     pub fn margin(&self, factor: f64, range_m: f64) -> f64 {
-        let fall = match self.exponent == 2.0 {
-            true => range_m * range_m,
-            false => pow(range_m, self.exponent),
-        };
-        factor / (self.least_power * fall)
+        factor / (self.least_power * self.fall(range_m))
     }
 }
 
@@ -171,7 +184,9 @@ mod tests {
         assert!((mid40.exponent - 1.96).abs() < 0.01 && mid40.misfit < 0.02, "{mid40:?}");
         let os2 = Sensitivity::fit(&[pair(0.8, 350.0), pair(0.1, 200.0)]).unwrap();
         assert!((os2.exponent - 3.72).abs() < 5e-3 && os2.misfit < 1e-12, "{os2:?}");
-        assert!((os2.margin(0.1, 200.0) - 1.0).abs() < 1e-12);
+        assert!((os2.margin(0.1, 200.0) - 1.0).abs() < 1e-12 && (os2.margin(0.8, 350.0) - 1.0).abs() < 1e-12);
+        // Nearer than the data sheet says, power falls with the square.
+        assert!((os2.margin(0.1, 100.0) - 4.0).abs() < 1e-12 && (os2.range_m(0.025) - 100.0).abs() < 1e-9);
         assert_eq!(Sensitivity::fit(&[]), None);
     }
 

@@ -82,6 +82,10 @@ impl Cause {
     }
 }
 
+/// The index of the object and of the triangle of a return that no surface makes: from a particle, or from noise. Files have the id
+/// 0 for it.
+pub const NO_OBJECT: u32 = u32::MAX;
+
 /// What is known of a return of a sensor that is not ideal, beside the columns of [`Returns`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Echo {
@@ -91,6 +95,8 @@ pub struct Echo {
     pub snr: f32,
     /// The standard deviation of the echo in range, in metres: that of the pulse, widened by the spread of the ranges.
     pub width_m: f32,
+    /// The sunlight that the surface scatters to the sensor, relative to a white plane that faces a sun of 100 klx.
+    pub ambient: f32,
     /// The error budget of the range.
     pub terms: Terms,
 }
@@ -233,8 +239,6 @@ pub struct Frame {
     is_measured: bool,
     /// Of each slot, if the sensor is not ideal.
     echoes: Vec<Echo>,
-    /// The ambient light of each pixel, if there is any.
-    ambient: Vec<f32>,
 }
 
 /// The rule that assigns slots to pixels.
@@ -261,7 +265,6 @@ impl Frame {
         self.causes.resize(rows * columns, Cause::NoPulse);
         self.is_measured = false;
         self.echoes.clear();
-        self.ambient.clear();
     }
 
     /// Makes this an empty frame of a sensor that is not ideal, to which pixels are added row by row.
@@ -274,13 +277,12 @@ impl Frame {
     }
 
     /// Adds the next pixel to a frame that was [begun](Self::begin_measured).
-    pub(super) fn add_measured(&mut self, cause: Cause, returns: &[(Return, Echo)], ambient: Option<f32>) {
+    pub(super) fn add_measured(&mut self, cause: Cause, returns: &[(Return, Echo)]) {
         for (one, echo) in returns {
             self.returns.push(*one);
             self.echoes.push(*echo);
         }
         self.causes.push(cause);
-        self.ambient.extend(ambient);
         if let Layout::From(first) = &mut self.layout {
             first.push(self.echoes.len());
         }
@@ -406,9 +408,13 @@ impl Frame {
         self.is_measured
     }
 
-    /// The ambient light of a pixel, relative to a white plane that faces the sun at 100 klx. `None` if there is no sun.
-    pub fn ambient(&self, pixel: usize) -> Option<f32> {
-        self.ambient.get(pixel).copied()
+    /// The cause of a pixel, or of its return number `number`. `None` if the pixel lacks that return, and `number` is not 0.
+    pub fn cause(&self, pixel: usize, number: usize) -> Option<Cause> {
+        match self.slot(pixel, number) {
+            Some(slot) if self.is_measured => self.echoes.get(slot).map(|echo| echo.cause),
+            None if self.is_measured && number > 0 => None,
+            _ => Some(self.causes[pixel]),
+        }
     }
 
     /// The number of pixels that sent no pulse.

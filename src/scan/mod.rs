@@ -19,8 +19,8 @@ use crate::trace::{Cast, Hit, Origins, PACKET_RAYS, Rays};
 
 pub use alone::alone;
 use frame::ReturnsMut;
+pub use frame::{Cause, Echo, Frame, NO_OBJECT, Return, Returns, Terms};
 use surface::SeenTriangle;
-pub use frame::{Cause, Echo, Frame, Return, Returns, Terms};
 
 /// The progress of a scan, which another thread can read, and the means to stop it.
 #[derive(Debug, Default)]

@@ -26,3 +26,55 @@ impl Material {
         (0.2126 * r + 0.7152 * g + 0.0722 * b).clamp(0.0, 1.0)
     }
 }
+
+/// What a surface is like at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Appearance {
+    /// Linear red, green, blue and alpha.
+    pub base_color: [f32; 4],
+    /// The share of metal, 0 to 1.
+    pub metallic: f32,
+    /// The roughness, 0 to 1.
+    pub roughness: f32,
+    /// The share of light that passes.
+    pub transmission: f32,
+    /// The strength of a clear coat, 0 to 1.
+    pub clearcoat: f32,
+    /// As in [`Material::specular`].
+    pub specular: f32,
+    /// The index of refraction.
+    pub ior: f32,
+    /// cover
+    pub cover: f32,
+}
+impl Appearance {
+    /// rho
+    pub fn reflectivity(&self) -> f32 {
+        let [r, g, b, _] = self.base_color;
+        (0.2126 * r + 0.7152 * g + 0.0722 * b).clamp(0.0, 1.0)
+    }
+}
+impl super::Scene {
+    /// stub
+    pub fn appearance(&self, placement: u32, triangle: u32, _u: f64, _v: f64) -> Appearance {
+        let m = &self.geometry.materials[self.surface(placement, triangle).material as usize];
+        Appearance {
+            base_color: m.base_color,
+            metallic: 0.0,
+            roughness: 1.0,
+            transmission: 0.0,
+            clearcoat: 0.0,
+            specular: 1.0,
+            ior: 1.5,
+            cover: 1.0,
+        }
+    }
+    /// stub
+    pub fn varies(&self, _p: u32, _t: u32) -> bool {
+        false
+    }
+    /// stub
+    pub fn optics(&self, _s: super::Surface) -> Option<&super::Optics> {
+        None
+    }
+}

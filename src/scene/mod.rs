@@ -56,7 +56,7 @@ pub use bending::Slicing;
 pub use environment::{Environment, Haze, Sun, Weather};
 pub use extent::Extent;
 pub use geometry::{Geometry, Group, Mesh, Object, Part, SourceFile, label_names};
-pub use material::Material;
+pub use material::{Appearance, Material};
 pub use mover::{Deformer, Mover};
 pub use notice::Notice;
 pub use optics::{Optics, SurfaceKind};

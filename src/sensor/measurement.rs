@@ -113,7 +113,7 @@ impl Default for Receiver {
             pulse_fwhm_s: 5e-9,
             returns: ReturnMode::Strongest,
             separation_m: 0.0,
-            intensity: IntensityScale::default(),
+            intensity: IntensityScale::Ideal,
             spacing_m: 0.0,
             bounces: 3,
             walk_residual: 0.0,

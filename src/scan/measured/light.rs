@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::scan::Cause;
+use crate::scan::{Cause, NO_OBJECT};
 
 /// Light that comes back to its pulse's receiver over one path.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +28,7 @@ pub(super) struct Light {
 }
 
 /// The surface, or the particle, that sends light back.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Target {
     /// Where it is, in the world.
     pub point: DVec3,
@@ -37,6 +37,12 @@ pub(super) struct Target {
     pub object: u32,
     pub label: u32,
     pub triangle: u32,
+}
+
+impl Target {
+    /// A target that is no object of the scene.
+    pub const NOTHING: Self =
+        Self { point: DVec3::ZERO, normal: DVec3::ZERO, object: NO_OBJECT, label: 0, triangle: NO_OBJECT };
 }
 
 impl Light {

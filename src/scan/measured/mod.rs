@@ -3,6 +3,7 @@
 //! ```text
 //! beams    the sub-rays of each pulse, in the direction that it really takes
 //! paths    the ways of their light through the scene; optics: where light goes at a surface
+//! air      what fog, dust, rain and snow send back
 //! light    what comes back, path by path
 //! receive  the receiver: from light to returns, each with its cause and its error budget
 //! effects  the numbers of random effects
@@ -11,6 +12,7 @@
 //! Each random number follows from the seed, the sensor, the frame, the pixel, the path of the light and the effect, so frames do
 //! not depend on threads, and an effect that is turned on changes no draw of another.
 
+mod air;
 mod beams;
 mod effects;
 mod light;
@@ -22,6 +24,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use rayon::prelude::*;
 
+use self::air::Air;
 use self::beams::Beams;
 use self::light::{IDEAL_SAMPLE, Light};
 use self::paths::{Paths, Wave, Way};
@@ -46,18 +49,21 @@ pub(super) fn scan_into(
     let sun = scene.environment.sun.map_or(1.0, |sun| sun.klx / receiver.sun_klx);
     let noise = measurement.noise.unwrap_or_default();
     let detector = Detector::new(receiver, noise, capture.sensor.range, beams.streams, sun);
-    let divergence = measurement.footprint.map_or(0.0, |f| f.half_divergence[0].radians().max(f.half_divergence[1].radians()));
+    let divergence = measurement
+        .footprint
+        .map_or(0.0, |f| f.half_divergence[0].radians().max(f.half_divergence[1].radians()));
+    let weather = scene.environment.weather.as_ref();
+    let air = Air::new(weather, receiver, measurement.footprint, detector.white_at_1_m, detector.threshold());
     let paths = Paths {
         scene,
         tracer,
         receiver,
         white_at_1_m: detector.white_at_1_m / beams.samples() as f64,
-        exponent: detector.exponent(),
-        extinction_per_m: 0.0,
+        extinction_per_m: air.extinction_per_m,
         mirror_roughness: crate::physics::surface::mirror_roughness(2.0 * divergence),
     };
     let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
-    let scanner = Scanner { capture, beams, paths, detector, fixed };
+    let scanner = Scanner { capture, beams, paths, air, detector, fixed };
     let (rows, columns) = (capture.rows(), capture.columns());
     let strips: Vec<_> = (0..rows.div_ceil(TILE.0))
         .flat_map(|band| (0..columns.div_ceil(STRIP)).map(move |strip| (band * TILE.0, strip * STRIP)))
@@ -84,7 +90,7 @@ pub(super) fn scan_into(
                 let pixels = row * strip.columns..(row + 1) * strip.columns;
                 for pixel in pixels {
                     let returns = &strip.returns[strip.first[pixel]..strip.first[pixel + 1]];
-                    frame.add_measured(strip.causes[pixel], returns, None);
+                    frame.add_measured(strip.causes[pixel], returns);
                 }
             }
         }
@@ -125,6 +131,7 @@ struct Scanner<'a, C> {
     capture: &'a Capture<'a>,
     beams: Beams<'a>,
     paths: Paths<'a, C>,
+    air: Air,
     detector: Detector<'a>,
     /// The sensor's pose, if it stands still.
     fixed: Option<SensorPose>,
@@ -162,7 +169,12 @@ impl<C: Cast> Scanner<'_, C> {
     }
 
     /// Fills the first wave with the rays of all pulses of a strip, tile by tile.
-    fn send(&self, (first_row, first_column): (usize, usize), (rows, columns): (usize, usize), memory: &mut Memory) {
+    fn send(
+        &self,
+        (first_row, first_column): (usize, usize),
+        (rows, columns): (usize, usize),
+        memory: &mut Memory,
+    ) {
         let Memory { wave, pulses, pixels, poses, ideal, .. } = memory;
         wave.clear();
         pulses.clear();
@@ -172,7 +184,9 @@ impl<C: Cast> Scanner<'_, C> {
         for first in (0..columns).step_by(TILE.1) {
             for row in 0..rows {
                 for column in first..columns.min(first + TILE.1) {
-                    let Some(pulse) = self.capture.pulse(first_row + row, first_column + column) else { continue };
+                    let Some(pulse) = self.capture.pulse(first_row + row, first_column + column) else {
+                        continue;
+                    };
                     let pose = match self.fixed {
                         Some(pose) => pose,
                         None => SensorPose::new(self.capture.world_from_sensor(pulse.time_s)),
@@ -204,16 +218,26 @@ impl<C: Cast> Scanner<'_, C> {
 
     /// Receives the light of a pulse.
     fn receive(&self, pulse: usize, (row, column): (usize, usize), memory: &mut Memory) {
-        let Memory { pulses, poses, ideal, sorted, first_light, scratch, received, .. } = memory;
-        let lights = &mut sorted[first_light[pulse]..first_light[pulse + 1]];
+        let Memory { pulses, poses, ideal, lights, sorted, first_light, scratch, received, .. } = memory;
+        let pixel = (row * self.capture.columns() + column) as u32;
+        let number = pulse;
+        let (pulse, pose) = (&pulses[number], &poses[number]);
+        lights.clear();
+        lights.extend_from_slice(&sorted[first_light[number]..first_light[number + 1]]);
+        if self.paths.extinction_per_m > 0.0 {
+            let nearest_m = lights.iter().map(|light| light.length_m).fold(f64::INFINITY, f64::min);
+            let origin = pose.world_from_sensor.point(pulse.origin);
+            let direction = pose.world_from_sensor.direction(pulse.direction);
+            let white_at_1_m = self.detector.white_at_1_m;
+            let of = (pixel, number as u32);
+            self.air.add(&self.beams.streams, of, pulse, origin, direction, nearest_m, white_at_1_m, lights);
+        }
         lights.sort_by(|a, b| a.range_m.total_cmp(&b.range_m).then(a.path.cmp(&b.path)));
-        let pose = &poses[pulse];
         let at = Reception {
-            pixel: (row * self.capture.columns() + column) as u32,
-            pulse: &pulses[pulse],
+            pixel,
+            pulse,
             beam: self.beams.beam(row),
-            direction: pose.world_from_sensor.direction(pulses[pulse].direction),
-            ideal_m: self.beams.are_off().then_some(ideal[pulse]),
+            ideal_m: self.beams.are_off().then_some(ideal[number]),
             sensor_from_world: pose.sensor_from_world.rotation,
         };
         self.detector.receive(&at, lights, scratch, received);

@@ -3,8 +3,8 @@
 use crate::physics::film::WetDiffuse;
 use crate::physics::fresnel::dielectric_reflectance;
 use crate::physics::pane::Pane;
-use crate::physics::surface::{MetallicRoughness, dielectric_f0, lambert};
 use crate::physics::retro;
+use crate::physics::surface::{MetallicRoughness, dielectric_f0, lambert};
 use crate::scan::Cause;
 use crate::scene::{Appearance, Optics, SurfaceKind};
 

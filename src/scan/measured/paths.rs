@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::light::{IDEAL_SAMPLE, Light, PATHS_A_SAMPLE, Target};
 use super::optics::{Meeting, Split, split};
+use super::receive::fall;
 use crate::scan::{Cause, surface::SeenTriangle};
 use crate::scene::{Appearance, Optics, Scene};
 use crate::sensor::{Pulse, Receiver};
@@ -111,8 +112,6 @@ pub(super) struct Paths<'a, C> {
     pub receiver: &'a Receiver,
     /// The energy of a white Lambertian plane at 1 m that takes a whole sub-ray, in clear air.
     pub white_at_1_m: f64,
-    /// The exponent by which energy falls with the length of the way.
-    pub exponent: f64,
     /// The extinction of the air, a metre.
     pub extinction_per_m: f64,
     /// The roughness below which a glossy lobe is narrower than the beam.
@@ -154,7 +153,10 @@ impl<'a, C: Cast> Paths<'a, C> {
         rays
     }
 
-    #[expect(clippy::too_many_arguments, reason = "the inner loop's memory, which is kept from batch to batch")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the inner loop's memory, which is kept from batch to batch"
+    )]
     fn meet(
         &self,
         wave: &Wave,
@@ -180,8 +182,7 @@ impl<'a, C: Cast> Paths<'a, C> {
             None => {
                 let appearance = self.scene.appearance(hit.placement, hit.triangle, hit.u, hit.v);
                 // The appearance of a triangle without textures is the same everywhere.
-                last.appearance =
-                    (!self.scene.is_textured(hit.placement, hit.triangle)).then_some(appearance);
+                last.appearance = (!self.scene.varies(hit.placement, hit.triangle)).then_some(appearance);
                 appearance
             }
         };
@@ -195,7 +196,7 @@ impl<'a, C: Cast> Paths<'a, C> {
             mirror_roughness: self.mirror_roughness,
         };
         let split = split(&appearance, last.optics, at);
-        let cover = f64::from(self.scene.cover(hit, &appearance));
+        let cover = f64::from(appearance.cover);
         let point = origin + direction * hit.t;
         let back = cover * split.back;
         if way.sample == IDEAL_SAMPLE {
@@ -203,10 +204,7 @@ impl<'a, C: Cast> Paths<'a, C> {
                 ideal[way.pulse as usize] = pulses[way.pulse as usize].range_m(length_m);
             }
         } else if back > 0.0 {
-            let fall = match self.exponent == 2.0 {
-                true => length_m * length_m,
-                false => libm::pow(length_m, self.exponent),
-            };
+            let fall = fall(self.receiver, length_m);
             let clear_air = match self.extinction_per_m > 0.0 {
                 true => libm::exp(2.0 * self.extinction_per_m * length_m),
                 false => 1.0,

@@ -2,13 +2,11 @@
 
 use std::cmp::Ordering;
 
-use glam::DVec3;
-
 use super::beams::Beam;
 use super::effects::Effect;
 use super::light::{Light, Target};
-use crate::physics::detection::{range_sigma_m, walk_m};
 use crate::physics::SPEED_OF_LIGHT_M_S;
+use crate::physics::detection::{range_sigma_m, walk_m};
 use crate::physics::echo::{Part, Peak, Waveform, pulse_sigma_m};
 use crate::rng::FrameStreams;
 use crate::scan::{Cause, Echo, Return, Terms};
@@ -30,7 +28,6 @@ pub(super) struct Detector<'a> {
     window_m: f64,
     /// The energy of a white Lambertian plane at 1 m that takes the whole beam.
     pub white_at_1_m: f64,
-    exponent: f64,
 }
 
 /// The memory of [`Detector::receive`].
@@ -72,8 +69,6 @@ pub(super) struct Reception<'p> {
     pub pixel: u32,
     pub pulse: &'p Pulse,
     pub beam: &'p Beam,
-    /// The direction of the pulse in the world.
-    pub direction: DVec3,
     /// The range of the ideal ray, infinite without a hit, if the pulse goes elsewhere than the sensor believes.
     pub ideal_m: Option<f64>,
     /// The map from directions in the world to those in the sensor's body frame.
@@ -81,23 +76,31 @@ pub(super) struct Reception<'p> {
 }
 
 impl<'a> Detector<'a> {
-    pub fn new(receiver: &'a Receiver, noise: Noise, limits: RangeLimits, streams: FrameStreams, sun: f64) -> Self {
+    pub fn new(
+        receiver: &'a Receiver,
+        noise: Noise,
+        limits: RangeLimits,
+        streams: FrameStreams,
+        sun: f64,
+    ) -> Self {
         let window_m = if limits.max_m.is_finite() { limits.max_m } else { 0.0 };
         // Sunlight beyond that of the data sheet adds to the variance of the noise.
         let share = receiver.sun_share;
         let noise_sigma = (1.0 - share + share * sun).sqrt();
         let threshold = receiver.sensitivity.map(|_| receiver.threshold(window_m));
         let white_at_1_m = match (receiver.sensitivity, threshold) {
-            (Some(sensitivity), Some(_)) => receiver.limit_snr(window_m) / (sensitivity.least_power * noise_sigma),
+            (Some(sensitivity), Some(_)) => {
+                receiver.limit_snr(window_m) / (sensitivity.least_power * noise_sigma)
+            }
             _ => 1.0,
         };
-        let exponent = receiver.sensitivity.map_or(2.0, |sensitivity| sensitivity.exponent);
         let sigma_m = pulse_sigma_m(receiver.pulse_fwhm_s);
-        Self { receiver, noise, limits, streams, sigma_m, threshold, window_m, white_at_1_m, exponent }
+        Self { receiver, noise, limits, streams, sigma_m, threshold, window_m, white_at_1_m }
     }
 
-    pub fn exponent(&self) -> f64 {
-        self.exponent
+    /// The energy that is detected, if the receiver's sensitivity is known.
+    pub fn threshold(&self) -> Option<f64> {
+        self.threshold
     }
 
     /// Makes returns of a pulse's light, which is sorted by range.
@@ -105,7 +108,9 @@ impl<'a> Detector<'a> {
         received.returns.clear();
         let Scratch { parts, peaks, candidates, by_object } = scratch;
         parts.clear();
-        parts.extend(lights.iter().map(|light| Part { range_m: light.range_m, energy: light.energy * at.beam.gain }));
+        parts.extend(
+            lights.iter().map(|light| Part { range_m: light.range_m, energy: light.energy * at.beam.gain }),
+        );
         let waveform = Waveform::new(parts, self.sigma_m);
         waveform.peaks(peaks);
         candidates.clear();
@@ -145,7 +150,9 @@ impl<'a> Detector<'a> {
     ) -> Candidate {
         let near = waveform.parts_near(peak.range_m);
         let first = (near.as_ptr() as usize - parts.as_ptr() as usize) / size_of::<Part>();
-        let shares = || near.iter().zip(&lights[first..]).map(|(part, light)| (waveform.share(part, peak.range_m), light));
+        let shares = || {
+            near.iter().zip(&lights[first..]).map(|(part, light)| (waveform.share(part, peak.range_m), light))
+        };
         // The object with the most light, and its brightest part.
         by_object.clear();
         for (share, light) in shares() {
@@ -155,7 +162,11 @@ impl<'a> Detector<'a> {
             }
         }
         let mut most = by_object[0];
-        by_object.iter().for_each(|one| if one.1 > most.1 { most = *one });
+        by_object.iter().for_each(|one| {
+            if one.1 > most.1 {
+                most = *one
+            }
+        });
         let mut main: Option<(f64, &Light)> = None;
         for (share, light) in shares().filter(|(_, light)| light.target.object == most.0) {
             if main.is_none_or(|(best, _)| share > best) {
@@ -163,11 +174,17 @@ impl<'a> Detector<'a> {
             }
         }
         let main = main.map_or(&lights[first], |(_, light)| light);
-        let others: f64 = shares().filter(|(_, light)| !is_of_one_surface(main, light)).map(|(share, _)| share).sum();
+        let others: f64 =
+            shares().filter(|(_, light)| !is_of_one_surface(main, light)).map(|(share, _)| share).sum();
         let cause = if others >= MIXED_SHARE * peak.height { Cause::Mixed } else { main.cause };
         // Light far out on the pulse's flank is no part of the return.
         let is_part = |light: &&Light| (light.range_m - peak.range_m).abs() <= 2.0 * self.sigma_m;
-        let axis = near.iter().zip(&lights[first..]).map(|(_, light)| light).filter(|light| light.is_of_axis()).find(is_part);
+        let axis = near
+            .iter()
+            .zip(&lights[first..])
+            .map(|(_, light)| light)
+            .filter(|light| light.is_of_axis())
+            .find(is_part);
         let ideal_m = axis.map_or(main.range_m, |light| light.range_m);
         let noise = match self.threshold {
             Some(_) => self.stream(at, main.path, Effect::Detection).normal(),
@@ -194,8 +211,13 @@ impl<'a> Detector<'a> {
             if candidate.snr > threshold {
                 return Err(Cause::Dropped);
             }
-            let clear_air = lights.iter().find(|light| light.path == candidate.path).map_or(1.0, |light| light.clear_air);
-            return Err(if candidate.snr * clear_air > threshold { Cause::Absorbed } else { Cause::BelowThreshold });
+            let clear_air =
+                lights.iter().find(|light| light.path == candidate.path).map_or(1.0, |light| light.clear_air);
+            return Err(if candidate.snr * clear_air > threshold {
+                Cause::Absorbed
+            } else {
+                Cause::BelowThreshold
+            });
         }
         match self.limits.place_of(at.pulse, candidate.range_m) {
             Ordering::Less => Err(Cause::TooNear),
@@ -240,7 +262,14 @@ impl<'a> Detector<'a> {
     }
 
     /// Adds a candidate that none of the pulse's own light makes, if the sensor reports ranges there.
-    fn add_foreign(&self, at: &Reception, range_m: f64, amplitude: f64, cause: Cause, candidates: &mut Vec<Candidate>) {
+    fn add_foreign(
+        &self,
+        at: &Reception,
+        range_m: f64,
+        amplitude: f64,
+        cause: Cause,
+        candidates: &mut Vec<Candidate>,
+    ) {
         if !self.limits.place_of(at.pulse, range_m).is_eq() {
             return;
         }
@@ -253,7 +282,7 @@ impl<'a> Detector<'a> {
             path: 0,
             ideal_m: range_m,
             length_m: at.pulse.along_m(range_m),
-            target: Target::default(),
+            target: Target::NOTHING,
         });
     }
 
@@ -277,7 +306,8 @@ impl<'a> Detector<'a> {
                 let last = candidates[candidates.len() - 1];
                 candidates.sort_by(by_strength);
                 let strongest = candidates[0];
-                let is_apart = |c: &Candidate| (c.range_m - strongest.range_m).abs() >= self.receiver.separation_m;
+                let is_apart =
+                    |c: &Candidate| (c.range_m - strongest.range_m).abs() >= self.receiver.separation_m;
                 // The last return, if it is another one; else the second strongest.
                 let second = match last.path == strongest.path && last.range_m == strongest.range_m {
                     false if is_apart(&last) => Some(last),
@@ -291,8 +321,9 @@ impl<'a> Detector<'a> {
                 let mut kept = 0;
                 for i in 0..candidates.len() {
                     let one = candidates[i];
-                    let is_apart =
-                        candidates[..kept].iter().all(|k| (k.range_m - one.range_m).abs() >= self.receiver.separation_m);
+                    let is_apart = candidates[..kept]
+                        .iter()
+                        .all(|k| (k.range_m - one.range_m).abs() >= self.receiver.separation_m);
                     if is_apart && kept < most {
                         candidates[kept] = one;
                         kept += 1;
@@ -331,7 +362,7 @@ impl<'a> Detector<'a> {
         let range_m = if unit > 0.0 { (unrounded_m / unit).round() * unit } else { unrounded_m };
         terms.rounding_m = range_m - terms.unrounded_m();
         let amplitude = candidate.amplitude.min(self.receiver.saturation_snr);
-        let fall = libm::pow(candidate.length_m, self.exponent);
+        let fall = fall(self.receiver, candidate.length_m);
         let reflectivity = amplitude * fall / self.white_at_1_m;
         let target = &candidate.target;
         let normal = at.sensor_from_world * target.normal;
@@ -343,14 +374,24 @@ impl<'a> Detector<'a> {
             label: target.label,
             triangle: target.triangle,
         };
-        let echo =
-            Echo { cause: candidate.cause, snr: candidate.snr as f32, width_m: candidate.sigma_m as f32, terms };
+        let echo = Echo {
+            cause: candidate.cause,
+            snr: candidate.snr as f32,
+            width_m: candidate.sigma_m as f32,
+            ambient: 0.0,
+            terms,
+        };
         (one, echo)
     }
 
     fn stream(&self, at: &Reception, path: u32, effect: Effect) -> crate::rng::Rng {
         self.streams.stream(at.pixel, path, effect as u32)
     }
+}
+
+/// The factor by which energy is less than at 1 m, in clear air.
+pub(super) fn fall(receiver: &Receiver, length_m: f64) -> f64 {
+    receiver.sensitivity.map_or(length_m * length_m, |sensitivity| sensitivity.fall(length_m))
 }
 
 /// Whether light comes from the same surface as the main light of a return: by the same kind of way, and from within 30° of the
