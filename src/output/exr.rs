@@ -46,7 +46,8 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
 fn file_bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
     let repeated = repeated_for_opencv(sensor);
     let times = |name: &str| if name == repeated { 2 } else { 1 };
-    BYTES_A_VALUE * options.channels.of(sensor).map(|channel| times(channel.name)).sum::<u64>()
+    let of_return = options.channels.of(sensor).map(|channel| times(channel.name)).sum::<u64>();
+    BYTES_A_VALUE * of_return * sensor.most_returns() as u64
 }
 
 fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {

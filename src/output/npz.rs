@@ -41,7 +41,7 @@ const AXES: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
 const NORMAL: &str = "normal";
 
 fn file_bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
-    BYTES_A_VALUE * options.channels.of(sensor).count() as u64
+    BYTES_A_VALUE * options.channels.of(sensor).count() as u64 * sensor.most_returns() as u64
 }
 
 fn check(sensor: &Sensor, options: &Options) -> Result<(), EncodeError> {

@@ -33,8 +33,8 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     read_by: "pypcd4, Open3D",
     options: &[ORGANISED, MOTION, TERMS],
     check: |sensor, _| check(sensor),
-    encoding_bytes_a_ray: |sensor, options| BYTES_PER_POINT as u64 + more_bytes(sensor, options),
-    file_bytes_a_ray: |sensor, options| BYTES_PER_POINT as u64 + more_bytes(sensor, options),
+    encoding_bytes_a_ray: bytes_a_ray,
+    file_bytes_a_ray: bytes_a_ray,
     kind: Kind::File(encode),
     ..FormatSpec::PLAIN
 };
@@ -45,6 +45,10 @@ const ORGANISED: OptionSpec = OptionSpec {
             for coordinates and range, and of several returns the first is there.",
     values: OptionValues::Flag { default: false },
 };
+
+fn bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
+    (BYTES_PER_POINT as u64 + more_bytes(sensor, options)) * sensor.most_returns() as u64
+}
 
 fn check(sensor: &Sensor) -> Result<(), EncodeError> {
     let rows = sensor.pattern.rows();

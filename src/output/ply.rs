@@ -33,11 +33,15 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     most_label: |_| i32::MAX as u32,
     most_instance: |_| i32::MAX as u32,
     options: &[MOTION, TERMS],
-    encoding_bytes_a_ray: |sensor, options| BYTES_PER_POINT as u64 + more_bytes(sensor, options),
-    file_bytes_a_ray: |sensor, options| BYTES_PER_POINT as u64 + more_bytes(sensor, options),
+    encoding_bytes_a_ray: bytes_a_ray,
+    file_bytes_a_ray: bytes_a_ray,
     kind: Kind::File(encode),
     ..FormatSpec::PLAIN
 };
+
+fn bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
+    (BYTES_PER_POINT as u64 + more_bytes(sensor, options)) * sensor.most_returns() as u64
+}
 
 fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
     int("column", sensor.pattern.columns() as u64)?;

@@ -63,7 +63,7 @@ impl SensorSizes {
         Self {
             name: name.map(str::to_owned),
             stance: None,
-            frame_bytes: memory::FRAME_BYTES_A_RAY.saturating_mul(rays),
+            frame_bytes: memory::frame_bytes_a_pixel(sensor).saturating_mul(rays),
             output_bytes: formats.iter().map(size).collect(),
             facts,
         }

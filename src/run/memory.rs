@@ -33,8 +33,10 @@ pub enum Holding {
     },
 }
 
-/// Bytes that a frame takes for each ray.
-pub const FRAME_BYTES_A_RAY: u64 = Frame::BYTES_A_PIXEL as u64;
+/// Bytes that a frame of a sensor takes for each pixel.
+pub fn frame_bytes_a_pixel(sensor: &Sensor) -> u64 {
+    Frame::bytes_a_pixel(sensor) as u64
+}
 
 /// Frames that a run of many holds at the same time: one that is cast, and one that is written.
 const FRAMES_IN_FLIGHT: u64 = 2;
@@ -65,7 +67,7 @@ pub fn of_frame(sensor: &Sensor) -> u64 {
         Pattern::Camera(camera) => camera.table_bytes(),
         _ => 0,
     };
-    pixels(sensor).saturating_mul(FRAME_BYTES_A_RAY).saturating_add(directions)
+    pixels(sensor).saturating_mul(frame_bytes_a_pixel(sensor)).saturating_add(directions)
 }
 
 /// An upper estimate of the memory that the frames of a rig take, so many of each sensor, with everything that is made of them,
@@ -74,7 +76,7 @@ pub fn of_frames(sensors: &[MountedSensor], frames: &[u64], formats: &[Format], 
     let (mut largest, mut all) = (0, 0_u64);
     let frames_of_all = frames.iter().fold(0, |all: u64, frames| all.saturating_add(*frames));
     for (MountedSensor { sensor, .. }, &frames) in sensors.iter().zip(frames) {
-        let frame = FRAME_BYTES_A_RAY;
+        let frame = frame_bytes_a_pixel(sensor);
         let image = image_bytes_a_ray(sensor);
         let view = image + POINT_BYTES;
         let (once, kept) = match holding {
@@ -230,6 +232,8 @@ impl fmt::Display for Bytes {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const FRAME_BYTES_A_RAY: u64 = Frame::BYTES_A_PIXEL as u64;
     use crate::angle::Angle;
     use crate::frame::Pose;
     use crate::sensor::{BrownConrady, Camera, Lens, RangeLimits, RingOrder};

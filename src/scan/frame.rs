@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use crate::sensor::Sensor;
+
 /// Declares the causes once, in the order of their numbers.
 macro_rules! causes {
     ($($(#[$doc:meta])* $variant:ident $name:literal,)*) => {
@@ -256,6 +258,16 @@ enum Layout {
 impl Frame {
     /// The memory of a pixel in a frame of at most one return a pixel, in bytes.
     pub const BYTES_A_PIXEL: usize = BYTES_A_RETURN + size_of::<Cause>();
+
+    /// The memory of a pixel in a frame of a sensor, in bytes. A frame of a sensor that is not ideal is put together of parts, which
+    /// take as much as the frame itself.
+    pub fn bytes_a_pixel(sensor: &Sensor) -> usize {
+        if sensor.measurement.is_ideal() {
+            return Self::BYTES_A_PIXEL;
+        }
+        let of_returns = sensor.most_returns() * (BYTES_A_RETURN + size_of::<Echo>());
+        2 * (of_returns + size_of::<Cause>() + size_of::<usize>())
+    }
 
     /// Makes this a frame of so many pixels, with room for one return each. The values of all slots and causes are
     /// unspecified until they are written.

@@ -66,6 +66,11 @@ impl Sensor {
         }
     }
 
+    /// The largest number of returns of a pulse.
+    pub fn most_returns(&self) -> usize {
+        self.measurement.receiver.as_ref().map_or(1, |receiver| receiver.returns.most())
+    }
+
     /// Whether the length of a ray alone says what the sensor reports of a hit: its range counts along the ray from the
     /// pulse's origin, and the limits are those of the range.
     pub(crate) fn judges_by_length(&self) -> bool {

@@ -6,6 +6,7 @@ use glam::{DAffine3, DVec3};
 
 use super::*;
 use crate::angle::Angle;
+use crate::scan::Frame;
 use crate::scene::{Material, Object, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 use crate::sensor::{Camera, Pattern, RangeLimits, RingOrder};
 
@@ -20,7 +21,7 @@ fn sizes_of_a_cameras_frames() {
     };
     let sizes = SensorSizes::of(Some("front"), &sensor, &Format::all().collect::<Vec<_>>());
     assert_eq!(sizes.output_bytes["exr"], 640 * 480 * 48);
-    assert_eq!(sizes.frame_bytes, 640 * 480 * memory::FRAME_BYTES_A_RAY);
+    assert_eq!(sizes.frame_bytes, 640 * 480 * Frame::BYTES_A_PIXEL as u64);
     assert_eq!(SensorSizes::of(None, &sensor, &[Format::PLY]).output_bytes.len(), 1);
     let json = serde_json::to_value(&sizes).unwrap();
     assert_eq!((&json["name"], &json["rows"]), (&"front".into(), &480.into()));

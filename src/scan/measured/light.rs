@@ -34,6 +34,8 @@ pub(super) struct Target {
     pub point: DVec3,
     /// The unit normal in the world, towards the light.
     pub normal: DVec3,
+    /// Its diffuse reflectance.
+    pub reflectance: f32,
     pub object: u32,
     pub label: u32,
     pub triangle: u32,
@@ -41,8 +43,14 @@ pub(super) struct Target {
 
 impl Target {
     /// A target that is no object of the scene.
-    pub const NOTHING: Self =
-        Self { point: DVec3::ZERO, normal: DVec3::ZERO, object: NO_OBJECT, label: 0, triangle: NO_OBJECT };
+    pub const NOTHING: Self = Self {
+        point: DVec3::ZERO,
+        normal: DVec3::ZERO,
+        reflectance: 0.0,
+        object: NO_OBJECT,
+        label: 0,
+        triangle: NO_OBJECT,
+    };
 }
 
 impl Light {

@@ -26,13 +26,14 @@ use rayon::prelude::*;
 
 use self::air::Air;
 use self::beams::Beams;
-use self::light::{IDEAL_SAMPLE, Light};
+use self::light::{IDEAL_SAMPLE, Light, Target};
 use self::paths::{Paths, Wave, Way};
 use self::receive::{Detector, Received, Reception, Scratch};
-use super::{Cause, Echo, Frame, Progress, Return, STRIP, SensorPose, TILE};
-use crate::scene::Scene;
+use super::{Cause, Echo, Frame, NO_OBJECT, Progress, Return, STRIP, SensorPose, TILE};
+use crate::physics::sun::ambient;
+use crate::scene::{Scene, Sun};
 use crate::sensor::{Capture, Pulse, Receiver};
-use crate::trace::Cast;
+use crate::trace::{Cast, Origins, Rays};
 
 /// Casts a capture of a sensor that is not ideal, as [`scan_into`](super::scan_into) does.
 pub(super) fn scan_into(
@@ -119,12 +120,25 @@ struct Memory {
     /// The row and column in the strip of each pulse, and its pose.
     pixels: Vec<(usize, usize)>,
     poses: Vec<SensorPose>,
+    cast_at_s: Vec<f64>,
     ideal: Vec<f64>,
     lights: Vec<Light>,
     sorted: Vec<Light>,
     first_light: Vec<usize>,
     scratch: Scratch,
     received: Received,
+}
+
+impl Memory {
+    /// The time at which the pulse of each return is cast.
+    fn times_of_returns(&self, strip: &Strip, columns: usize) -> Vec<f64> {
+        let mut times_s = vec![0.0; strip.returns.len()];
+        for (&(row, column), &time_s) in self.pixels.iter().zip(&self.cast_at_s) {
+            let pixel = row * columns + column;
+            times_s[strip.first[pixel]..strip.first[pixel + 1]].fill(time_s);
+        }
+        times_s
+    }
 }
 
 struct Scanner<'a, C> {
@@ -152,6 +166,7 @@ impl<C: Cast> Scanner<'_, C> {
         for (pulse, &(row, column)) in memory.pixels.iter().enumerate() {
             of_pixel[row * columns + column] = Some(pulse);
         }
+        let mut targets = Vec::new();
         let mut strip = Strip { rows, columns, first: vec![0], ..Strip::default() };
         for (pixel, pulse) in of_pixel.into_iter().enumerate() {
             match pulse {
@@ -161,11 +176,43 @@ impl<C: Cast> Scanner<'_, C> {
                     self.receive(pulse, (row, column), memory);
                     strip.causes.push(memory.received.cause);
                     strip.returns.append(&mut memory.received.returns);
+                    targets.append(&mut memory.received.targets);
                 }
             }
             strip.first.push(strip.returns.len());
         }
+        if let Some(sun) = self.paths.scene.environment.sun {
+            let times_s = memory.times_of_returns(&strip, columns);
+            self.light(&sun, &targets, &times_s, &mut strip.returns);
+        }
         (strip, rays)
+    }
+
+    /// Writes the sunlight of each return.
+    fn light(&self, sun: &Sun, targets: &[Target], times_s: &[f64], returns: &mut [(Return, Echo)]) {
+        /// The distance of a shadow's ray from its surface, in metres.
+        const CLEARANCE_M: f64 = 1e-3;
+        let scene = self.paths.scene;
+        let lit: Vec<usize> = (0..targets.len())
+            .filter(|&i| targets[i].object != NO_OBJECT && targets[i].normal.dot(sun.direction) > 0.0)
+            .collect();
+        let origins: Vec<_> =
+            lit.iter().map(|&i| targets[i].point + targets[i].normal * CLEARANCE_M).collect();
+        let times_s: Vec<_> = lit.iter().map(|&i| times_s[i]).collect();
+        let directions = vec![sun.direction; lit.len()];
+        let rays = Rays {
+            times_s: scene.arrangement.window.is_some().then_some(&times_s[..]),
+            ..Rays::unlimited(Origins::Each(&origins), &directions)
+        };
+        let mut is_shaded = vec![false; lit.len()];
+        self.paths.tracer.blocked(&rays, &mut is_shaded);
+        for (&i, is_shaded) in lit.iter().zip(is_shaded) {
+            if !is_shaded {
+                let Target { normal, reflectance, .. } = targets[i];
+                let of_full_sun = ambient(f64::from(reflectance), normal.dot(sun.direction));
+                returns[i].1.ambient = (of_full_sun * sun.klx / 100.0) as f32;
+            }
+        }
     }
 
     /// Fills the first wave with the rays of all pulses of a strip, tile by tile.
@@ -175,11 +222,12 @@ impl<C: Cast> Scanner<'_, C> {
         (rows, columns): (usize, usize),
         memory: &mut Memory,
     ) {
-        let Memory { wave, pulses, pixels, poses, ideal, .. } = memory;
+        let Memory { wave, pulses, pixels, poses, cast_at_s, ideal, .. } = memory;
         wave.clear();
         pulses.clear();
         pixels.clear();
         poses.clear();
+        cast_at_s.clear();
         let is_off = self.beams.are_off();
         for first in (0..columns).step_by(TILE.1) {
             for row in 0..rows {
@@ -208,6 +256,7 @@ impl<C: Cast> Scanner<'_, C> {
                     }
                     pixels.push((row, column));
                     poses.push(pose);
+                    cast_at_s.push(time_s);
                     pulses.push(pulse);
                 }
             }

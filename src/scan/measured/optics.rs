@@ -18,6 +18,8 @@ const ENTRANCE_EXPONENT: f64 = 3.61;
 /// The shares of the light that meets a surface, there and back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Split {
+    /// The diffuse reflectance.
+    pub reflectance: f64,
     /// The power that comes straight back, relative to a white Lambertian plane at a right angle.
     pub back: f64,
     /// The share of light from behind the surface that arrives through it, both ways.
@@ -38,6 +40,7 @@ impl Split {
     /// A surface that sends light back and lets nothing go on.
     fn opaque(back: f64) -> Self {
         Self {
+            reflectance: 0.0,
             back,
             passed: 0.0,
             passed_cause: None,
@@ -92,6 +95,7 @@ pub(super) fn split(appearance: &Appearance, optics: Option<&Optics>, at: Meetin
         None if reflectance.is_some() => Split::opaque(lambert(rho, cosine)),
         None => glossy(&of_file(appearance, rho), at),
     };
+    split.reflectance = rho;
     if wetness > 0.0 {
         let film = WetDiffuse { reflectance: rho.min(1.0), index: WATER_INDEX };
         let mirrored = dielectric_reflectance(cosine, WATER_INDEX).two_way_scrambled();

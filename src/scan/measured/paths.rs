@@ -222,6 +222,7 @@ impl<'a, C: Cast> Paths<'a, C> {
                 target: Target {
                     point,
                     normal,
+                    reflectance: split.reflectance as f32,
                     object: seen.surface().object,
                     label: seen.label(),
                     triangle: seen.id(),

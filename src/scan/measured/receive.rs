@@ -5,9 +5,9 @@ use std::cmp::Ordering;
 use super::beams::Beam;
 use super::effects::Effect;
 use super::light::{Light, Target};
-use crate::physics::SPEED_OF_LIGHT_M_S;
 use crate::physics::detection::{range_sigma_m, walk_m};
 use crate::physics::echo::{Part, Peak, Waveform, pulse_sigma_m};
+use crate::physics::{IntensityScale, SPEED_OF_LIGHT_M_S};
 use crate::rng::FrameStreams;
 use crate::scan::{Cause, Echo, Return, Terms};
 use crate::sensor::{Noise, Pulse, RangeLimits, Receiver, ReturnMode};
@@ -61,6 +61,8 @@ struct Candidate {
 pub(super) struct Received {
     pub cause: Cause,
     pub returns: Vec<(Return, Echo)>,
+    /// The target of each return.
+    pub targets: Vec<Target>,
 }
 
 /// The pulse of a pixel, at its receiver.
@@ -106,6 +108,7 @@ impl<'a> Detector<'a> {
     /// Makes returns of a pulse's light, which is sorted by range.
     pub fn receive(&self, at: &Reception, lights: &[Light], scratch: &mut Scratch, received: &mut Received) {
         received.returns.clear();
+        received.targets.clear();
         let Scratch { parts, peaks, candidates, by_object } = scratch;
         parts.clear();
         parts.extend(
@@ -132,10 +135,12 @@ impl<'a> Detector<'a> {
         };
         for candidate in candidates.iter() {
             received.returns.push(self.report(at, candidate));
+            received.targets.push(candidate.target);
         }
         // The surface that blocks the beam is known, though it is no return.
         if let (Cause::TooNear, Some(blocker)) = (received.cause, fate.best) {
             received.returns.push(self.report(at, &blocker));
+            received.targets.push(blocker.target);
         }
     }
 
@@ -364,12 +369,17 @@ impl<'a> Detector<'a> {
         let amplitude = candidate.amplitude.min(self.receiver.saturation_snr);
         let fall = fall(self.receiver, candidate.length_m);
         let reflectivity = amplitude * fall / self.white_at_1_m;
+        let value = self.receiver.intensity.value(reflectivity);
         let target = &candidate.target;
         let normal = at.sensor_from_world * target.normal;
         let one = Return {
             range_m,
             normal: normal.as_vec3().to_array(),
-            intensity: self.receiver.intensity.value(reflectivity) as f32,
+            intensity: match self.receiver.intensity {
+                IntensityScale::Ideal | IntensityScale::Percent => value as f32,
+                // Makers' scales are whole numbers.
+                _ => value.round() as f32,
+            },
             instance: target.object,
             label: target.label,
             triangle: target.triangle,
