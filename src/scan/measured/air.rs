@@ -44,6 +44,21 @@ pub(super) struct Air {
     overlap_m: [f64; 2],
 }
 
+/// The way of a pulse through the air.
+pub(super) struct AirRay<'p> {
+    /// The number of its pixel.
+    pub pixel: u32,
+    /// Its number in its strip.
+    pub number: u32,
+    pub pulse: &'p Pulse,
+    /// Where it leaves the sensor, in the world.
+    pub origin: DVec3,
+    /// Its direction in the world.
+    pub direction: DVec3,
+    /// The length of its way to the nearest surface, in metres.
+    pub nearest_m: f64,
+}
+
 /// The particles of one kind.
 struct Swarm {
     sizes: SizeDistribution,
@@ -117,20 +132,9 @@ impl Air {
         Self { extinction_per_m, soft, swarms, ..clear }
     }
 
-    /// Adds the light that comes back from the air before the nearest surface, of a pulse that goes from `origin` along
-    /// `direction` in the world.
-    #[expect(clippy::too_many_arguments, reason = "all that a pulse is")]
-    pub fn add(
-        &self,
-        streams: &FrameStreams,
-        (pixel, number): (u32, u32),
-        pulse: &Pulse,
-        origin: DVec3,
-        direction: DVec3,
-        nearest_m: f64,
-        white_at_1_m: f64,
-        lights: &mut Vec<Light>,
-    ) {
+    /// Adds the light that comes back from the air before the nearest surface.
+    pub fn add(&self, streams: &FrameStreams, ray: &AirRay, white_at_1_m: f64, lights: &mut Vec<Light>) {
+        let &AirRay { pixel, number, pulse, origin, direction, nearest_m } = ray;
         let mut light = |path: u32, length_m: f64, energy: f64, cause: Cause| {
             lights.push(Light {
                 pulse: number,

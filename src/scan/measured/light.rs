@@ -66,5 +66,8 @@ pub(super) const PATHS_A_SAMPLE: u32 = 256;
 /// The first number of the paths to particles in the air.
 pub(super) const PARTICLES: u32 = 1 << 20;
 
+/// The first number of the paths of halos.
+pub(super) const HALOS: u32 = 1 << 31;
+
 /// The number of the path of the ideal ray, which carries no light.
 pub(super) const IDEAL_SAMPLE: u16 = u16::MAX;

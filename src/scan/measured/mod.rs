@@ -4,6 +4,7 @@
 //! beams    the sub-rays of each pulse, in the direction that it really takes
 //! paths    the ways of their light through the scene; optics: where light goes at a surface
 //! air      what fog, dust, rain and snow send back
+//! halo     how other beams see bright returns
 //! light    what comes back, path by path
 //! receive  the receiver: from light to returns, each with its cause and its error budget
 //! effects  the numbers of random effects
@@ -15,6 +16,7 @@
 mod air;
 mod beams;
 mod effects;
+mod halo;
 mod light;
 mod optics;
 mod paths;
@@ -24,8 +26,9 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use rayon::prelude::*;
 
-use self::air::Air;
+use self::air::{Air, AirRay};
 use self::beams::Beams;
+use self::halo::{Brightness, Halo, Source};
 use self::light::{IDEAL_SAMPLE, Light, Target};
 use self::paths::{Paths, Wave, Way};
 use self::receive::{Detector, Received, Reception, Scratch};
@@ -69,18 +72,46 @@ pub(super) fn scan_into(
     let strips: Vec<_> = (0..rows.div_ceil(TILE.0))
         .flat_map(|band| (0..columns.div_ceil(STRIP)).map(move |strip| (band * TILE.0, strip * STRIP)))
         .collect();
-    let received: Vec<Strip> = strips
-        .par_iter()
-        .map_init(Memory::default, |memory, &first| {
-            if progress.cancelled.load(Relaxed) {
-                return Strip::default();
-            }
-            let (strip, rays) = scanner.strip(first, memory);
-            progress.rays_done.fetch_add(rays as u64, Relaxed);
-            strip
-        })
-        .collect();
-    if progress.cancelled.load(Relaxed) {
+    let is_cancelled = || progress.cancelled.load(Relaxed);
+    let received: Vec<Strip> = match &measurement.blooming {
+        None => strips
+            .par_iter()
+            .map_init(Memory::default, |memory, &first| {
+                if is_cancelled() {
+                    return Strip::default();
+                }
+                let rays = scanner.illuminate(first, memory);
+                progress.rays_done.fetch_add(rays as u64, Relaxed);
+                let Memory { lit, desk, .. } = memory;
+                scanner.receive_all(lit, None, desk)
+            })
+            .collect(),
+        // The returns of the whole frame are known before any is received.
+        Some(blooming) => {
+            let brightness = Brightness::of(blooming, capture);
+            let lit: Vec<(Lit, Vec<Source>)> = strips
+                .par_iter()
+                .map_init(Memory::default, |memory, &first| {
+                    if is_cancelled() {
+                        return Default::default();
+                    }
+                    let rays = scanner.illuminate(first, memory);
+                    progress.rays_done.fetch_add(rays as u64, Relaxed);
+                    let lit = std::mem::take(&mut memory.lit);
+                    let sources = scanner.sources(&lit, &brightness);
+                    (lit, sources)
+                })
+                .collect();
+            let (lit, sources): (Vec<Lit>, Vec<Vec<Source>>) = lit.into_iter().unzip();
+            let halo = Halo::new(blooming, sources.concat());
+            let receive = |desk: &mut Desk, lit: &Lit| match is_cancelled() {
+                true => Strip::default(),
+                false => scanner.receive_all(lit, Some(&halo), desk),
+            };
+            lit.par_iter().map_init(Desk::default, receive).collect()
+        }
+    };
+    if is_cancelled() {
         return false;
     }
     frame.begin_measured(rows, columns);
@@ -115,26 +146,56 @@ struct Strip {
 struct Memory {
     wave: Wave,
     next: Wave,
+    /// The light of the strip, in the order in which it was found.
+    lights: Vec<Light>,
+    lit: Lit,
+    desk: Desk,
+}
+
+/// A strip of which the light is known, and not yet received.
+#[derive(Default)]
+struct Lit {
+    /// The row and the column of the strip's first pixel.
+    first: (usize, usize),
+    rows: usize,
+    columns: usize,
     /// The pulses of the strip, tile by tile.
     pulses: Vec<Pulse>,
-    /// The row and column in the strip of each pulse, and its pose.
+    /// The row and column in the strip of each pulse, its pose, and the time at which it is cast.
     pixels: Vec<(usize, usize)>,
     poses: Vec<SensorPose>,
     cast_at_s: Vec<f64>,
+    /// The range of the ideal ray of each pulse; infinite if it meets nothing.
     ideal: Vec<f64>,
+    /// The light by pulse. Pulse i has the lights from entry i to entry i + 1 of `first_light`.
     lights: Vec<Light>,
-    sorted: Vec<Light>,
     first_light: Vec<usize>,
+}
+
+/// The memory in which pulses are received, one after the other.
+#[derive(Default)]
+struct Desk {
+    lights: Vec<Light>,
     scratch: Scratch,
     received: Received,
 }
 
-impl Memory {
-    /// The time at which the pulse of each return is cast.
-    fn times_of_returns(&self, strip: &Strip, columns: usize) -> Vec<f64> {
+impl Lit {
+    /// The number in the frame of a pulse's pixel.
+    fn pixel(&self, pulse: usize, frame_columns: usize) -> u32 {
+        let (row, column) = self.pixels[pulse];
+        ((self.first.0 + row) * frame_columns + self.first.1 + column) as u32
+    }
+
+    fn lights(&self, pulse: usize) -> &[Light] {
+        &self.lights[self.first_light[pulse]..self.first_light[pulse + 1]]
+    }
+
+    /// The time at which the pulse of each return of the strip is cast.
+    fn times_of_returns(&self, strip: &Strip) -> Vec<f64> {
         let mut times_s = vec![0.0; strip.returns.len()];
         for (&(row, column), &time_s) in self.pixels.iter().zip(&self.cast_at_s) {
-            let pixel = row * columns + column;
+            let pixel = row * self.columns + column;
             times_s[strip.first[pixel]..strip.first[pixel + 1]].fill(time_s);
         }
         times_s
@@ -152,40 +213,60 @@ struct Scanner<'a, C> {
 }
 
 impl<C: Cast> Scanner<'_, C> {
-    /// Casts the pulses of a strip. Returns its pixels and the number of rays.
-    fn strip(&self, (first_row, first_column): (usize, usize), memory: &mut Memory) -> (Strip, usize) {
-        let rows = TILE.0.min(self.capture.rows() - first_row);
-        let columns = STRIP.min(self.capture.columns() - first_column);
-        self.send((first_row, first_column), (rows, columns), memory);
-        let Memory { wave, next, pulses, ideal, lights, .. } = memory;
+    /// Casts the pulses of a strip, and finds the light that comes back. Returns the number of rays.
+    fn illuminate(&self, first: (usize, usize), memory: &mut Memory) -> usize {
+        let Memory { wave, next, lights, lit, .. } = memory;
+        lit.first = first;
+        lit.rows = TILE.0.min(self.capture.rows() - first.0);
+        lit.columns = STRIP.min(self.capture.columns() - first.1);
+        self.send(lit, wave);
         lights.clear();
-        let rays = self.paths.follow(wave, next, pulses, lights, ideal);
-        sort_by_pulse(lights, pulses.len(), &mut memory.sorted, &mut memory.first_light);
+        let rays = self.paths.follow(wave, next, &lit.pulses, lights, &mut lit.ideal);
+        sort_by_pulse(lights, lit.pulses.len(), &mut lit.lights, &mut lit.first_light);
+        rays
+    }
+
+    /// The light of a strip that pulses beside it may see.
+    fn sources(&self, lit: &Lit, brightness: &Brightness) -> Vec<Source> {
+        let mut sources = Vec::new();
+        for (number, pulse) in lit.pulses.iter().enumerate() {
+            brightness.add(
+                lit.pixel(number, self.capture.columns()),
+                pulse,
+                lit.lights(number),
+                &mut sources,
+            );
+        }
+        sources
+    }
+
+    /// Receives the light of a strip.
+    fn receive_all(&self, lit: &Lit, halo: Option<&Halo>, desk: &mut Desk) -> Strip {
+        let (rows, columns) = (lit.rows, lit.columns);
         // A pixel without a pulse stays without light.
         let mut of_pixel = vec![None; rows * columns];
-        for (pulse, &(row, column)) in memory.pixels.iter().enumerate() {
+        for (pulse, &(row, column)) in lit.pixels.iter().enumerate() {
             of_pixel[row * columns + column] = Some(pulse);
         }
         let mut targets = Vec::new();
         let mut strip = Strip { rows, columns, first: vec![0], ..Strip::default() };
-        for (pixel, pulse) in of_pixel.into_iter().enumerate() {
+        for pulse in of_pixel {
             match pulse {
                 None => strip.causes.push(Cause::NoPulse),
                 Some(pulse) => {
-                    let (row, column) = (first_row + pixel / columns, first_column + pixel % columns);
-                    self.receive(pulse, (row, column), memory);
-                    strip.causes.push(memory.received.cause);
-                    strip.returns.append(&mut memory.received.returns);
-                    targets.append(&mut memory.received.targets);
+                    self.receive(lit, pulse, halo, desk);
+                    strip.causes.push(desk.received.cause);
+                    strip.returns.append(&mut desk.received.returns);
+                    targets.append(&mut desk.received.targets);
                 }
             }
             strip.first.push(strip.returns.len());
         }
         if let Some(sun) = self.paths.scene.environment.sun {
-            let times_s = memory.times_of_returns(&strip, columns);
+            let times_s = lit.times_of_returns(&strip);
             self.light(&sun, &targets, &times_s, &mut strip.returns);
         }
-        (strip, rays)
+        strip
     }
 
     /// Writes the sunlight of each return.
@@ -216,13 +297,9 @@ impl<C: Cast> Scanner<'_, C> {
     }
 
     /// Fills the first wave with the rays of all pulses of a strip, tile by tile.
-    fn send(
-        &self,
-        (first_row, first_column): (usize, usize),
-        (rows, columns): (usize, usize),
-        memory: &mut Memory,
-    ) {
-        let Memory { wave, pulses, pixels, poses, cast_at_s, ideal, .. } = memory;
+    fn send(&self, lit: &mut Lit, wave: &mut Wave) {
+        let Lit { first: (first_row, first_column), rows, columns, .. } = *lit;
+        let Lit { pulses, pixels, poses, cast_at_s, ideal, .. } = lit;
         wave.clear();
         pulses.clear();
         pixels.clear();
@@ -232,9 +309,8 @@ impl<C: Cast> Scanner<'_, C> {
         for first in (0..columns).step_by(TILE.1) {
             for row in 0..rows {
                 for column in first..columns.min(first + TILE.1) {
-                    let Some(pulse) = self.capture.pulse(first_row + row, first_column + column) else {
-                        continue;
-                    };
+                    let pulse = self.capture.pulse(first_row + row, first_column + column);
+                    let Some(pulse) = pulse else { continue };
                     let pose = match self.fixed {
                         Some(pose) => pose,
                         None => SensorPose::new(self.capture.world_from_sensor(pulse.time_s)),
@@ -265,28 +341,29 @@ impl<C: Cast> Scanner<'_, C> {
         ideal.resize(pulses.len(), f64::INFINITY);
     }
 
-    /// Receives the light of a pulse.
-    fn receive(&self, pulse: usize, (row, column): (usize, usize), memory: &mut Memory) {
-        let Memory { pulses, poses, ideal, lights, sorted, first_light, scratch, received, .. } = memory;
-        let pixel = (row * self.capture.columns() + column) as u32;
-        let number = pulse;
-        let (pulse, pose) = (&pulses[number], &poses[number]);
+    /// Receives the light of pulse number `number` of a strip.
+    fn receive(&self, lit: &Lit, number: usize, halo: Option<&Halo>, desk: &mut Desk) {
+        let Desk { lights, scratch, received } = desk;
+        let (pulse, pose) = (&lit.pulses[number], &lit.poses[number]);
+        let pixel = lit.pixel(number, self.capture.columns());
         lights.clear();
-        lights.extend_from_slice(&sorted[first_light[number]..first_light[number + 1]]);
-        if self.paths.extinction_per_m > 0.0 {
+        lights.extend_from_slice(lit.lights(number));
+        if self.air.extinction_per_m > 0.0 {
             let nearest_m = lights.iter().map(|light| light.length_m).fold(f64::INFINITY, f64::min);
             let origin = pose.world_from_sensor.point(pulse.origin);
             let direction = pose.world_from_sensor.direction(pulse.direction);
-            let white_at_1_m = self.detector.white_at_1_m;
-            let of = (pixel, number as u32);
-            self.air.add(&self.beams.streams, of, pulse, origin, direction, nearest_m, white_at_1_m, lights);
+            let ray = AirRay { pixel, number: number as u32, pulse, origin, direction, nearest_m };
+            self.air.add(&self.beams.streams, &ray, self.detector.white_at_1_m, lights);
+        }
+        if let Some(halo) = halo {
+            halo.add(pixel, number as u32, pulse, lights);
         }
         lights.sort_by(|a, b| a.range_m.total_cmp(&b.range_m).then(a.path.cmp(&b.path)));
         let at = Reception {
             pixel,
             pulse,
-            beam: self.beams.beam(row),
-            ideal_m: self.beams.are_off().then_some(ideal[number]),
+            beam: self.beams.beam(lit.first.0 + lit.pixels[number].0),
+            ideal_m: self.beams.are_off().then_some(lit.ideal[number]),
             sensor_from_world: pose.sensor_from_world.rotation,
         };
         self.detector.receive(&at, lights, scratch, received);
