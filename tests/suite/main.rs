@@ -20,6 +20,7 @@ mod import;
 mod json;
 mod kernels;
 mod layering;
+mod measured;
 mod mistakes;
 mod moving;
 mod open3d;
