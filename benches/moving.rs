@@ -134,7 +134,11 @@ fn crowd(cars: usize) -> Scene {
     let far = 0.6 * SIDE_M as f32;
     let plain = SourceMesh {
         positions: vec![[-far, -far, 0.0], [far, -far, 0.0], [far, far, 0.0], [-far, far, 0.0]],
-        parts: vec![SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3]], material: 0 }],
+        parts: vec![SourcePart {
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            material: 0,
+            ..SourcePart::default()
+        }],
     };
     let mut rng = Rng::new(5);
     let ground = SourceInstance { world_from_mesh: DAffine3::IDENTITY, ..SourceInstance::default() };
@@ -191,5 +195,5 @@ fn body() -> SourceMesh {
             }
         }
     }
-    SourceMesh { positions, parts: vec![SourcePart { triangles, material: 0 }] }
+    SourceMesh { positions, parts: vec![SourcePart { triangles, material: 0, ..SourcePart::default() }] }
 }

@@ -301,7 +301,7 @@ impl Mesh {
     fn into_scene(self) -> Scene {
         let count = self.positions.len() as u32 / 3;
         let triangles = (0..count).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
-        let parts = vec![SourcePart { triangles, material: 0 }];
+        let parts = vec![SourcePart { triangles, material: 0, ..SourcePart::default() }];
         let mesh = SourceMesh { positions: self.positions, parts };
         let world_from_mesh = DAffine3::IDENTITY;
         let instances = vec![SourceInstance { mesh: 0, world_from_mesh, ..SourceInstance::default() }];

@@ -16,7 +16,11 @@ pub fn main() -> Result<(), Box<dyn Error>> {
     // A wall of 20 m by 20 m, ten metres ahead of the sensor: two triangles that share an edge.
     let wall = SourceMesh {
         positions: vec![[10.0, -10.0, -10.0], [10.0, 10.0, -10.0], [10.0, 10.0, 10.0], [10.0, -10.0, 10.0]],
-        parts: vec![SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3]], material: 0 }],
+        parts: vec![SourcePart {
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            material: 0,
+            ..SourcePart::default()
+        }],
     };
     let instance = SourceInstance { mesh: 0, world_from_mesh: DAffine3::IDENTITY, ..Default::default() };
     let scene = SceneBuilder {

@@ -42,7 +42,7 @@
 //!
 //! let wall = SourceMesh {
 //!     positions: vec![[10.0, -5.0, -5.0], [10.0, 5.0, -5.0], [10.0, 0.0, 5.0]],
-//!     parts: vec![SourcePart { triangles: vec![[0, 1, 2]], material: 0 }],
+//!     parts: vec![SourcePart { triangles: vec![[0, 1, 2]], material: 0, ..SourcePart::default() }],
 //! };
 //! let instance = SourceInstance { mesh: 0, world_from_mesh: DAffine3::IDENTITY, ..Default::default() };
 //! let materials = vec![Material::default()];

@@ -66,7 +66,7 @@ fn append(to: &mut SourceMesh, shape: &SourceMesh) {
 
 fn mesh(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> SourceMesh {
     let positions = positions.into_iter().map(|p| p.as_vec3().to_array()).collect();
-    SourceMesh { positions, parts: vec![SourcePart { triangles, material: 0 }] }
+    SourceMesh { positions, parts: vec![SourcePart { triangles, material: 0, ..SourcePart::default() }] }
 }
 
 /// A square of `cells`² quadrilaterals, each of two triangles.

@@ -223,7 +223,10 @@ mod tests {
             });
             let positions: Vec<[f32; 3]> = positions.collect();
             let triangles = (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-            SourceMesh { positions, parts: vec![SourcePart { triangles, material: 0 }] }
+            SourceMesh {
+                positions,
+                parts: vec![SourcePart { triangles, material: 0, ..SourcePart::default() }],
+            }
         };
         let meshes = vec![soup(&mut rng, 300), soup(&mut rng, 40)];
         let mut placed = |mesh: usize, scale: DVec3| {

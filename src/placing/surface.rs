@@ -149,7 +149,7 @@ mod tests {
         let triangles = (0..4).flat_map(|quad| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * quad + i)));
         let mesh = SourceMesh {
             positions: positions.concat(),
-            parts: vec![SourcePart { triangles: triangles.collect(), material: 0 }],
+            parts: vec![SourcePart { triangles: triangles.collect(), material: 0, ..SourcePart::default() }],
         };
         let instances =
             placed.iter().map(|map| SourceInstance { world_from_mesh: *map, ..Default::default() });

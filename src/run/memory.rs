@@ -175,6 +175,7 @@ pub fn of_scene(scene: &Scene) -> u64 {
         + vertices * VERTEX_BYTES
         + triangles.min(TRIANGLES_BEING_BUILT) * BUILDING_BYTES
         + placements * PLACEMENT_BYTES
+        + scene.appearance_bytes()
 }
 
 /// Refuses work that needs more memory than the process may have. `what` names the work, such as `a frame of sensor "top"`.

@@ -1,5 +1,6 @@
 //! What a capture would see of each object if it were alone: every surface on a pulse's way, one behind another.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -7,16 +8,17 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Progress;
+use super::through::Sight;
 use crate::scene::Scene;
-use crate::sensor::{Capture, Pulse};
+use crate::sensor::Capture;
 use crate::trace::{Cast, Hit, Origins, Rays};
 
 /// The pixels of a row that are cast as one batch.
 const BATCH: usize = 256;
 
 /// The number of pixels that would have a return of each group if nothing else were in the scene: for each pulse and group, the
-/// first of the group's triangles on the pulse's way decides, as it would in a scan of that group alone. `group_of` gives the
-/// group of an object, by the object's id. Groups without such a pixel are left out. `None` if `progress.cancelled` was set.
+/// group's triangles on the pulse's way decide, as they would in a scan of that group alone. The first of them is enough if no
+/// light passes it. `group_of` gives the group of an object, by the object's id. Groups without such a pixel are left out. `None` if `progress.cancelled` was set.
 ///
 /// One cast meets every triangle on a pulse's way, so the time does not depend on the number of groups; a scene of nothing but
 /// the groups' triangles ([`Scene::only`]) makes it short.
@@ -55,8 +57,15 @@ struct Batch {
     directions: Vec<DVec3>,
     times_s: Vec<f64>,
     after: Vec<Option<Hit>>,
-    /// The groups that each ray has met.
-    met: Vec<Vec<u32>>,
+    /// The groups that each ray has met, with what is seen of them, and whether that is settled.
+    met: Vec<Vec<Met>>,
+}
+
+/// What a ray has met of a group.
+struct Met {
+    group: u32,
+    sight: Sight,
+    is_settled: bool,
 }
 
 fn of_batch(
@@ -91,18 +100,33 @@ fn of_batch(
         };
         tracer.cast(&cast, &mut hits);
         let mut next = Batch::default();
+        let limits = &capture.sensor.range;
         for (ray, hit) in hits.iter().enumerate() {
-            let Some(hit) = hit else { continue };
             let mut met = std::mem::take(&mut rays.met[ray]);
+            let place = |hit: &Hit| {
+                let pulse = capture.pulse(row, rays.columns[ray])?;
+                Some(limits.place_of(&pulse, pulse.range_m(hit.t)))
+            };
+            let Some(hit) = hit else {
+                for Met { group, sight, .. } in met {
+                    if sight.seen().and_then(|seen| place(&seen.hit)).is_some_and(Ordering::is_eq) {
+                        *counts.entry(group).or_default() += 1;
+                    }
+                }
+                continue;
+            };
             let object = scene.surface(hit.placement, hit.triangle).object;
-            if let Some(group) = group_of(object)
-                && !met.contains(&group)
-            {
-                met.push(group);
-                let limits = &capture.sensor.range;
-                let is_seen = |pulse: Pulse| limits.place_of(&pulse, pulse.range_m(hit.t)).is_eq();
-                if capture.pulse(row, rays.columns[ray]).is_some_and(is_seen) {
-                    *counts.entry(group).or_default() += 1;
+            if let Some(group) = group_of(object) {
+                let at = met.iter().position(|known| known.group == group).unwrap_or_else(|| {
+                    met.push(Met { group, sight: Sight::default(), is_settled: false });
+                    met.len() - 1
+                });
+                let known = &mut met[at];
+                if !known.is_settled
+                    && let Some(place) = place(hit)
+                {
+                    let opacity = scene.opacity(hit.placement, hit.triangle, hit.u, hit.v);
+                    known.is_settled = known.sight.meet(hit, opacity, place);
                 }
             }
             next.columns.push(rays.columns[ray]);

@@ -5,6 +5,7 @@ mod alone;
 mod frame;
 mod measured;
 mod surface;
+mod through;
 
 use std::cmp::Ordering;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -21,6 +22,7 @@ pub use alone::alone;
 use frame::ReturnsMut;
 pub use frame::{Cause, Echo, Frame, NO_OBJECT, Return, Returns, Terms};
 use surface::SeenTriangle;
+use through::Through;
 
 /// The progress of a scan, which another thread can read, and the means to stop it.
 #[derive(Debug, Default)]
@@ -64,7 +66,7 @@ pub fn scan_into(
     }
     frame.set_size(capture.rows(), capture.columns());
     let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
-    let scanner = Scanner { scene, tracer, capture, fixed };
+    let scanner = Scanner { scene, tracer, capture, fixed, is_see_through: scene.is_see_through() };
     strips(frame).into_par_iter().for_each_init(Batch::default, |batch, mut strip| {
         if !progress.cancelled.load(Relaxed) {
             let rays = scanner.fill(&mut strip, batch);
@@ -123,6 +125,8 @@ struct Batch {
     /// The pulse of each ray, if the sensor needs more than the length of a ray to say what it reports of a hit.
     pulses: Vec<Pulse>,
     hits: Vec<Option<Hit>>,
+    /// What is seen through holes and panes.
+    through: Through,
 }
 
 /// A sensor's pose and its inverse.
@@ -144,12 +148,14 @@ struct Scanner<'a, C> {
     capture: &'a Capture<'a>,
     /// The sensor's pose, if it stands still.
     fixed: Option<SensorPose>,
+    /// Whether something in the scene lets light pass.
+    is_see_through: bool,
 }
 
 impl<C: Cast> Scanner<'_, C> {
     /// Casts the pulses of a strip and writes the returns. Returns the number of rays.
     fn fill(&self, strip: &mut Strip, batch: &mut Batch) -> usize {
-        let Batch { pixels, origins, directions, times_s, poses, pulses, hits } = batch;
+        let Batch { pixels, origins, directions, times_s, poses, pulses, hits, through } = batch;
         pixels.clear();
         origins.clear();
         directions.clear();
@@ -198,6 +204,17 @@ impl<C: Cast> Scanner<'_, C> {
             times_s: moves.then_some(&times_s[..]),
         };
         self.tracer.cast(&rays, hits);
+        let measured = |ray: usize, hit: &Hit| match pulses.get(ray) {
+            None => (hit.t, limits.place(hit.t)),
+            Some(pulse) => {
+                let range_m = pulse.range_m(hit.t);
+                (range_m, limits.place_of(pulse, range_m))
+            }
+        };
+        through.clear();
+        if self.is_see_through {
+            through.look(self.scene, self.tracer, &rays, hits, |ray, hit| measured(ray, hit).1);
+        }
         let mut last: Option<SeenTriangle> = None;
         for (ray, (&(row, column), hit)) in pixels.iter().zip(hits.iter()).enumerate() {
             let piece = &mut strip.rows[usize::from(row)];
@@ -205,13 +222,7 @@ impl<C: Cast> Scanner<'_, C> {
                 piece.set(usize::from(column), None, Cause::Nothing);
                 continue;
             };
-            let (range_m, place) = match pulses.get(ray) {
-                None => (hit.t, limits.place(hit.t)),
-                Some(pulse) => {
-                    let range_m = pulse.range_m(hit.t);
-                    (range_m, limits.place_of(pulse, range_m))
-                }
-            };
+            let (range_m, place) = measured(ray, hit);
             let cause = match place {
                 Ordering::Less => Cause::TooNear,
                 Ordering::Equal => Cause::Surface,
@@ -226,7 +237,10 @@ impl<C: Cast> Scanner<'_, C> {
                 Some(seen) if seen.is_of(hit) => seen,
                 _ => last.insert(SeenTriangle::of(hit, self.scene)),
             };
-            let one = seen.receive(&pose.sensor_from_world, directions[ray], hit, range_m);
+            let mut one = seen.receive(&pose.sensor_from_world, directions[ray], hit, range_m);
+            if self.is_see_through || seen.varies() {
+                one.intensity = seen.intensity(directions[ray], hit, self.scene, through.share(ray));
+            }
             piece.set(usize::from(column), Some(one), cause);
         }
         pixels.len()
@@ -280,7 +294,7 @@ mod tests {
     fn a_return_tells_of_the_surface() {
         let wall = SourceMesh {
             positions: vec![[2.0, -9.0, -9.0], [2.0, 9.0, -9.0], [2.0, 0.0, 9.0]],
-            parts: vec![SourcePart { triangles: vec![[0, 1, 2]], material: 0 }],
+            parts: vec![SourcePart { triangles: vec![[0, 1, 2]], material: 0, ..SourcePart::default() }],
         };
         let material =
             Material { base_color: [0.5, 0.5, 0.5, 1.0], job_label: Some(7), ..Material::default() };

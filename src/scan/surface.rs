@@ -16,6 +16,8 @@ pub(super) struct SeenTriangle {
     surface: Surface,
     label: u32,
     reflectivity: f64,
+    /// Whether the reflectivity differs from point to point.
+    varies: bool,
 }
 
 impl SeenTriangle {
@@ -29,6 +31,7 @@ impl SeenTriangle {
             surface,
             label: scene.label(surface),
             reflectivity: f64::from(scene.geometry.materials[surface.material as usize].reflectivity()),
+            varies: scene.varies(placement, triangle),
         }
     }
 
@@ -67,5 +70,19 @@ impl SeenTriangle {
             label: self.label,
             triangle: self.id,
         }
+    }
+    /// Whether the surface looks different from point to point.
+    pub fn varies(&self) -> bool {
+        self.varies
+    }
+
+    /// The intensity of a hit that has this share of the pulse, of a surface that may look different from point to point.
+    pub fn intensity(&self, direction: DVec3, hit: &Hit, scene: &Scene, share: f64) -> f32 {
+        let reflectivity = if self.varies {
+            f64::from(scene.appearance(hit.placement, hit.triangle, hit.u, hit.v).reflectivity())
+        } else {
+            self.reflectivity
+        };
+        (share * reflectivity * hit.normal.dot(direction).abs().min(1.0)) as f32
     }
 }

@@ -7,6 +7,7 @@ use glam::{DAffine3, DVec3};
 
 use super::arrangement::{Arrangement, Placement, Scene, crushes_to_a_line, is_invertible};
 use super::bounds::Bounds;
+use super::corners::MeshCorners;
 use super::flatten::{Flattened, Gathered, Numbers, half_step, is_degenerate, rounded};
 use super::geometry::{Geometry, Mesh, Part};
 use super::mover::{Mover, reach};
@@ -305,10 +306,11 @@ struct Kept {
 fn keep(source: SourceMesh, instance: usize, bends: bool) -> Result<(Mesh, Kept), SceneBuildError> {
     let mut mesh = Mesh::default();
     let mut left_out = 0;
+    let mut corners = MeshCorners::default();
     let mut is_used = vec![false; source.positions.len()];
     for part in &source.parts {
         let first_triangle = mesh.triangles.len() as u32;
-        for &triangle in &part.triangles {
+        for (index, &triangle) in part.triangles.iter().enumerate() {
             let [a, b, c] = triangle;
             let is_nothing =
                 if bends { a == b || b == c || c == a } else { is_degenerate(source.corners(triangle)) };
@@ -320,12 +322,14 @@ fn keep(source: SourceMesh, instance: usize, bends: bool) -> Result<(Mesh, Kept)
                 SceneBuilder::check_reach(source.position(v), instance)?;
                 is_used[v as usize] = true;
             }
+            corners.push(mesh.triangles.len(), &part.corners, index, false);
             mesh.triangles.push(triangle);
         }
         if mesh.triangles.len() as u32 > first_triangle {
             mesh.parts.push(Part { first_triangle, material: part.material, object: 0 });
         }
     }
+    mesh.corners = Arc::new(corners);
     mesh.positions = source.positions;
     let mut vertices = Vec::new();
     if bends {
@@ -358,7 +362,11 @@ mod tests {
     fn square() -> SourceMesh {
         SourceMesh {
             positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
-            parts: vec![SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3], [1, 1, 2]], material: 0 }],
+            parts: vec![SourcePart {
+                triangles: vec![[0, 1, 2], [0, 2, 3], [1, 1, 2]],
+                material: 0,
+                ..SourcePart::default()
+            }],
         }
     }
 

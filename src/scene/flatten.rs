@@ -1,8 +1,11 @@
 //! Meshes that are placed once: which of their triangles count, where these lie in the scene, and what storing them costs.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3};
 
 use super::bounds::Bounds;
+use super::corners::MeshCorners;
 use super::geometry::{Mesh, Part};
 use super::rounding::Rounding;
 use super::source::{SceneBuildError, SceneBuilder, SourceMesh};
@@ -44,6 +47,8 @@ pub(super) struct Gathered {
     pub triangles: Vec<[u32; 3]>,
     /// Runs of triangles of one material and object.
     pub runs: Vec<Part>,
+    /// What the corners of the triangles have besides a position.
+    pub corners: MeshCorners,
 }
 
 impl Gathered {
@@ -52,6 +57,7 @@ impl Gathered {
         self.positions.clear();
         self.triangles.clear();
         self.runs.clear();
+        self.corners.clear();
     }
 
     /// Adds a mesh, moved by −`centre` in the world. Returns the number of triangles that were left out.
@@ -69,7 +75,7 @@ impl Gathered {
         let mut left_out = 0;
         for part in &source.parts {
             let first_triangle = self.triangles.len() as u32;
-            for &triangle in &part.triangles {
+            for (index, &triangle) in part.triangles.iter().enumerate() {
                 if !flattened.counts(source, world_from_mesh, triangle) {
                     left_out += 1;
                     continue;
@@ -79,6 +85,7 @@ impl Gathered {
                 }
                 triangle.iter().for_each(|&v| is_used[v as usize] = true);
                 let [a, b, c] = triangle;
+                self.corners.push(self.triangles.len(), &part.corners, index, mirrored);
                 self.triangles.push(if mirrored { [a, c, b] } else { [a, b, c] });
             }
             if self.triangles.len() as u32 > first_triangle {
@@ -144,6 +151,10 @@ impl Gathered {
                 }
                 number
             });
+            if !self.corners.is_empty() {
+                let number = mesh.triangles.len();
+                Arc::make_mut(&mut mesh.corners).push_of(number, &self.corners, index as usize);
+            }
             mesh.triangles.push(corners);
         }
         left_out

@@ -124,7 +124,9 @@ impl Scene {
         // False for NaN.
         let is_near = reach <= SceneBuilder::MAX_COORDINATE_M;
         is_near.then(|| {
-            let mesh = Mesh { positions, triangles: rest.triangles.clone(), parts: rest.parts.clone() };
+            let Mesh { triangles, parts, corners, .. } = rest;
+            let (triangles, parts, corners) = (triangles.clone(), parts.clone(), corners.clone());
+            let mesh = Mesh { positions, triangles, parts, corners };
             Shape::Bent { mesh, reach }
         })
     }

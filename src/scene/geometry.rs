@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::corners::MeshCorners;
 use super::material::Material;
 use super::mover::Mover;
 use super::rounding::Rounding;
@@ -54,6 +55,8 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Runs of triangles of one material (and, in a region, of one object), in order and without gaps.
     pub parts: Vec<Part>,
+    /// The texture coordinates and colours of the triangles whose materials need them. The shapes of a mesh share them.
+    pub corners: Arc<MeshCorners>,
 }
 
 /// A run of triangles, which ends before the next part's first triangle.

@@ -19,7 +19,8 @@
 //! build        from these to a scene: one space, one numbering
 //! flatten      the meshes that are placed once; regions and steps: how large scenes are split, and why they agree
 //! rounding     what it costs that vertices have 32 bits
-//! geometry     the half that no time changes; material: what surfaces are like
+//! geometry     the half that no time changes
+//! material     what surfaces are like, and where light passes through them; texture: images on them; corners: their coordinates
 //! optics       how a job says that surfaces send light back; environment: the air and the sun
 //! arrangement  the half that says where meshes are, and the scene as both
 //! mover        what changes over time; moving: the maps of such a placement; frames: the scene at a time and during a frame
@@ -34,6 +35,7 @@ mod arrangement;
 mod bending;
 pub(crate) mod bounds;
 mod build;
+mod corners;
 mod environment;
 mod extent;
 mod flatten;
@@ -50,15 +52,18 @@ mod regions;
 mod rounding;
 mod source;
 mod steps;
+mod texture;
 
 pub use arrangement::{Arrangement, Placement, Scene, Surface};
 pub use bending::Slicing;
+pub use corners::{Corners, MeshCorners};
 pub use environment::{Environment, Haze, Sun, Weather};
 pub use extent::Extent;
 pub use geometry::{Geometry, Group, Mesh, Object, Part, SourceFile, label_names};
-pub use material::{Appearance, Material};
+pub use material::{AlphaMode, Appearance, Material};
 pub use mover::{Deformer, Mover};
 pub use notice::Notice;
 pub use optics::{Optics, SurfaceKind};
 pub use rounding::Rounding;
 pub use source::{SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
+pub use texture::{Image, Texture, Wrap};

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::arrangement::{Arrangement, Placement, Scene, Surface};
+use super::corners::MeshCorners;
 use super::geometry::{Geometry, Mesh, Part};
 use super::mover::Mover;
 
@@ -151,6 +152,7 @@ impl Mover {
 /// A mesh without the triangles of other parts, and without the vertices that are no longer used.
 fn part_of(mesh: &Mesh, is_meant: impl Fn(&Part) -> bool) -> Mesh {
     let mut some = Mesh::default();
+    let mut corners = MeshCorners::default();
     let mut numbers = BTreeMap::new();
     let ends = mesh.parts.iter().skip(1).map(|next| next.first_triangle as usize);
     for (part, end) in mesh.parts.iter().zip(ends.chain([mesh.triangles.len()])) {
@@ -158,16 +160,18 @@ fn part_of(mesh: &Mesh, is_meant: impl Fn(&Part) -> bool) -> Mesh {
             continue;
         }
         let first_triangle = some.triangles.len() as u32;
-        for triangle in &mesh.triangles[part.first_triangle as usize..end] {
-            let renumbered = triangle.map(|vertex| {
+        for index in part.first_triangle as usize..end {
+            let renumbered = mesh.triangles[index].map(|vertex| {
                 *numbers.entry(vertex).or_insert_with(|| {
                     some.positions.push(mesh.positions[vertex as usize]);
                     (some.positions.len() - 1) as u32
                 })
             });
+            corners.push_of(some.triangles.len(), &mesh.corners, index);
             some.triangles.push(renumbered);
         }
         some.parts.push(Part { first_triangle, ..*part });
     }
+    some.corners = Arc::new(corners);
     some
 }

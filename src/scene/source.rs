@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 
+use super::corners::Corners;
 use super::geometry::{Group, Object, SourceFile};
 use super::material::Material;
 use super::mover::Deformer;
@@ -40,6 +41,8 @@ pub struct SourcePart {
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`SceneBuilder::materials`].
     pub material: u32,
+    /// The texture coordinates and colours of the triangles, three corners to each, if the material needs them.
+    pub corners: Corners,
 }
 
 /// A mesh at a place.

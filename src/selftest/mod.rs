@@ -248,7 +248,7 @@ impl Stage {
         let world_from_sensor =
             DAffine3::from_mat3_translation(world_from_sensor.rotation, world_from_sensor.translation);
         let world_from_model = world_from_sensor * *sensor_from_model;
-        let part = SourcePart { triangles: model.triangles.clone(), material: 0 };
+        let part = SourcePart { triangles: model.triangles.clone(), material: 0, ..SourcePart::default() };
         let mesh = SourceMesh { positions: model.positions(), parts: vec![part] };
         let placed =
             SourceInstance { mesh: 0, world_from_mesh: world_from_model, ..SourceInstance::default() };

@@ -9,8 +9,8 @@ use beamcast::scan::Echo;
 use beamcast::sensor::{Footprint, Measurement, Noise, Receiver, ReturnMode};
 use beamcast::trace::Tracer;
 use beamcast::{
-    Angle, Capture, Cause, Frame, Material, Pattern, Pose, Progress, Pulse, RangeLimits, RayTable, Return, Scene,
-    SceneBuilder, Sensor, SourceInstance, SourceMesh, SourcePart, scan,
+    Angle, Capture, Cause, Frame, Material, Pattern, Pose, Progress, Pulse, RangeLimits, RayTable, Return,
+    Scene, SceneBuilder, Sensor, SourceInstance, SourceMesh, SourcePart, scan,
 };
 
 /// A square plate: its middle, half of its edges as vectors, and its reflectivity.
@@ -23,7 +23,11 @@ fn scene(plates: &[Plate]) -> Scene {
             let corner = |s: f64, t: f64| (middle + a * s + b * t).as_vec3().to_array();
             SourceMesh {
                 positions: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
-                parts: vec![SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3]], material }],
+                parts: vec![SourcePart {
+                    triangles: vec![[0, 1, 2], [0, 2, 3]],
+                    material,
+                    ..SourcePart::default()
+                }],
             }
         })
         .collect();
@@ -32,7 +36,11 @@ fn scene(plates: &[Plate]) -> Scene {
         .collect();
     let materials = plates
         .iter()
-        .map(|&Plate(.., rho)| Material { base_color: [rho, rho, rho, 1.0], metallic: 0.0, ..Material::default() })
+        .map(|&Plate(.., rho)| Material {
+            base_color: [rho, rho, rho, 1.0],
+            metallic: 0.0,
+            ..Material::default()
+        })
         .collect();
     SceneBuilder { meshes, instances, materials, files: vec![], groups: vec![] }.build().unwrap()
 }
@@ -166,12 +174,8 @@ fn echoes_merge_nearer_than_twice_the_pulse() {
         let edge = Plate(DVec3::new(20.0, -5.0, 0.0), DVec3::Y * 5.0, DVec3::Z * 5.0, 0.5);
         let behind = wall(20.0 + apart, 0.5);
         let footprint = round(5e-3, Samples::ThirtySeven);
-        let receiver = Receiver {
-            returns: ReturnMode::Several(4),
-            pulse_fwhm_s: 5e-9,
-            false_alarm: 0.0,
-            ..receiver()
-        };
+        let receiver =
+            Receiver { returns: ReturnMode::Several(4), pulse_fwhm_s: 5e-9, false_alarm: 0.0, ..receiver() };
         let frame = cast(&scene(&[edge, behind]), &sensor(1, Measurement { footprint, ..with(receiver) }), 0);
         let found = returns(&frame);
         assert_eq!(found.len(), count, "{apart}");
@@ -208,12 +212,8 @@ fn a_slanted_plane_widens_the_echo() {
 
 /// Everything that can be on at once.
 fn everything() -> Measurement {
-    let receiver = Receiver {
-        returns: ReturnMode::Dual,
-        walk_residual: 0.1,
-        interference_hz: 2e4,
-        ..receiver()
-    };
+    let receiver =
+        Receiver { returns: ReturnMode::Dual, walk_residual: 0.1, interference_hz: 2e4, ..receiver() };
     let noise = Noise {
         range_floor_m: 0.01,
         range_a_m: 0.3,
@@ -224,11 +224,7 @@ fn everything() -> Measurement {
         range_unit_m: 0.004,
         ..Noise::default()
     };
-    Measurement {
-        footprint: round(5e-3, Samples::Seven),
-        noise: Some(noise),
-        ..with(receiver)
-    }
+    Measurement { footprint: round(5e-3, Samples::Seven), noise: Some(noise), ..with(receiver) }
 }
 
 fn stepped() -> Scene {
@@ -289,7 +285,8 @@ fn effects_do_not_disturb_each_other() {
         Measurement { receiver: Some(Receiver { walk_residual: 0.0, ..receiver }), ..all.clone() },
     ];
     let noise_of = |frame: &Frame, pixel: usize| {
-        let slot = frame.slots(pixel).find(|&slot| frame.returns().instance[slot] != beamcast::scan::NO_OBJECT)?;
+        let slot =
+            frame.slots(pixel).find(|&slot| frame.returns().instance[slot] != beamcast::scan::NO_OBJECT)?;
         let echo = frame.echo(slot)?;
         Some((echo.terms.noise_m, echo.terms.footprint_m, echo.snr))
     };

@@ -246,7 +246,7 @@ fn triangles_keep_their_surfaces_in_regions() {
         let mut grid = level_grid(12, 500.0);
         let second = grid.parts[0].triangles.split_off(100);
         grid.parts[0].material = material;
-        grid.parts.push(SourcePart { triangles: second, material: 2 });
+        grid.parts.push(SourcePart { triangles: second, material: 2, ..SourcePart::default() });
         grid
     };
     let turn = |z: f64| rotated(DVec3::new(0.2, 0.1, 1.0), 0.3, DVec3::ONE, EARTH + DVec3::Z * z);

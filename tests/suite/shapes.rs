@@ -10,7 +10,7 @@ use beamcast::trace::Cast;
 use glam::{DAffine3, DVec3};
 
 pub fn mesh(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> SourceMesh {
-    SourceMesh { positions, parts: vec![SourcePart { triangles, material: 0 }] }
+    SourceMesh { positions, parts: vec![SourcePart { triangles, material: 0, ..SourcePart::default() }] }
 }
 
 /// The first frame of a sensor that stands at a pose.

@@ -29,7 +29,7 @@ fn sizes_of_a_cameras_frames() {
 
 #[test]
 fn facts_of_a_scene() {
-    let part = SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3]], material: 0 };
+    let part = SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3]], material: 0, ..SourcePart::default() };
     let square = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
     let placed = |label, x| SourceInstance {
         mesh: 0,

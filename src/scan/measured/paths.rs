@@ -182,7 +182,7 @@ impl<'a, C: Cast> Paths<'a, C> {
             None => {
                 let appearance = self.scene.appearance(hit.placement, hit.triangle, hit.u, hit.v);
                 // The appearance of a triangle without textures is the same everywhere.
-                last.appearance = (!self.scene.varies(hit.placement, hit.triangle)).then_some(appearance);
+                last.appearance = (!seen.varies()).then_some(appearance);
                 appearance
             }
         };

@@ -131,5 +131,7 @@ fn is_same(a: &SourceMesh, b: &SourceMesh) -> bool {
     a.parts.len() == b.parts.len()
         && a.positions.len() == b.positions.len()
         && bits(&a.positions) == bits(&b.positions)
-        && parts.into_iter().all(|(a, b)| a.material == b.material && a.triangles == b.triangles)
+        && parts
+            .into_iter()
+            .all(|(a, b)| a.material == b.material && a.triangles == b.triangles && a.corners == b.corners)
 }

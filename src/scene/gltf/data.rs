@@ -1,6 +1,7 @@
 //! The binary data of a glTF file: buffers, the views into them, and the accessors that give the bytes a meaning. Every
 //! size that the file declares is compared with the bytes that exist before anything is allocated or read.
 
+use std::borrow::Cow;
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -18,8 +19,8 @@ use super::schema::{self, Accessor, Component, Kind};
 use super::{files, meshopt};
 use crate::scene::geometry::SourceFile;
 
-/// The buffers, views and accessors of a file. A buffer is loaded when it is first needed, so a missing file that only
-/// textures use does no harm.
+/// The buffers, views, accessors and images of a file. A buffer is loaded when it is first needed, so a missing file that
+/// nothing uses does no harm.
 pub(super) struct Data<'a> {
     document: &'a Document,
     /// The GLB's binary chunk.
@@ -65,6 +66,8 @@ struct Budget {
     spent: Cell<u64>,
     read: Cell<u64>,
     unpacked: Cell<u64>,
+    /// The bytes that images took so far: those of their files, and those of their texels.
+    of_images: Cell<u64>,
 }
 
 impl Budget {
@@ -78,6 +81,10 @@ impl Budget {
     const UNPACKED_FACTOR: u64 = 20;
     /// The most unpacked bytes that a compressed one counts for.
     const UNPACKED: u64 = 64;
+    /// The bytes that the images of any file may take, and those that they may take in addition for each byte read. Four bytes of
+    /// a texel of a photograph take a tenth as many or more in a file, but drawings and masks are more dense.
+    const BASE_OF_IMAGES: u64 = 256 << 20;
+    const FACTOR_OF_IMAGES: u64 = 64;
 
     fn most(&self) -> u64 {
         let read = self.read.get().saturating_mul(Self::FACTOR);
@@ -181,7 +188,12 @@ impl<'a> Data<'a> {
             contents: RefCell::default(),
             longest,
             files: RefCell::default(),
-            budget: Budget { spent: Cell::new(0), read: Cell::new(read), unpacked: Cell::new(0) },
+            budget: Budget {
+                spent: Cell::new(0),
+                read: Cell::new(read),
+                unpacked: Cell::new(0),
+                of_images: Cell::new(0),
+            },
         }
     }
 
@@ -206,6 +218,41 @@ impl<'a> Data<'a> {
         Err(Fault::new("", problem).help(
             "it asks for data that is not there, or for the same data over and over; place a mesh several times instead",
         ))
+    }
+
+    /// Counts bytes that an image takes. Call it before allocating them.
+    pub fn spend_on_image(&self, bytes: u64) -> Result<(), Fault> {
+        let budget = &self.budget;
+        let spent = budget.of_images.get().saturating_add(bytes);
+        let read = budget.read.get().saturating_mul(Budget::FACTOR_OF_IMAGES);
+        let most = Budget::BASE_OF_IMAGES.saturating_add(read);
+        if spent > most {
+            let problem = format!("the file's images would take {spent} bytes, more than the {most} allowed");
+            return Err(Fault::new("", problem).help("smaller textures have smaller images"));
+        }
+        budget.of_images.set(spent);
+        Ok(())
+    }
+
+    /// The bytes of an image as they are stored, compressed.
+    pub fn image(&self, image: &schema::ImageJson) -> Result<Cow<'_, [u8]>, Fault> {
+        let Some(uri) = image.uri.given() else {
+            let view = image.buffer_view.given();
+            let view = view.ok_or_else(|| Fault::new("", "it has neither a uri nor a bufferView"))?;
+            return Ok(self.view(*view)?.bytes.into());
+        };
+        match files::resolve(uri, self.folders)? {
+            Resolved::Data(bytes) => Ok(bytes.into()),
+            Resolved::File(path) => {
+                let (bytes, file) = files::read_image(uri, &path)?;
+                let mut files = self.files.borrow_mut();
+                if !files.contains(&file) {
+                    self.budget.read.set(self.budget.read.get().saturating_add(file.bytes));
+                    files.push(file);
+                }
+                Ok(bytes.into())
+            }
+        }
     }
 
     /// Counts `bytes` that `packed` bytes unpacked to.

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use super::fault::{Fault, quoted};
 use super::notices::Notices;
 use super::schema::{
-    Accessor, Animation, Asset, Buffer, BufferView, Camera, Head, Lenient, MaterialJson, Mesh, Node, Root,
-    Scene, Skin,
+    Accessor, Animation, Asset, Buffer, BufferView, Camera, Head, ImageJson, Lenient, MaterialJson, Mesh,
+    Node, Root, Scene, Skin, TextureJson, TextureSampler,
 };
 use super::text::{mended, place_of};
 
@@ -18,6 +18,9 @@ pub(super) struct Document {
     pub nodes: Vec<Node>,
     pub meshes: Vec<Mesh>,
     pub materials: Vec<MaterialJson>,
+    pub textures: Vec<TextureJson>,
+    pub samplers: Vec<TextureSampler>,
+    pub images: Vec<ImageJson>,
     pub skins: Vec<Skin>,
     pub accessors: Vec<Accessor>,
     pub buffer_views: Vec<BufferView>,
@@ -49,6 +52,17 @@ pub(super) const GEOMETRY: [&str; 10] = [
     "EXT_mesh_primitive_restart",
     "KHR_mesh_primitive_restart",
     DRACO,
+];
+
+/// The extensions of materials and textures that are read.
+pub(super) const APPEARANCE: [&str; 7] = [
+    "KHR_materials_clearcoat",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_texture_transform",
+    "EXT_texture_webp",
 ];
 
 /// Extensions that leave the geometry alone: they say how it behaves later, or catalogue it.
@@ -118,6 +132,9 @@ impl Document {
             nodes: root.nodes,
             meshes: root.meshes,
             materials: elements(root.materials, "material", notices),
+            textures: elements(root.textures, "texture", notices),
+            samplers: elements(root.samplers, "sampler", notices),
+            images: elements(root.images, "image", notices),
             skins: root.skins,
             accessors: root.accessors,
             buffer_views: root.buffer_views,
@@ -156,6 +173,13 @@ impl Document {
     pub fn material_label(&self, index: u32) -> String {
         let name = self.materials.get(index as usize).and_then(|material| material.name.given());
         label("material", index, name.map(String::as_str))
+    }
+
+    /// The label of an image in messages, such as `image 3 "bark"`.
+    pub fn image_label(&self, index: u32) -> String {
+        let image = self.images.get(index as usize);
+        let name = image.and_then(|image| image.name.given().or(image.uri.given()));
+        label("image", index, name.map(String::as_str).filter(|name| !name.starts_with("data:")))
     }
 }
 

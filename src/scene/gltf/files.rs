@@ -11,6 +11,9 @@ use crate::source::{Unreadable, read_file};
 /// The most bytes by which a buffer's file may be longer than the buffer. The file is read whole for its hash.
 const LONGEST_EXCESS: u64 = 64 << 20;
 
+/// The most bytes of an image's file.
+const LONGEST_IMAGE: u64 = 512 << 20;
+
 /// The record of a file that was read.
 pub(super) fn source_file(name: &str, bytes: &[u8]) -> SourceFile {
     SourceFile {
@@ -152,7 +155,7 @@ fn store(named: &Path, real: &Path) -> Option<PathBuf> {
     Some(real.components().take(shared + 1).collect())
 }
 
-/// What a buffer's `uri` leads to.
+/// What the `uri` of a buffer or an image leads to.
 pub(super) enum Resolved {
     /// The bytes that a data: URI holds.
     Data(Vec<u8>),
@@ -160,16 +163,16 @@ pub(super) enum Resolved {
     File(PathBuf),
 }
 
-/// What a buffer's `uri` leads to. Nothing is opened.
+/// What the `uri` of a buffer or an image leads to. Nothing is opened.
 pub(super) fn resolve(uri: &str, folders: &Folders) -> Result<Resolved, Fault> {
     let shown = quoted(uri);
     let fault = |problem: String| Fault::new("", problem);
     if let Some(data) = uri.get(..5).filter(|s| s.eq_ignore_ascii_case("data:")).and(uri.get(5..)) {
         return Ok(Resolved::Data(decode_data_uri(data)?));
     }
-    const HELP: &str = "a buffer's uri names a file in the scene's own folder or below it, or is a data: URI";
-    const WIDEN: &str = "a buffer's uri names a file in the scene's own folder or below it; --allow-folder DIR \
-                         opens another folder to it";
+    const HELP: &str = "a uri names a file in the scene's own folder or below it, or is a data: URI";
+    const WIDEN: &str = "a uri names a file in the scene's own folder or below it; --allow-folder DIR opens \
+                         another folder to it";
     let refuse = |why: &str, help: &str| fault(format!("the uri {shown} {why}")).help(help);
     if has_scheme(uri) {
         return Err(refuse("is not a relative path", HELP));
@@ -199,7 +202,7 @@ pub(super) fn resolve(uri: &str, folders: &Folders) -> Result<Resolved, Fault> {
     let error = first_error.unwrap_or_else(|| std::io::ErrorKind::NotFound.into());
     Err(Fault::from(Unreadable::from(error))
         .of_file(&shown)
-        .help("a scene's buffers are kept beside it: copy the .bin file along with the .gltf"))
+        .help("a scene's buffers and images are kept beside it: copy them along with the .gltf"))
 }
 
 /// The bytes of the file at `path`, of which a buffer needs `needed`, and the record of it. It may be shorter, but has
@@ -225,6 +228,13 @@ pub(super) fn read_buffer(
         let problem = format!("it has {} bytes, but the buffer's byteLength is {byte_length}", bytes.len());
         return Err(Fault::new("", problem).of_file(&shown));
     }
+    let source = source_file(uri, &bytes);
+    Ok((bytes, source))
+}
+
+/// The bytes of the image at `path`, and the record of it.
+pub(super) fn read_image(uri: &str, path: &Path) -> Result<(Vec<u8>, SourceFile), Fault> {
+    let bytes = read_file(path, LONGEST_IMAGE).map_err(|error| Fault::from(error).of_file(&quoted(uri)))?;
     let source = source_file(uri, &bytes);
     Ok((bytes, source))
 }

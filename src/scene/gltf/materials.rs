@@ -1,27 +1,107 @@
-//! Materials, of which the colour is read, and the notes on what else a file says that changes nothing here.
+//! Materials, and the notes on what else a file says that changes nothing here.
 
-use super::document::{Document, GEOMETRY};
+use std::collections::BTreeSet;
+
+use super::data::Data;
+use super::document::{APPEARANCE, Document, GEOMETRY};
 use super::fault::quoted;
 use super::notices::Notices;
 use super::options::Options;
-use super::schema::{Lenient, MaterialJson, SpecularGlossiness};
-use crate::scene::material::Material;
+use super::schema::{Lenient, MaterialJson, SpecularGlossiness, TextureInfo};
+use super::textures::{Textures, TexturesOf, uv_sets};
+use crate::scene::material::{AlphaMode, Material, luminance};
 use crate::source::words::counted;
 
-/// The file's materials. A material that is wrong has the default's values where it is.
-pub(super) fn read(document: &Document, options: &Options, notices: &Notices) -> Vec<Material> {
-    (0_u32..)
+/// The file's materials. A material that is wrong has the default's values where it is. Only those in `used` have textures.
+pub(super) fn read(
+    document: &Document,
+    data: &Data,
+    used: &BTreeSet<u32>,
+    options: &Options,
+    notices: &Notices,
+) -> Vec<Material> {
+    let mut textures = Textures::new(document, data, notices);
+    let materials: Vec<Material> = (0_u32..)
         .zip(&document.materials)
-        .map(|(index, material)| {
+        .map(|(index, json)| {
             let place = || document.material_label(index);
-            let name = given(&material.name, "name", &place, notices).cloned().unwrap_or_default();
-            Material {
-                job_label: options.labels.get(&name).copied(),
-                name,
-                base_color: base_color(material, &place, notices),
+            let mut material = factors(json, &place, notices);
+            if used.contains(&index) {
+                let sets = uv_sets(json);
+                let mut read = |info: Option<&TextureInfo>| textures.read(info?, &sets, &place);
+                let TexturesOf { base_color, metallic_roughness, transmission } = TexturesOf::of(json);
+                material.base_color_texture = read(base_color);
+                material.metallic_roughness_texture = read(metallic_roughness);
+                material.transmission_texture = read(transmission);
             }
+            material.job_label = options.labels.get(&material.name).copied();
+            material
         })
-        .collect()
+        .collect();
+    if materials.iter().any(|material| material.base_color_texture.is_some()) {
+        let message = "reflectivity follows from the textures' visible colours: in the near infrared, where most LiDARs \
+                       measure, a surface may reflect more or less";
+        notices.note(String::new, message, None);
+    }
+    materials
+}
+
+/// A material without its textures.
+fn factors(json: &MaterialJson, place: &impl Fn() -> String, notices: &Notices) -> Material {
+    let name = given(&json.name, "name", place, notices).cloned().unwrap_or_default();
+    let number = |value: Option<&Lenient<f64>>, key: &str, default: f32| {
+        let value = value.and_then(|value| given(value, key, place, notices));
+        value.map_or(default, |value| value.clamp(0.0, 1e6) as f32)
+    };
+    let share =
+        |value: Option<&Lenient<f64>>, key: &str, default: f32| number(value, key, default).clamp(0.0, 1.0);
+    let pbr = json.pbr_metallic_roughness.given();
+    let default = Material { base_color: base_color(json, place, notices), name, ..Material::default() };
+    let alpha = match given(&json.alpha_mode, "alphaMode", place, notices).map(String::as_str) {
+        Some("MASK") => AlphaMode::Mask { cutoff: number(Some(&json.alpha_cutoff), "alphaCutoff", 0.5) },
+        Some("BLEND") => AlphaMode::Blend,
+        Some("OPAQUE") | None => AlphaMode::Opaque,
+        Some(_) => {
+            notices.warn(place, "its alphaMode is none that glTF knows: it counts as OPAQUE");
+            AlphaMode::Opaque
+        }
+    };
+    let base_color_texture = pbr.map(|pbr| &pbr.base_color_texture);
+    base_color_texture.map(|info| given(info, "baseColorTexture", place, notices));
+    let metal = pbr.map(|pbr| &pbr.metallic_roughness_texture);
+    metal.map(|info| given(info, "metallicRoughnessTexture", place, notices));
+    let material = Material {
+        alpha,
+        metallic: share(pbr.map(|pbr| &pbr.metallic_factor), "metallicFactor", 1.0),
+        roughness: share(pbr.map(|pbr| &pbr.roughness_factor), "roughnessFactor", 1.0),
+        ..default
+    };
+    let Some(extensions) = json.extensions.given() else { return material };
+    let transmission = given(&extensions.transmission, "KHR_materials_transmission", place, notices);
+    transmission.map(|glass| given(&glass.transmission_texture, "transmissionTexture", place, notices));
+    let clearcoat = given(&extensions.clearcoat, "KHR_materials_clearcoat", place, notices);
+    let ior = given(&extensions.ior, "KHR_materials_ior", place, notices);
+    let specular = given(&extensions.specular, "KHR_materials_specular", place, notices);
+    let tint = specular
+        .and_then(|specular| given(&specular.specular_color_factor, "specularColorFactor", place, notices));
+    let tint = tint.map_or(1.0, |tint| luminance(tint.map(|c| c.clamp(0.0, 1e6) as f32)));
+    let strength = share(specular.map(|specular| &specular.specular_factor), "specularFactor", 1.0);
+    let material = Material {
+        transmission: share(transmission.map(|glass| &glass.transmission_factor), "transmissionFactor", 0.0),
+        clearcoat: share(clearcoat.map(|coat| &coat.clearcoat_factor), "clearcoatFactor", 0.0),
+        specular: strength * tint,
+        ior: number(ior.map(|ior| &ior.ior), "ior", 1.5),
+        ..material
+    };
+    // The older model has no metal, and gloss in place of roughness.
+    match extensions.specular_glossiness.given() {
+        None => material,
+        Some(older) => {
+            given(&older.diffuse_texture, "diffuseTexture", place, notices);
+            let gloss = share(Some(&older.glossiness_factor), "glossinessFactor", 1.0);
+            Material { metallic: 0.0, roughness: 1.0 - gloss, ..material }
+        }
+    }
 }
 
 /// A value that is given, with a warning if it is not what glTF asks for.
@@ -68,13 +148,10 @@ fn base_color(material: &MaterialJson, place: &impl Fn() -> String, notices: &No
 /// Notes what the file says that would change what a beam meets or returns, and that is not read.
 pub(super) fn note_what_is_not_read(document: &Document, notices: &Notices) {
     for (index, material) in (0_u32..).zip(&document.materials) {
-        note_of_material(material, &|| document.material_label(index), notices);
-    }
-    for (index, mesh) in (0_u32..).zip(&document.meshes) {
-        let has_color = |name: &String| name.starts_with("COLOR_");
-        if mesh.primitives.iter().any(|primitive| primitive.attributes.keys().any(has_color)) {
-            let message = "vertex colours (COLOR_0) are not read: the material's colour alone counts";
-            notices.note(|| document.mesh_label(index), message, None);
+        let extensions = material.extensions.given();
+        if extensions.is_some_and(|extensions| extensions.diffuse_transmission.is_some()) {
+            let message = "diffuse transmission is not read: beams take the surface as solid";
+            notices.note(|| document.material_label(index), message, None);
         }
     }
     for (index, node) in (0_u32..).zip(&document.nodes) {
@@ -89,8 +166,7 @@ pub(super) fn note_what_is_not_read(document: &Document, notices: &Notices) {
 /// One note names all extensions that are not read. Those of materials that matter are told material by material.
 fn note_of_extensions(document: &Document, notices: &Notices) {
     const MOST_NAMES: usize = 20;
-    const TOLD: [&str; 2] = ["KHR_materials_transmission", "KHR_materials_pbrSpecularGlossiness"];
-    let is_read = |name: &&str| GEOMETRY.contains(name) || TOLD.contains(name);
+    let is_read = |name: &&str| GEOMETRY.contains(name) || APPEARANCE.contains(name);
     let others = || document.extensions.iter().map(String::as_str).filter(|name| !is_read(name));
     let count = others().count();
     if count == 0 {
@@ -101,36 +177,4 @@ fn note_of_extensions(document: &Document, notices: &Notices) {
     let (are, names) = (if count == 1 { "is" } else { "are" }, names.join(", "));
     let message = format!("{} {are} not read: {names}{more}", counted(count, "extension"));
     notices.note(|| "extensionsUsed".to_owned(), message, None);
-}
-
-fn note_of_material(material: &MaterialJson, place: &impl Fn() -> String, notices: &Notices) {
-    match material.alpha_mode.given().map(String::as_str) {
-        Some("MASK") => {
-            let message = "alphaMode MASK is not read: beams hit the whole triangle, holes and all";
-            notices.note(place, message, Some("cut the holes out as triangles if they matter"));
-        }
-        Some("BLEND") => {
-            let message = "alphaMode BLEND is not read: beams take the surface as solid";
-            notices.note(place, message, None);
-        }
-        _ => {}
-    }
-    let extensions = material.extensions.given();
-    let lets_through = extensions.is_some_and(|extensions| {
-        let transmission = extensions.transmission.given();
-        let factor = transmission.and_then(|t| t.transmission_factor.given()).copied();
-        factor.is_some_and(|factor| factor > 0.0) || extensions.diffuse_transmission.is_some()
-    });
-    if lets_through {
-        let message = "transmission is not read: beams take the surface as solid";
-        notices.note(place, message, None);
-    }
-    let older = extensions.and_then(|extensions| extensions.specular_glossiness.given());
-    let pbr = material.pbr_metallic_roughness.given();
-    let has_texture = pbr.is_some_and(|pbr| pbr.base_color_texture.is_some())
-        || older.is_some_and(|older| older.diffuse_texture.is_some());
-    if has_texture {
-        let message = "the texture is not read: the reflectivity follows from the colour factor alone";
-        notices.note(place, message, None);
-    }
 }

@@ -8,10 +8,12 @@ use super::draco_primitive::DracoPrimitive;
 use super::fault::{Fault, missing, quoted};
 use super::notices::Notices;
 use super::schema::Component::{F32, I8, I16, U8, U16, U32};
-use super::schema::{Kind, Mesh, Primitive};
+use super::schema::{Accessor, Kind, Mesh, Primitive};
 use super::shape::Bends;
 use super::skin::SkinPose;
+use super::textures;
 use super::vertices::Vertices;
+use crate::scene::corners::Corners;
 use crate::scene::source::{SourceMesh, SourcePart};
 
 const POSITION: Layout = Layout { purpose: "POSITION", kind: Kind::Vec3, components: &[(F32, false)] };
@@ -43,6 +45,14 @@ const JOINTS: Layout =
     Layout { purpose: "JOINTS", kind: Kind::Vec4, components: &[(U8, false), (U16, false)] };
 const WEIGHTS: Layout =
     Layout { purpose: "WEIGHTS", kind: Kind::Vec4, components: &[(F32, false), (U8, true), (U16, true)] };
+
+const TEXCOORD: Layout =
+    Layout { purpose: "TEXCOORD", kind: Kind::Vec2, components: &[(F32, false), (U8, true), (U16, true)] };
+/// KHR_mesh_quantization.
+const QUANTIZED_TEXCOORD: Layout = Layout { components: QUANTIZED_POSITION.components, ..TEXCOORD };
+const COLOR: Layout =
+    Layout { purpose: "COLOR_0", kind: Kind::Vec4, components: &[(F32, false), (U8, true), (U16, true)] };
+const COLOR_WITHOUT_ALPHA: Layout = Layout { kind: Kind::Vec3, ..COLOR };
 
 /// What became of primitives of which nothing is hit.
 #[derive(Debug, Default)]
@@ -194,6 +204,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
             return Ok(());
         }
         let material = self.material(primitive, place);
+        let corners = self.corners(&source, material, vertex_count, &triangles)?;
 
         let Reading { mesh, shared, bends } = reading;
         let sharable =
@@ -241,7 +252,7 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         if base > 0 {
             triangles.iter_mut().flatten().for_each(|vertex| *vertex += base);
         }
-        mesh.parts.push(SourcePart { triangles, material });
+        mesh.parts.push(SourcePart { triangles, material, corners });
         Ok(())
     }
 
@@ -286,6 +297,100 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         materials.len() as u32
     }
 
+    /// The elements of an attribute. It is in the stream or, if the stream lacks it, in its accessor.
+    fn elements(
+        &self,
+        source: &Source<'_, 'd>,
+        name: &str,
+        accessor: u32,
+        layout: &Layout,
+        count: Option<usize>,
+    ) -> Result<Elements<'d>, Fault> {
+        if let Some(draco) = &source.draco {
+            let accessor = self.document.accessors.get(accessor as usize);
+            let is_normalized = accessor.is_some_and(|accessor| accessor.normalized);
+            let decoded = draco
+                .attribute(name, layout.kind.components(), is_normalized)
+                .map_err(|fault| fault.within(DRACO))?;
+            if let Some(decoded) = decoded {
+                return Ok(decoded);
+            }
+        }
+        self.data.elements(accessor, layout, count)
+    }
+
+    /// The texture coordinates and colours of the corners of `triangles`, as far as the material needs them. What can't be read of
+    /// them keeps no geometry from being read.
+    fn corners(
+        &self,
+        source: &Source<'_, 'd>,
+        material: u32,
+        vertex_count: usize,
+        triangles: &[[u32; 3]],
+    ) -> Result<Corners, Fault> {
+        let Source { primitive, place, .. } = source;
+        let uv_layout = if self.document.is_quantized { QUANTIZED_TEXCOORD } else { TEXCOORD };
+        let read = |name: &str, accessor: u32, layout: &Layout, instead: &str| {
+            let elements = self.elements(source, name, accessor, layout, Some(vertex_count));
+            elements
+                .map_err(|Fault { element, problem, .. }| {
+                    let place = || format!("{}, {element}", place());
+                    self.notices.warn(place, format!("{problem}, and {name} is not read: {instead}"));
+                })
+                .ok()
+        };
+        let material = self.document.materials.get(material as usize);
+        let sets = material.map_or(Vec::new(), textures::uv_sets);
+        let of_set = |set: &u32| {
+            let name = format!("TEXCOORD_{set}");
+            match primitive.attributes.get(&name) {
+                Some(&accessor) => read(&name, accessor, &uv_layout, "a texture counts as white there"),
+                None => {
+                    let message =
+                        format!("it has no {name}: a texture of its material counts as white there");
+                    self.notices.warn(place, message);
+                    None
+                }
+            }
+        };
+        let mut uvs: Vec<Option<Elements>> = sets.iter().map(of_set).collect();
+        if uvs.iter().all(Option::is_none) {
+            uvs.clear();
+        }
+        let colors = primitive.attributes.get("COLOR_0").and_then(|&accessor| {
+            let has_alpha = |accessor: &Accessor| accessor.kind != COLOR_WITHOUT_ALPHA.kind.name();
+            let has_alpha = self.document.accessors.get(accessor as usize).is_none_or(has_alpha);
+            let layout = if has_alpha { &COLOR } else { &COLOR_WITHOUT_ALPHA };
+            let colors = read("COLOR_0", accessor, layout, "the material's colour alone counts")?;
+            let of_vertex = move |vertex: u32| -> [f64; 4] {
+                if has_alpha {
+                    return colors.get(vertex as usize);
+                }
+                let [r, g, b] = colors.get(vertex as usize);
+                [r, g, b, 1.0]
+            };
+            // Many exporters write colours that are all white.
+            triangles.as_flattened().iter().any(|&vertex| of_vertex(vertex) != [1.0; 4]).then_some(of_vertex)
+        });
+        let mut corners = Corners::new(uvs.len(), colors.is_some());
+        if corners.triangle_bytes() == 0 {
+            return Ok(corners);
+        }
+        self.data.spend(triangles.len(), corners.triangle_bytes())?;
+        corners.reserve(triangles.len());
+        let mut of_corner = vec![[f32::NAN; 2]; uvs.len()];
+        for &vertex in triangles.as_flattened() {
+            for (uv, elements) in of_corner.iter_mut().zip(&uvs) {
+                if let Some(elements) = elements {
+                    *uv = elements.get::<2>(vertex as usize).map(|c| c as f32);
+                }
+            }
+            let color = colors.as_ref().map_or([1.0; 4], |of_vertex| of_vertex(vertex));
+            corners.push(&of_corner, color.map(|c| c as f32));
+        }
+        Ok(corners)
+    }
+
     fn vertices(
         &self,
         source: &Source<'_, 'd>,
@@ -297,19 +402,8 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         let quantized = self.document.is_quantized;
         let (position, displacement) =
             if quantized { (QUANTIZED_POSITION, QUANTIZED_DISPLACEMENT) } else { (POSITION, DISPLACEMENT) };
-        // An attribute is in the stream or, if the stream lacks it, in its accessor.
         let elements = |name: &str, accessor: u32, layout: &Layout, count: Option<usize>| {
-            if let Some(draco) = draco {
-                let accessor = self.document.accessors.get(accessor as usize);
-                let is_normalized = accessor.is_some_and(|accessor| accessor.normalized);
-                let decoded = draco
-                    .attribute(name, layout.kind.components(), is_normalized)
-                    .map_err(|fault| fault.within(DRACO))?;
-                if let Some(decoded) = decoded {
-                    return Ok(decoded);
-                }
-            }
-            self.data.elements(accessor, layout, count)
+            self.elements(source, name, accessor, layout, count)
         };
         let positions =
             elements("POSITION", positions, &position, draco.as_ref().map(DracoPrimitive::points))?;

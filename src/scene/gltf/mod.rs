@@ -18,7 +18,8 @@
 //! nodes      the nodes of a scene to instances and labels
 //! places     nodes and cameras by their names
 //! actors     files of their own, merged into the scene
-//! materials  colours, and notes on what is not read
+//! materials  what surfaces are like, and notes on what is not read
+//! textures   the images of materials, and how they lie on surfaces; images: decoding them
 //! outline    what a file holds, by name
 //! fault      errors
 //! notices    what is to be known though it is no error
@@ -37,6 +38,7 @@ mod draco_primitive;
 mod fault;
 mod files;
 mod hierarchy;
+mod images;
 mod materials;
 mod mesh;
 mod meshopt;
@@ -52,6 +54,7 @@ mod skin;
 #[cfg(test)]
 mod tests;
 mod text;
+mod textures;
 mod vertices;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -118,7 +121,11 @@ impl Loaded {
 /// The geometry is as glTF 2.0 defines it: all triangle modes, node transforms (composed in f64), sparse and normalised
 /// accessors, skins, morph targets, animations (with KHR_animation_pointer of nodes), and the extensions KHR_mesh_quantization, EXT_meshopt_compression, KHR_meshopt_compression, KHR_draco_mesh_compression,
 /// EXT_mesh_gpu_instancing, KHR_node_visibility, CESIUM_RTC (its centre is a translation of all roots, in glTF's axes),
-/// EXT_mesh_primitive_restart and KHR_mesh_primitive_restart. Points and lines are left out. Images are not read.
+/// EXT_mesh_primitive_restart and KHR_mesh_primitive_restart. Points and lines are left out.
+///
+/// Surfaces look as their base colour, its texture (PNG, JPEG or WebP), vertex colours and alpha say, and let light pass as
+/// KHR_materials_transmission says. An image that can't be read counts as white, with a warning.
+///
 /// Violations of glTF that leave no doubt where the geometry is are read, with a warning that names the element.
 ///
 /// # Errors
@@ -257,7 +264,8 @@ fn read(path: &Path, display_name: &str, options: &Options, notices: &Notices) -
         return Err(nothing_to_hit(&document, scene, &placed));
     }
 
-    let mut materials = materials::read(&document, options, notices);
+    let used = placed.meshes.iter().flat_map(|mesh| mesh.parts.iter().map(|part| part.material)).collect();
+    let mut materials = materials::read(&document, &data, &used, options, notices);
     if placed.uses_default_material {
         materials.push(Material::default());
     }

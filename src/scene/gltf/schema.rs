@@ -67,6 +67,12 @@ pub(super) struct Root {
     #[serde(default)]
     pub materials: Lenient<Vec<Lenient<MaterialJson>>>,
     #[serde(default)]
+    pub textures: Lenient<Vec<Lenient<TextureJson>>>,
+    #[serde(default)]
+    pub samplers: Lenient<Vec<Lenient<TextureSampler>>>,
+    #[serde(default)]
+    pub images: Lenient<Vec<Lenient<ImageJson>>>,
+    #[serde(default)]
     pub skins: Vec<Skin>,
     #[serde(default)]
     pub accessors: Vec<Accessor>,
@@ -317,6 +323,7 @@ pub(super) struct Camera {
 pub(super) struct MaterialJson {
     pub name: Lenient<String>,
     pub alpha_mode: Lenient<String>,
+    pub alpha_cutoff: Lenient<f64>,
     pub pbr_metallic_roughness: Lenient<MetallicRoughness>,
     pub extensions: Lenient<MaterialExtensions>,
 }
@@ -325,7 +332,10 @@ pub(super) struct MaterialJson {
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct MetallicRoughness {
     pub base_color_factor: Lenient<Vec<f64>>,
-    pub base_color_texture: Option<IgnoredAny>,
+    pub base_color_texture: Lenient<TextureInfo>,
+    pub metallic_factor: Lenient<f64>,
+    pub roughness_factor: Lenient<f64>,
+    pub metallic_roughness_texture: Lenient<TextureInfo>,
 }
 
 #[derive(Default, Deserialize)]
@@ -335,6 +345,12 @@ pub(super) struct MaterialExtensions {
     pub specular_glossiness: Lenient<SpecularGlossiness>,
     #[serde(rename = "KHR_materials_transmission")]
     pub transmission: Lenient<Transmission>,
+    #[serde(rename = "KHR_materials_clearcoat")]
+    pub clearcoat: Lenient<Clearcoat>,
+    #[serde(rename = "KHR_materials_ior")]
+    pub ior: Lenient<Ior>,
+    #[serde(rename = "KHR_materials_specular")]
+    pub specular: Lenient<Specular>,
     #[serde(rename = "KHR_materials_diffuse_transmission")]
     pub diffuse_transmission: Option<IgnoredAny>,
 }
@@ -344,7 +360,8 @@ pub(super) struct MaterialExtensions {
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct SpecularGlossiness {
     pub diffuse_factor: Lenient<Vec<f64>>,
-    pub diffuse_texture: Option<IgnoredAny>,
+    pub diffuse_texture: Lenient<TextureInfo>,
+    pub glossiness_factor: Lenient<f64>,
 }
 
 /// KHR_materials_transmission of a material.
@@ -352,6 +369,101 @@ pub(super) struct SpecularGlossiness {
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Transmission {
     pub transmission_factor: Lenient<f64>,
+    pub transmission_texture: Lenient<TextureInfo>,
+}
+
+/// KHR_materials_clearcoat of a material.
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Clearcoat {
+    pub clearcoat_factor: Lenient<f64>,
+}
+
+/// KHR_materials_ior of a material.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Ior {
+    pub ior: Lenient<f64>,
+}
+
+/// KHR_materials_specular of a material.
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Specular {
+    pub specular_factor: Lenient<f64>,
+    pub specular_color_factor: Lenient<[f64; 3]>,
+}
+
+/// The texture of a material, and the texture coordinates that it takes.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct TextureInfo {
+    pub index: u32,
+    #[serde(default)]
+    pub tex_coord: Lenient<u32>,
+    #[serde(default)]
+    pub extensions: Lenient<TextureInfoExtensions>,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct TextureInfoExtensions {
+    #[serde(rename = "KHR_texture_transform")]
+    pub transform: Lenient<TextureTransform>,
+}
+
+/// KHR_texture_transform of a texture of a material.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct TextureTransform {
+    pub offset: Lenient<[f64; 2]>,
+    pub rotation: Lenient<f64>,
+    pub scale: Lenient<[f64; 2]>,
+    pub tex_coord: Lenient<u32>,
+}
+
+/// A texture: an image, and how it is sampled.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct TextureJson {
+    pub sampler: Lenient<u32>,
+    pub source: Lenient<u32>,
+    pub extensions: Lenient<TextureExtensions>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct TextureExtensions {
+    #[serde(rename = "EXT_texture_webp")]
+    pub webp: Lenient<TextureSource>,
+    #[serde(rename = "KHR_texture_basisu")]
+    pub basisu: Lenient<TextureSource>,
+}
+
+/// The image that an extension of a texture names.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct TextureSource {
+    pub source: Lenient<u32>,
+}
+
+/// How a texture is sampled.
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct TextureSampler {
+    pub mag_filter: Lenient<u32>,
+    pub wrap_s: Lenient<u32>,
+    pub wrap_t: Lenient<u32>,
+}
+
+/// An image as it stands in the file.
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct ImageJson {
+    pub name: Lenient<String>,
+    pub uri: Lenient<String>,
+    pub buffer_view: Lenient<u32>,
+    pub mime_type: Lenient<String>,
 }
 
 /// What an accessor's elements are.

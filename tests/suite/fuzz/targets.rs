@@ -79,7 +79,11 @@ fn yard() -> &'static Scene {
     YARD.get_or_init(|| {
         let quad = |corners: [[f32; 3]; 4]| SourceMesh {
             positions: corners.to_vec(),
-            parts: vec![SourcePart { triangles: vec![[0, 1, 2], [0, 2, 3]], material: 0 }],
+            parts: vec![SourcePart {
+                triangles: vec![[0, 1, 2], [0, 2, 3]],
+                material: 0,
+                ..SourcePart::default()
+            }],
         };
         let ground =
             quad([[-20.0, -20.0, -1.5], [20.0, -20.0, -1.5], [20.0, 20.0, -1.5], [-20.0, 20.0, -1.5]]);
@@ -319,7 +323,7 @@ fn tracers(bytes: &[u8]) {
     let (corners, rays) = points.split_at(3 * triangles);
     let part = SourcePart {
         triangles: (0..triangles as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
-        material: 0,
+        ..SourcePart::default()
     };
     let Some(scene) = built(vec![SourceMesh { positions: corners.to_vec(), parts: vec![part] }]) else {
         return;

@@ -1,0 +1,238 @@
+//! Where the beam of an ideal sensor ends that meets holes, panes and other surfaces which let light pass.
+//!
+//! A surface of opacity a returns the share a of the light that reaches it, and lets 1 − a through, on the way there and on the
+//! way back. So behind surfaces of opacities a₁, a₂, … the next one, of opacity a, is seen with the share a·(1 − a₁)²·(1 − a₂)²·…
+//! of the pulse. An ideal sensor reports one return a pulse: of the surfaces within its range the one with the largest share, and
+//! of equal ones the nearest. If no surface is within its range, the one with the largest share says why.
+//!
+//! A hole is no surface: it blocks nothing, in the sensor's dead zone neither.
+
+use std::cmp::Ordering;
+
+use glam::DVec3;
+
+use crate::scene::Scene;
+use crate::trace::{Cast, Hit, Origins, Rays};
+
+/// The most surfaces on a beam's way that are not solid and still count. What 64 of them leave, of which each takes as much
+/// as one digit of eight bits, is 60 % of the light; holes are not counted.
+const MOST_SURFACES: u32 = 64;
+
+/// A surface that a sensor sees.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub hit: Hit,
+    /// The share of the pulse that it has, 0 to 1.
+    pub share: f64,
+    is_in_range: bool,
+}
+
+/// What is known of a beam that has met some surfaces.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sight {
+    /// The share of the light that would come back through what was met so far.
+    left: f64,
+    surfaces: u32,
+    best: Option<Seen>,
+}
+
+impl Default for Sight {
+    fn default() -> Self {
+        Self { left: 1.0, surfaces: 0, best: None }
+    }
+}
+
+impl Sight {
+    /// Goes on to the next hit of the beam. `place` says where its range is among the limits of the sensor's. Returns whether the
+    /// beam ends there: nothing behind it can be what the sensor reports.
+    pub fn meet(&mut self, hit: &Hit, opacity: f32, place: Ordering) -> bool {
+        if opacity > 0.0 {
+            let opacity = f64::from(opacity).min(1.0);
+            let seen = Seen { hit: *hit, share: opacity * self.left, is_in_range: place.is_eq() };
+            let is_better = |best: Seen| (seen.is_in_range, seen.share) > (best.is_in_range, best.share);
+            if self.best.is_none_or(is_better) {
+                self.best = Some(seen);
+            }
+            self.left *= (1.0 - opacity) * (1.0 - opacity);
+            self.surfaces += 1;
+        }
+        let is_settled = self.best.is_some_and(|best| best.share >= self.left && best.is_in_range);
+        // What is farther than a hit out of range is out of range, too.
+        let no_more_in_range =
+            place.is_gt() && self.best.is_some_and(|best| best.is_in_range || best.share >= self.left);
+        is_settled || no_more_in_range || self.left == 0.0 || self.surfaces == MOST_SURFACES
+    }
+
+    /// What the sensor reports, if there is anything on the beam's way.
+    pub fn seen(&self) -> Option<Seen> {
+        self.best
+    }
+}
+
+/// The rays of a batch that go on behind what they met.
+#[derive(Default)]
+pub(super) struct Through {
+    /// The share of each ray's hit, if the batch was looked through.
+    shares: Vec<f64>,
+    rays: Vec<usize>,
+    sights: Vec<Sight>,
+    origins: Vec<DVec3>,
+    directions: Vec<DVec3>,
+    times_s: Vec<f64>,
+    after: Vec<Option<Hit>>,
+    hits: Vec<Option<Hit>>,
+}
+
+impl Through {
+    /// The share of the pulse that the hit of a ray has.
+    #[inline]
+    pub fn share(&self, ray: usize) -> f64 {
+        self.shares.get(ray).copied().unwrap_or(1.0)
+    }
+
+    /// Forgets the last batch.
+    pub fn clear(&mut self) {
+        self.shares.clear();
+    }
+
+    /// Replaces the first hit of each ray by what the sensor reports. `place` says where a hit of a ray is among the limits of
+    /// the sensor's range. Only rays that met something which may let light pass are cast again.
+    pub fn look(
+        &mut self,
+        scene: &Scene,
+        tracer: &impl Cast,
+        all: &Rays,
+        hits: &mut [Option<Hit>],
+        place: impl Fn(usize, &Hit) -> Ordering,
+    ) {
+        self.shares.clear();
+        self.shares.resize(hits.len(), 1.0);
+        self.begin();
+        for ray in 0..hits.len() {
+            let Some(hit) = hits[ray] else { continue };
+            self.follow(ray, Sight::default(), &hit, scene, all, hits, &place);
+        }
+        while !self.rays.is_empty() {
+            self.hits.clear();
+            self.hits.resize(self.rays.len(), None);
+            let rays = Rays {
+                origins: Origins::Each(&self.origins),
+                directions: &self.directions,
+                after: Some(&self.after),
+                times_s: all.times_s.map(|_| &self.times_s[..]),
+                ..*all
+            };
+            tracer.cast(&rays, &mut self.hits);
+            let (rays, sights, next) = (
+                std::mem::take(&mut self.rays),
+                std::mem::take(&mut self.sights),
+                std::mem::take(&mut self.hits),
+            );
+            self.begin();
+            for ((&ray, &sight), hit) in rays.iter().zip(&sights).zip(&next) {
+                match hit {
+                    Some(hit) => self.follow(ray, sight, hit, scene, all, hits, &place),
+                    None => self.end(ray, sight, hits),
+                }
+            }
+            self.hits = next;
+        }
+    }
+
+    fn begin(&mut self) {
+        self.rays.clear();
+        self.sights.clear();
+        self.origins.clear();
+        self.directions.clear();
+        self.times_s.clear();
+        self.after.clear();
+    }
+
+    /// Takes one more hit of a ray into account. A ray that goes on is put on the list of those to be cast again.
+    #[expect(clippy::too_many_arguments, reason = "it is the body of two loops")]
+    fn follow(
+        &mut self,
+        ray: usize,
+        mut sight: Sight,
+        hit: &Hit,
+        scene: &Scene,
+        all: &Rays,
+        hits: &mut [Option<Hit>],
+        place: &impl Fn(usize, &Hit) -> Ordering,
+    ) {
+        let opacity = scene.opacity(hit.placement, hit.triangle, hit.u, hit.v);
+        if sight.meet(hit, opacity, place(ray, hit)) {
+            self.end(ray, sight, hits);
+            return;
+        }
+        self.rays.push(ray);
+        self.sights.push(sight);
+        self.origins.push(all.origin(ray));
+        self.directions.push(all.directions[ray]);
+        if let Some(times_s) = all.times_s {
+            self.times_s.push(times_s[ray]);
+        }
+        self.after.push(Some(*hit));
+    }
+
+    fn end(&mut self, ray: usize, sight: Sight, hits: &mut [Option<Hit>]) {
+        let seen = sight.seen();
+        hits[ray] = seen.map(|seen| seen.hit);
+        self.shares[ray] = seen.map_or(1.0, |seen| seen.share);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Ordering::{Equal, Greater, Less};
+
+    fn at(t: f64) -> Hit {
+        Hit { t, u: 0.0, v: 0.0, normal: DVec3::X, placement: 0, triangle: 0 }
+    }
+
+    /// What is reported of surfaces one behind the other, each with its opacity and place, and how many were looked at.
+    fn reported(surfaces: &[(f32, Ordering)]) -> (Option<(f64, f64)>, usize) {
+        let mut sight = Sight::default();
+        let mut met = 0;
+        for (number, &(opacity, place)) in surfaces.iter().enumerate() {
+            met += 1;
+            if sight.meet(&at(number as f64), opacity, place) {
+                break;
+            }
+        }
+        (sight.seen().map(|seen| (seen.hit.t, seen.share)), met)
+    }
+
+    #[test]
+    fn the_surface_with_the_largest_share_is_reported() {
+        assert_eq!(reported(&[(1.0, Equal), (1.0, Equal)]), (Some((0.0, 1.0)), 1));
+        assert_eq!(reported(&[(0.25, Equal), (1.0, Equal)]), (Some((1.0, 0.5625)), 2));
+        assert_eq!(reported(&[(0.5, Equal), (1.0, Equal)]), (Some((0.0, 0.5)), 1));
+        // 1/4 of what a pane of ½ lets through twice is less than the pane's own.
+        assert_eq!(reported(&[(0.25, Equal), (0.5, Equal), (1.0, Equal)]), (Some((1.0, 0.28125)), 2));
+        // The nearer of equal shares.
+        assert_eq!(reported(&[(0.0, Equal), (1.0, Equal)]), (Some((1.0, 1.0)), 2));
+        assert_eq!(reported(&[(0.0, Equal), (0.0, Equal)]), (None, 2));
+        assert_eq!(reported(&[]), (None, 0));
+    }
+
+    #[test]
+    fn a_sensor_reports_what_is_in_its_range() {
+        assert_eq!(reported(&[(0.0, Less), (1.0, Equal)]), (Some((1.0, 1.0)), 2));
+        assert_eq!(reported(&[(1.0, Less), (1.0, Equal)]), (Some((0.0, 1.0)), 1));
+        assert_eq!(reported(&[(0.75, Less), (1.0, Equal)]), (Some((1.0, 0.0625)), 2));
+        assert_eq!(reported(&[(0.25, Equal), (1.0, Greater)]), (Some((0.0, 0.25)), 2));
+        // If nothing is, the largest share says why.
+        assert_eq!(reported(&[(0.25, Less), (1.0, Greater)]), (Some((1.0, 0.5625)), 2));
+        assert_eq!(reported(&[(0.75, Less), (1.0, Greater)]), (Some((0.0, 0.75)), 2));
+    }
+
+    #[test]
+    fn holes_are_not_counted_and_surfaces_are() {
+        let holes = vec![(0.0, Equal); 1000];
+        assert_eq!(reported(&[&holes[..], &[(1.0, Equal)]].concat()), (Some((1000.0, 1.0)), 1001));
+        let thin = vec![(1e-9, Equal); 1000];
+        assert_eq!(reported(&thin).1, MOST_SURFACES as usize);
+    }
+}
