@@ -170,9 +170,11 @@ fn a_beam_on_an_edge_has_two_returns() {
 #[test]
 fn echoes_merge_nearer_than_twice_the_pulse() {
     for (apart, count) in [(0.6, 1), (0.7, 2)] {
-        // The same energy of both: the farther half is brighter.
-        let edge = Plate(DVec3::new(20.0, -5.0, 0.0), DVec3::Y * 5.0, DVec3::Z * 5.0, 0.5);
-        let behind = wall(20.0 + apart, 0.5);
+        // The farther half is brighter, so that the same energy comes from both. The edge is beside the axis.
+        let edge = Plate(DVec3::new(20.0, -5.0 - 1e-5, 0.0), DVec3::Y * 5.0, DVec3::Z * 5.0, 0.5);
+        let on_edge = Samples::ThirtySeven.places().iter().filter(|[y, _]| *y < -1e-3).count() as f64;
+        let ratio = on_edge / (37.0 - on_edge) * (1.0 + apart / 20.0) * (1.0 + apart / 20.0);
+        let behind = wall(20.0 + apart, (0.5 * ratio + 0.0104 * (ratio - 1.0)) as f32);
         let footprint = round(5e-3, Samples::ThirtySeven);
         let receiver =
             Receiver { returns: ReturnMode::Several(4), pulse_fwhm_s: 5e-9, false_alarm: 0.0, ..receiver() };
@@ -181,8 +183,8 @@ fn echoes_merge_nearer_than_twice_the_pulse() {
         assert_eq!(found.len(), count, "{apart}");
         if count == 1 {
             assert_eq!(found[0].1.cause, Cause::Mixed);
-            // The axis belongs to one half, and the energies differ by the square of the ranges: 3 %.
-            assert!((found[0].0.range_m - 20.3).abs() < 0.06, "{:?}", found[0].0);
+            // Near the merger the peak is flat, and a thousandth of the energy moves it by centimetres.
+            assert!((found[0].0.range_m - 20.3).abs() < 0.02, "{:?}", found[0].0);
         } else {
             assert!(found.iter().all(|(_, echo)| echo.cause == Cause::Surface));
             assert!(found[0].0.range_m > 20.0 && found[1].0.range_m < 20.7);
