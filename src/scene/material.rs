@@ -9,12 +9,14 @@ pub struct Material {
     pub base_color: [f32; 4],
     /// The semantic label that the job's `[labels]` gives the material by name.
     pub job_label: Option<u32>,
+    /// Index into [`Geometry::optics`](super::Geometry::optics), if the job says of the material how surfaces send light back.
+    pub optics: Option<u32>,
 }
 
 impl Default for Material {
     /// glTF's default material, which is white.
     fn default() -> Self {
-        Self { name: String::new(), base_color: [1.0; 4], job_label: None }
+        Self { name: String::new(), base_color: [1.0; 4], job_label: None, optics: None }
     }
 }
 

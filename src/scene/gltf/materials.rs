@@ -10,6 +10,7 @@ use crate::source::words::counted;
 
 /// The file's materials. A material that is wrong has the default's values where it is.
 pub(super) fn read(document: &Document, options: &Options, notices: &Notices) -> Vec<Material> {
+    let optics = options.optics_by_name();
     (0_u32..)
         .zip(&document.materials)
         .map(|(index, material)| {
@@ -17,6 +18,7 @@ pub(super) fn read(document: &Document, options: &Options, notices: &Notices) ->
             let name = given(&material.name, "name", &place, notices).cloned().unwrap_or_default();
             Material {
                 job_label: options.labels.get(&name).copied(),
+                optics: optics.get(name.as_str()).copied(),
                 name,
                 base_color: base_color(material, &place, notices),
             }
