@@ -124,7 +124,7 @@ fn as_value(name: &str, file: &SensorFile) -> Value {
     json!({
         "name": name,
         "pattern": file.sensor.pattern.name(),
-        "sensor": SensorSizes::of(None, &file.sensor, &[]),
+        "sensor": SensorSizes::of_file(file, &[]),
         "modes": file.modes.iter().map(mode).collect::<Vec<_>>(),
     })
 }

@@ -84,6 +84,26 @@ const MEANINGS: &[(&[&str], &str, &str)] = &[
         "row_time_us",
         "the time from a row to the next",
     ),
+    (
+        &["stddev", "std", "sigma", "noise_std", "range_noise", "range_std", "range_sigma"],
+        "range_floor_m",
+        "a standard deviation in metres",
+    ),
+    (&["bias", "range_bias"], "bias_m", "the standard deviation of the beams' biases in metres"),
+    (
+        &["divergence", "divergence_deg", "beam_divergence", "beam_width"],
+        "divergence_mrad",
+        "the full angles, horizontal and vertical, with their `kind`",
+    ),
+    (&["max_returns", "num_returns", "return_mode"], "returns", ""),
+    (&["wavelength"], "wavelength_nm", "in nanometres"),
+    (&["fog", "visibility", "visibility_km"], "visibility_m", "in metres"),
+    (&["rain", "rain_rate", "rainfall"], "rain_mm_h", ""),
+    (&["snow", "snow_rate", "snowfall"], "snow_mm_h", ""),
+    (&["dust"], "dust_per_m", "an extinction coefficient"),
+    (&["sun", "illuminance"], "sun_klx", "in kilolux"),
+    (&["reflectivity", "albedo"], "reflectance", "1 for white"),
+    (&["material"], "materials", "a table for each name"),
     (&["trigger", "trigger_offset", "phase", "phase_s", "time_offset", "time_offset_s"], "trigger_s", ""),
     (&["fov", "fov_deg", "horizontal_fov"], "hfov_deg", "the horizontal field of view"),
     (&["channels", "lasers", "beams", "vertical_angles"], "elevations_deg", "one a beam"),
@@ -97,38 +117,23 @@ const MEANINGS: &[(&[&str], &str, &str)] = &[
 ];
 
 const NO_SEQUENCE: &str = "the frames are counted in `[sequence]`: `frames = 100`, or `duration_s = 10.0`";
-const NO_MODEL: &str = "this is not supported yet: ranges and intensities are ideal";
+const NOISE: &str = "a sensor's `[footprint]`, `[receiver]` and `[noise]` say how it measures";
 
 /// Keys that nothing stands for, the titles of the tables that this is the answer in (all, if there is none), and the answer.
 const ANSWERS: &[(&[&str], &[&str], &str)] = &[
     (&["frames", "frame_count", "num_frames", "duration", "duration_s", "motion", "steps"], &[], NO_SEQUENCE),
     (&["imu", "gps", "gnss", "odometry"], &[], "IMU, GNSS and odometry are not supported yet"),
     (&["rgb", "color", "colour", "image"], &[], "beamcast measures ranges: it makes no colour images"),
+    (&["noise_std", "stddev", "noise_m", "dropout", "divergence", "beam_divergence"], &[], NOISE),
     (
-        &[
-            "noise",
-            "noise_std",
-            "stddev",
-            "noise_m",
-            "dropout",
-            "footprint",
-            "receiver",
-            "blooming",
-            "nominal",
-            "divergence",
-        ],
+        &["rain", "fog", "snow", "dust", "sun", "sunlight"],
         &[],
-        NO_MODEL,
+        "the job's `[weather]` has fog, rain, snow and dust, and its `[environment]` the sun",
     ),
     (
-        &["weather", "environment", "rain", "fog", "snow", "sun"],
+        &["material", "reflectivity", "albedo"],
         &[],
-        "weather and light are not supported yet",
-    ),
-    (
-        &["materials", "material", "reflectivity"],
-        &[],
-        "materials come from the scene; setting them in the job is not supported yet",
+        "the job's `[materials]` says by name how surfaces send light back",
     ),
     (
         &["units", "unit", "scale", "scene_scale"],

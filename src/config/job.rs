@@ -12,7 +12,8 @@ use crate::error::Error;
 use crate::frame::{Pose, UpAxis};
 use crate::motion::{Motion, Trajectory};
 use crate::output::{CloudFrame, CloudTime, Format};
-use crate::sensor::{Capture, Sensor};
+use crate::scene::{Environment, Optics};
+use crate::sensor::{Capture, Measurement, Sensor};
 use crate::source::{Diagnostic, Place};
 use crate::trace::methods::Method;
 use crate::truth;
@@ -32,6 +33,10 @@ pub struct Job {
     pub up: UpAxis,
     /// Semantic labels by the names of nodes or materials.
     pub labels: BTreeMap<String, u32>,
+    /// How surfaces send light back, by the names of materials, nodes or labels.
+    pub materials: Vec<Optics>,
+    /// The air and the sun.
+    pub environment: Environment,
     /// The seed of all random numbers.
     pub seed: u64,
     /// The method that decides what a beam hits; the exact definition if absent.
@@ -290,6 +295,8 @@ pub struct MountedSensor {
     pub name: String,
     /// The sensor.
     pub sensor: Sensor,
+    /// Whether it measures by the figures of its preset's data sheet.
+    pub is_nominal: bool,
     /// The pose of the sensor on the body.
     pub body_from_sensor: Pose,
     /// How much later than the sequence says each frame of this sensor starts, in seconds. A rig's sensors may be triggered
@@ -349,6 +356,8 @@ pub struct OutputSettings {
     pub cloud_frame: CloudFrame,
     /// Whether PNG previews have a legend.
     pub legend: bool,
+    /// Whether the ideal range and the terms of its error are written.
+    pub terms: bool,
 }
 
 /// The job's `[truth]`.
@@ -371,10 +380,21 @@ pub struct SensorFile {
     pub path: PathBuf,
     /// The sensor.
     pub sensor: Sensor,
+    /// How the sensor measures by its data sheet, if the file has `[nominal]`.
+    pub nominal: Option<Nominal>,
     /// The sensor in each of its modes, by their names.
     pub modes: Vec<(String, Sensor)>,
     /// Problems that don't stop a job with it.
     pub warnings: Vec<Diagnostic>,
+}
+
+/// How a sensor measures by its data sheet. It measures so where a job says `nominal = true`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Nominal {
+    /// The publication that the figures are from.
+    pub source: String,
+    /// The data sheet's figures, with the sensor's own tables over them.
+    pub measurement: Measurement,
 }
 
 /// A file, by its content.

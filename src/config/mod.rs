@@ -11,7 +11,7 @@
 //! plausibility  values that are valid and probably not what was meant
 //! job         jobs and sensor files as they are read
 //! draw        values that are drawn at random
-//! presets     the built-in sensors
+//! presets     the built-in sensors; library: surfaces whose reflectance was measured
 //! schema      the keys as JSON Schema; reference: as a page of Markdown; starter: as a commented job
 //! drive       a complete drive to start from, with its scenes
 //! ```
@@ -22,6 +22,7 @@ mod foreign;
 mod job;
 pub(crate) mod keys;
 mod kinds;
+mod library;
 mod overlay;
 mod parse;
 mod plausibility;
@@ -44,7 +45,7 @@ use crate::source::{Diagnostic, FileKind, Layer, Report, Severity, Unreadable, W
 
 pub use drive::{DRIVE_JOB, starter_drive};
 pub use job::{
-    Actor, ActorBody, Animation, Config, FromScene, InScene, InputFile, Job, Length, MountedSensor,
+    Actor, ActorBody, Animation, Config, FromScene, InScene, InputFile, Job, Length, MountedSensor, Nominal,
     OutputSettings, Owner, Places, Placing, SensorFile, Sequence, SurfaceName, TruthSettings,
 };
 use keys::GRAMMAR;

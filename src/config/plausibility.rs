@@ -12,6 +12,7 @@ use super::job::Sequence;
 use crate::frame::Pose;
 use crate::motion::{Interpolation, Path};
 use crate::output::{CloudFrame, CloudTime, Format};
+use crate::physics::detection::Sensitivity;
 use crate::source::Doubt;
 use crate::source::words::{list, number};
 
@@ -152,6 +153,31 @@ pub(super) fn least_range(key: &str, min_m: f64) -> Option<Doubt> {
     })
 }
 
+/// The part of a range by which a fit of range pairs may miss one of them, before it is told.
+const MOST_MISFIT: f64 = 0.1;
+
+/// Range pairs that no power of the range fits.
+pub(super) fn pairs_misfit(key: &str, fit: &Sensitivity) -> Option<Doubt> {
+    (fit.misfit > MOST_MISFIT).then(|| {
+        let message = format!(
+            "the fit of the range pairs misses one of them by {:.0} % of its range: power falls with the range to the {:.2}",
+            fit.misfit * 1e2,
+            fit.exponent
+        );
+        Doubt::new("range-pairs-misfit", key, message)
+            .label("these pairs do not fit together")
+            .help("pairs of one mode and one probability of detection agree better; two pairs always fit")
+    })
+}
+
+/// A range pair beyond the largest range.
+pub(super) fn pair_beyond_limit(key: &str, range_m: f64, max_m: f64) -> Doubt {
+    let message = format!("a plane is detected up to {range_m} m, and `max_m` is {max_m} m");
+    Doubt::new("range-pair-beyond-limit", key, message)
+        .label("farther than the sensor reports")
+        .help(format!("returns end at `max_m`; write `max_m = {range_m}` if they should not"))
+}
+
 /// The time of a row of a rolling shutter with which the next frame begins before this one has ended.
 pub(super) fn row_time(key: &str, row_time_us: f64, rows: u64, rate_hz: f64) -> Option<Doubt> {
     let (rows, period_us) = (rows as f64, 1e6 / rate_hz);
@@ -251,6 +277,14 @@ pub(super) fn compensation_of_nothing(sequence: &Sequence, cloud_frame: CloudFra
     let doubt =
         Doubt::new("compensation-of-nothing", "cloud_time", format!("`cloud_time` changes nothing: {why}"));
     Some(doubt.label("compensates nothing").help(help))
+}
+
+/// Weather or sunlight that no sensor is made to see.
+pub(super) fn weather_without_receiver(key: &str) -> Doubt {
+    let message = format!("`[{key}]` changes nothing: no sensor has a receiver with range pairs");
+    Doubt::new("weather-without-receiver", key, message).label("no sensor measures light").help(
+        "give a sensor `[sensor.receiver]` with `range_pairs`, or `nominal = true` if its preset has them",
+    )
 }
 
 /// Masks of boxes that are not asked for.

@@ -11,8 +11,8 @@ pub(super) const INTRODUCTION: &str = "\
 Every key of jobs and sensor files. `beamcast schema keys` prints this page, and a test holds it to the program.
 [patterns.md](patterns.md) explains the patterns, and [sequences.md](sequences.md) poses and motion.
 
-A key's name ends in the unit of its numbers: `_m` metres, `_deg` degrees, `_s` seconds, `_us` microseconds, `_hz` hertz,
-`_px` pixels. Paths are relative to the file that names them. A table in a job's `[[sensor]]` adds to the same table of the
+A key's name ends in the unit of its numbers: `_m` metres, `_deg` degrees, `_s` seconds, `_us` microseconds, `_ns` nanoseconds,
+`_hz` hertz, `_px` pixels, `_mrad` milliradians, `_nm` nanometres, `_klx` kilolux. Paths are relative to the file that names them. A table in a job's `[[sensor]]` adds to the same table of the
 preset, key by key. An error tells an unknown key, a missing key and a wrong value with its line and what would be right.
 ";
 

@@ -391,6 +391,11 @@ impl<'a> Table<'a> {
         self.reading.report
     }
 
+    /// The state that the table is read with.
+    pub fn reading(&self) -> Reading<'a> {
+        self.reading
+    }
+
     /// The table's name in messages.
     pub fn title(&self) -> &'static str {
         self.keys.title
@@ -471,14 +476,18 @@ const UNITS: &[(&str, &str)] = &[
     ("deg", "degrees"),
     ("s", "seconds"),
     ("us", "microseconds"),
+    ("ns", "nanoseconds"),
     ("hz", "hertz"),
     ("px", "pixels"),
+    ("mrad", "milliradians"),
+    ("nm", "nanometres"),
+    ("klx", "kilolux"),
 ];
 
 /// Endings that people give keys for units that the keys don't have.
 const FOREIGN_UNITS: &[&str] = &[
-    "mm", "cm", "km", "meter", "meters", "metre", "metres", "ft", "rad", "mrad", "degree", "degrees",
-    "radians", "ns", "ms", "sec", "seconds", "khz", "mhz", "rpm", "fps", "pixel", "pixels",
+    "mm", "cm", "km", "meter", "meters", "metre", "metres", "ft", "rad", "degree", "degrees", "radians",
+    "ms", "sec", "seconds", "khz", "mhz", "rpm", "fps", "pixel", "pixels",
 ];
 
 /// The unit of a key's numbers, by the key's last part.

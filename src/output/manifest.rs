@@ -173,8 +173,8 @@ mod tests {
     fn it_says_what_went_in_and_what_came_out_in_a_fixed_order() {
         let mesh = Mesh { triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
         let input = |name: &str| SourceFile { name: name.into(), bytes: 5, blake3: "abc".into() };
-        let wall = Object { name: "a \"wall\"\u{202e}".into(), job_label: Some(4), file_label: None };
-        let tree = Object { name: "tree".into(), job_label: None, file_label: Some(7) };
+        let wall = Object { name: "a \"wall\"\u{202e}".into(), job_label: Some(4), ..Object::default() };
+        let tree = Object { name: "tree".into(), file_label: Some(7), ..Object::default() };
         let geometry = Geometry {
             centre: DVec3::new(1.0, 2.0, 3.0),
             meshes: vec![mesh],

@@ -16,7 +16,7 @@ pub(super) fn doubt(mounted: &MountedSensor, job: &Job, scene: &Scene) -> Option
     if job.sequence.is_frozen || scene.geometry.movers.iter().all(|mover| mover.deformer.is_none()) {
         return None;
     }
-    let MountedSensor { name, sensor, body_from_sensor, trigger_s } = mounted;
+    let MountedSensor { name, sensor, body_from_sensor, trigger_s, .. } = mounted;
     let frames = job.sequence.frames_of(sensor);
     let looked_at = frames.min(MOST_FRAMES);
     let slicing = (0..looked_at).filter_map(|number| {

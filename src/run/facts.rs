@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::paths::configs_in;
 use super::plan::{format_problems, label_problem};
 use super::{loading, memory, session};
-use crate::config::{self, Config, Job};
+use crate::config::{self, Config, Job, SensorFile};
 use crate::error::{Error, SceneError};
 use crate::output::Format;
 use crate::plausibility::{self, Stance};
@@ -42,6 +42,9 @@ pub struct SensorSizes {
     /// The facts that follow from the pattern.
     #[serde(flatten)]
     pub facts: SensorFacts,
+    /// How far and how precisely it measures, if it has a receiver with range pairs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measurement: Option<MeasurementFacts>,
     /// Where the sensor of a job stands and looks at first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stance: Option<Stance>,
@@ -63,10 +66,32 @@ impl SensorSizes {
         Self {
             name: name.map(str::to_owned),
             stance: None,
+            measurement: MeasurementFacts::of(&sensor.measurement, sensor.range, rays, false),
             frame_bytes: memory::frame_bytes_a_pixel(sensor).saturating_mul(rays),
             output_bytes: formats.iter().map(size).collect(),
             facts,
         }
+    }
+
+    /// The facts about the sensor of a file, and the sizes of files in `formats`. Of a sensor that is ideal as its file stands, the
+    /// figures of its data sheet are among them.
+    pub fn of_file(file: &SensorFile, formats: &[Format]) -> Self {
+        let sizes = Self::of(None, &file.sensor, formats);
+        let rays = sizes.facts.rays_per_frame as u64;
+        let nominal = file.nominal.as_ref();
+        let of_nominal = || MeasurementFacts::of(&nominal?.measurement, file.sensor.range, rays, true);
+        Self { measurement: sizes.measurement.clone().or_else(of_nominal), ..sizes }
+    }
+
+    /// The facts about a sensor of a job.
+    fn of_job(job: &Job, index: usize) -> Self {
+        let mounted = &job.sensors[index];
+        let mut sizes = Self::of(Some(&mounted.name), &mounted.sensor, &job.output.formats);
+        sizes.stance = Some(Stance::of(job, index));
+        if let Some(measurement) = &mut sizes.measurement {
+            measurement.is_nominal = mounted.is_nominal;
+        }
+        sizes
     }
 }
 
@@ -168,8 +193,8 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
     }
     match config::load(path, &[]) {
         Ok(Config::Sensor(file)) => {
+            let sensors = vec![SensorSizes::of_file(&file, &Format::all().collect::<Vec<_>>())];
             examined.problems.extend(file.warnings);
-            let sensors = vec![SensorSizes::of(None, &file.sensor, &Format::all().collect::<Vec<_>>())];
             examined.facts.push(FileFacts {
                 path: name.into_owned(),
                 kind: "sensor",
@@ -182,12 +207,8 @@ fn examine_file(path: &Path, allowed_folders: &[PathBuf], examined: &mut Examine
             let mut problems = format_problems(&job);
             match open(&job.scene_path, &job.scene_as_written, Some(&job), &mut examined.problems) {
                 Ok(scene) => {
-                    let sizes = |(index, mounted): (usize, &config::MountedSensor)| {
-                        let sizes =
-                            SensorSizes::of(Some(&mounted.name), &mounted.sensor, &job.output.formats);
-                        SensorSizes { stance: Some(Stance::of(&job, index)), ..sizes }
-                    };
-                    let sensors: Vec<SensorSizes> = job.sensors.iter().enumerate().map(sizes).collect();
+                    let sizes = |index: usize| SensorSizes::of_job(&job, index);
+                    let sensors: Vec<SensorSizes> = (0..job.sensors.len()).map(sizes).collect();
                     let sequence = SequenceFacts::of(&job, &sensors);
                     examined.problems.extend(doubts(&job, &scene));
                     problems.extend(label_problem(job.output.formats.iter().copied(), &scene));
@@ -314,8 +335,10 @@ impl SceneFacts {
     }
 }
 
+mod measurement;
 mod sequence;
 #[cfg(test)]
 mod tests;
 
+pub use measurement::{MeasurementFacts, RangeSigma};
 pub use sequence::{SequenceFacts, WayFacts};

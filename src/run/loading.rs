@@ -45,6 +45,7 @@ pub(super) fn read_scene(
         scene_name: job.scene_name.as_deref(),
         up: job.up,
         labels: &job.labels,
+        optics: &job.materials,
         allowed_folders,
         clips: &of_scene,
         actors: &actors.collect::<Vec<_>>(),

@@ -263,7 +263,13 @@ mod tests {
             ring: RingOrder::Row,
             measurement: Default::default(),
         };
-        MountedSensor { name: "top".to_owned(), sensor, body_from_sensor: Pose::IDENTITY, trigger_s: 0.0 }
+        MountedSensor {
+            name: "top".to_owned(),
+            sensor,
+            is_nominal: false,
+            body_from_sensor: Pose::IDENTITY,
+            trigger_s: 0.0,
+        }
     }
 
     #[test]

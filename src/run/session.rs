@@ -29,7 +29,8 @@ use crate::trace::{AnyTracer, Cast};
 /// [`Error::Scene`] with the element of the file that is wrong, and [`Error::Config`] if an actor finds no place.
 pub fn load_scene(job: &mut Job, allowed_folders: &[PathBuf]) -> Result<gltf::Loaded, Error> {
     places::draw(job, allowed_folders)?;
-    let loaded = read_scene(job, allowed_folders, |_| true)?;
+    let mut loaded = read_scene(job, allowed_folders, |_| true)?;
+    loaded.scene.environment = job.environment;
     job.settle(&loaded.places);
     Ok(loaded)
 }

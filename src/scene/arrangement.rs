@@ -10,6 +10,7 @@ use super::bounds::Bounds;
 use super::environment::Environment;
 use super::geometry::{Geometry, Mesh, Part};
 use super::moving::{Moving, inverted};
+use super::optics::Optics;
 use crate::motion::Window;
 
 /// A geometry, arranged: ready to be traced, and cheap to clone.
@@ -136,6 +137,19 @@ impl Scene {
         let object = &self.geometry.objects[surface.object as usize];
         let material = &self.geometry.materials[surface.material as usize];
         object.job_label.or(material.job_label).or(object.file_label).unwrap_or(0)
+    }
+
+    /// How a surface sends light back, as the job says it of its object, else of its material, else of its label.
+    pub fn optics(&self, surface: Surface) -> Option<&Optics> {
+        let Geometry { objects, materials, optics, optics_of_labels, .. } = &*self.geometry;
+        if optics.is_empty() {
+            return None;
+        }
+        let of_object = objects.get(surface.object as usize).and_then(|object| object.optics);
+        let of_material = || materials.get(surface.material as usize).and_then(|material| material.optics);
+        let of_label = || optics_of_labels.get(&self.label(surface)).copied();
+        let index = of_object.or_else(of_material).or_else(of_label)?;
+        optics.get(index as usize)
     }
 
     /// Every label that a surface has, in ascending order. What is hidden now counts.

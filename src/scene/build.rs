@@ -123,6 +123,7 @@ impl SceneBuilder {
             triangle_ids: next_triangle as u32,
             skipped_triangles: skipped,
             files: self.files,
+            ..Geometry::default()
         };
         let arrangement = Arrangement { placements, ..Arrangement::default() };
         Ok(Scene { geometry: Arc::new(geometry), arrangement: Arc::new(arrangement), ..Scene::default() })

@@ -8,6 +8,7 @@ use glam::DVec3;
 use super::corners::MeshCorners;
 use super::material::Material;
 use super::mover::Mover;
+use super::optics::Optics;
 use super::rounding::Rounding;
 use super::steps::rounded_origin;
 use crate::motion::Motion;
@@ -34,6 +35,10 @@ pub struct Geometry {
     pub objects: Vec<Object>,
     /// A material's id is its index.
     pub materials: Vec<Material>,
+    /// How surfaces send light back, as the job says it of materials, nodes and labels.
+    pub optics: Vec<Optics>,
+    /// The labels of which the job says how surfaces send light back: each with an index into [`Geometry::optics`].
+    pub optics_of_labels: BTreeMap<u32, u32>,
     /// What moves, hides or bends, in ascending order of the ids of triangles.
     pub movers: Vec<Mover>,
     /// One more than the largest id of a triangle.
@@ -78,6 +83,8 @@ pub struct Object {
     pub name: String,
     /// The semantic label that the job's `[labels]` gives the node or one of its ancestors by name.
     pub job_label: Option<u32>,
+    /// Index into [`Geometry::optics`], if the job says of the node or one of its ancestors how surfaces send light back.
+    pub optics: Option<u32>,
     /// The label of the file: `extras.label` of the node, else of its nearest ancestor that has one.
     pub file_label: Option<u32>,
 }

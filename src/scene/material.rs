@@ -37,6 +37,8 @@ pub struct Material {
     pub ior: f32,
     /// The semantic label that the job's `[labels]` gives the material by name.
     pub job_label: Option<u32>,
+    /// Index into [`Geometry::optics`](super::Geometry::optics), if the job says of the material how surfaces send light back.
+    pub optics: Option<u32>,
 }
 
 /// What a surface's alpha means.
@@ -95,6 +97,7 @@ impl Default for Material {
             specular: 1.0,
             ior: 1.5,
             job_label: None,
+            optics: None,
         }
     }
 }
@@ -213,13 +216,6 @@ impl Scene {
 
     fn material(&self, placement: u32, triangle: u32) -> &Material {
         &self.geometry.materials[self.surface(placement, triangle).material as usize]
-    }
-}
-
-impl Scene {
-    /// stub
-    pub fn optics(&self, _s: super::Surface) -> Option<&super::Optics> {
-        None
     }
 }
 

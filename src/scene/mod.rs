@@ -63,7 +63,7 @@ pub use geometry::{Geometry, Group, Mesh, Object, Part, SourceFile, label_names}
 pub use material::{AlphaMode, Appearance, Material};
 pub use mover::{Deformer, Mover};
 pub use notice::Notice;
-pub use optics::{Optics, SurfaceKind};
+pub use optics::{Optics, Spectrum, SurfaceKind};
 pub use rounding::Rounding;
 pub use source::{SceneBuildError, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 pub use texture::{Image, Texture, Wrap};

@@ -53,6 +53,8 @@ impl Scene {
             rounding: self.geometry.rounding,
             objects: self.geometry.objects.clone(),
             materials: self.geometry.materials.clone(),
+            optics: self.geometry.optics.clone(),
+            optics_of_labels: self.geometry.optics_of_labels.clone(),
             triangle_ids: self.geometry.triangle_ids,
             ..Geometry::default()
         };

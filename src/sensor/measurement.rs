@@ -2,7 +2,7 @@
 
 use crate::angle::Angle;
 use crate::physics::IntensityScale;
-use crate::physics::detection::{RangePair, Sensitivity, normal_exceeded, threshold};
+use crate::physics::detection::{RangePair, Sensitivity, normal_exceeded, range_sigma_m, threshold};
 use crate::physics::footprint::Samples;
 
 /// How a sensor measures. Each part that is absent is ideal, and a sensor without any part reports exact ranges.
@@ -84,21 +84,33 @@ impl Receiver {
     /// The rate of false alarms that the threshold has where none are asked for.
     pub const FALSE_ALARM_OF_THRESHOLD: f64 = 1e-4;
 
-    /// The threshold in standard deviations of the noise, for pulses that are looked for over `window_m` metres.
+    /// The threshold in standard deviations of the noise, which keeps false alarms as rare as they shall be in a range window
+    /// of so many metres. Of a window without an end, the range at which a white plane is detected is the end.
     pub fn threshold(&self, window_m: f64) -> f64 {
-        let asked = if self.false_alarm > 0.0 { self.false_alarm } else { Self::FALSE_ALARM_OF_THRESHOLD };
-        threshold(asked, window_m, self.pulse_fwhm_s)
+        let end_m = match (window_m.is_finite(), &self.sensitivity) {
+            (true, _) => window_m,
+            (false, Some(sensitivity)) => sensitivity.range_m(1.0),
+            (false, None) => 0.0,
+        };
+        let false_alarm =
+            if self.false_alarm > 0.0 { self.false_alarm } else { Self::FALSE_ALARM_OF_THRESHOLD };
+        threshold(false_alarm, end_m, self.pulse_fwhm_s)
     }
 
     /// The signal-to-noise ratio at a range pair: the threshold, and so much more that the stated share of pulses is detected.
     pub fn limit_snr(&self, window_m: f64) -> f64 {
+        // Φ⁻¹(p) is the deviate that is exceeded with the probability 1 − p, so −normal_exceeded(p).
         self.threshold(window_m) - normal_exceeded(self.detection)
     }
 
-    /// The mean signal-to-noise ratio of a target in clear air, whose factor is ρ·cos θ of a Lambertian plane, at a range in
-    /// metres. `None` if the receiver's sensitivity is not known.
-    pub fn snr(&self, factor: f64, range_m: f64, window_m: f64) -> Option<f64> {
-        Some(self.limit_snr(window_m) * self.sensitivity?.margin(factor, range_m))
+    /// The signal-to-noise ratio of a target that fills the beam, in clear air. `factor` is the power that comes back from it,
+    /// f·cos θ, relative to a white plane at a right angle. It is infinite without range pairs, as such a receiver detects any
+    /// power.
+    ///
+    /// At the range of a pair, the ratio exceeds the threshold by so much that the pair's probability of detection results.
+    pub fn snr(&self, factor: f64, range_m: f64, window_m: f64) -> f64 {
+        let Some(sensitivity) = &self.sensitivity else { return f64::INFINITY };
+        self.limit_snr(window_m) * sensitivity.margin(factor, range_m)
     }
 }
 
@@ -174,6 +186,13 @@ pub struct Noise {
     pub range_unit_m: f64,
 }
 
+impl Noise {
+    /// The standard deviation of a range at a signal-to-noise ratio, in metres, without biases.
+    pub fn range_sigma_m(&self, snr: f64) -> f64 {
+        range_sigma_m(self.range_floor_m, self.range_a_m, self.range_b, snr)
+    }
+}
+
 impl Default for Noise {
     fn default() -> Self {
         Self {
@@ -211,5 +230,33 @@ impl Blooming {
         let halo = angle_rad / self.halo_angle.radians();
         let of_core = if self.core.radians() > 0.0 { libm::exp(-0.5 * core * core) } else { 0.0 };
         of_core + self.halo / libm::pow(1.0 + halo * halo, self.exponent)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At a pair's range the detection is the pair's; T = 4.81 is that of the formula's own test.
+    #[test]
+    fn the_ratio_at_a_pairs_range_gives_its_detection() {
+        let pairs = vec![RangePair { reflectivity: 0.1, range_m: 90.0 }];
+        let receiver = Receiver {
+            sensitivity: Sensitivity::fit(&pairs),
+            range_pairs: pairs,
+            detection: 0.9,
+            pulse_fwhm_s: 6e-9,
+            ..Receiver::default()
+        };
+        let t = receiver.threshold(120.0);
+        assert!((t - 4.8114).abs() < 1e-3, "{t}");
+        let snr = receiver.snr(0.1, 90.0, 120.0);
+        assert!((snr - 6.09).abs() < 5e-3, "{snr}");
+        assert!((receiver.snr(0.1, 45.0, 120.0) / snr - 4.0).abs() < 1e-12);
+        // A window without an end ends where a white plane does.
+        let white_m = 90.0 * 10_f64.sqrt();
+        assert!((receiver.threshold(f64::INFINITY) - receiver.threshold(white_m)).abs() < 1e-12);
+        let any = Receiver::default();
+        assert!(any.threshold(f64::INFINITY).is_finite() && any.snr(0.1, 10.0, 50.0) == f64::INFINITY);
     }
 }

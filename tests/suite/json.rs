@@ -54,6 +54,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ("d.toml", job(0.0, 18, "exact")),
         ("sequence.toml", job(0.0, 36, "exact") + "[sequence]\nframes = 2\n"),
         ("leaky.toml", job(0.0, 36, "moller-trumbore")),
+        ("measured.toml", job(0.0, 36, "exact") + "[sensor.receiver]\nrange_pairs = [[0.8, 50.0]]\n"),
         ("wrong.toml", "scene = 3\n".to_owned()),
         ("triangle.gltf", TRIANGLE.to_owned()),
     ] {
@@ -100,7 +101,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
                 diff("/top/000000.ply", "d"),
             ],
         ),
-        ("lint", vec![json(&["lint", "a.toml", "sequence.toml", "wrong.toml", "--json"])]),
+        ("lint", vec![json(&["lint", "a.toml", "sequence.toml", "measured.toml", "wrong.toml", "--json"])]),
         (
             "info",
             vec![

@@ -29,8 +29,8 @@ const IMPORTS: &[(&str, &[&str])] = &[
     (
         "config",
         &[
-            "angle", "check", "error", "frame", "motion", "output", "rng", "sensor", "source", "trace",
-            "truth",
+            "angle", "check", "error", "frame", "motion", "output", "physics", "rng", "scene", "sensor",
+            "source", "trace", "truth",
         ],
     ),
     ("plausibility", &["config", "frame", "motion", "output", "scene", "sensor", "source", "trace"]),

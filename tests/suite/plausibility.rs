@@ -142,11 +142,11 @@ fn keys_of_other_programs_have_an_answer() {
         ("rpy_deg = [0.0, 0.0, 0.0]", "rotation = [0.0, 0.0, 0.0]", "rotation", "`rpy_deg`"),
         ("rate_hz = 10.0", "rpm = 600", "rpm", "rpm / 60"),
         ("from = 15.0, to = -15.0", "start = 15.0, end = -15.0", "start", "`from`"),
-        ("max_m = 50.0", "max_m = 50.0\n[sensor.noise]\nstddev = 0.01", "noise", "not supported yet"),
+        ("max_m = 50.0", "max_m = 50.0\n[sensor.noise]\nstddev = 0.01", "stddev", "`range_floor_m`"),
         ("[output]", "[trajectory]\nwaypoints = []\n[output]", "waypoints", "`poses`"),
         ("dir = \"out\"", "dir = \"out\"\nframes = 10", "frames", "`[sequence]`"),
         ("[output]", "[imu]\nrate_hz = 100\n[output]", "imu", "not supported yet"),
-        ("[output]", "[weather]\nrain_mm_h = 10\n[output]", "weather", "not supported yet"),
+        ("[output]", "[weather]\nrain = 10\n[output]", "rain", "`rain_mm_h`"),
         ("columns = 36", "columns = 36.0", "columns", "write 36"),
         // The case blender_dot_names.
         ("[output]", "[labels]\nCube.001 = 3\n[output]", "Cube", "\"Cube.001\" = 3"),

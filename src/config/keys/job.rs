@@ -7,10 +7,12 @@ use super::super::kinds::{
 use super::super::table::{Key, TableKeys, key, table};
 use super::expect::EXPECT;
 use super::limits::MAX_FRAMES;
+use super::measurement::{BLOOMING, FOOTPRINT, IS_NOMINAL, NOISE, RECEIVER};
 use super::motion::{ACTORS, ANIMATION, TRAJECTORY_KEYS};
 use super::pose::POSE_KEYS;
 use super::random::RANDOM;
 use super::sensor;
+pub(crate) use super::surroundings::{ENVIRONMENT, MATERIALS, WEATHER};
 use crate::frame::UpAxis;
 use crate::output::{CHANNEL_NAMES, CloudFrame, CloudTime, UNASKED_CHANNEL_NAMES};
 use crate::trace::methods::{METHODS, Method};
@@ -30,6 +32,9 @@ pub(crate) static JOB: TableKeys = table(
         &UP,
         &SEED,
         &LABELS,
+        &MATERIALS,
+        &WEATHER,
+        &ENVIRONMENT,
         &SENSORS,
         &TRAJECTORY,
         &ACTORS,
@@ -105,6 +110,7 @@ pub(crate) static SENSOR: TableKeys = table(
         &NAME,
         &PRESET,
         &MODE,
+        &IS_NOMINAL,
         &POSE,
         &TRIGGER,
         &sensor::ROTATING,
@@ -117,6 +123,10 @@ pub(crate) static SENSOR: TableKeys = table(
         &sensor::EQUIRECTANGULAR,
         &sensor::RANGE,
         &sensor::RING,
+        &FOOTPRINT,
+        &RECEIVER,
+        &NOISE,
+        &BLOOMING,
     ],
 )
 .one_of(sensor::PATTERNS)
@@ -202,7 +212,7 @@ static METHODS_BY_NAME: [(&str, Option<&Method>); METHODS.len() + 1] = {
 };
 
 pub(crate) static OUTPUT_KEYS: TableKeys =
-    table("`[output]`", &[&DIR, &FORMATS, &CHANNELS, &CLOUD_FRAME, &LEGEND]);
+    table("`[output]`", &[&DIR, &FORMATS, &CHANNELS, &CLOUD_FRAME, &LEGEND, &TERMS]);
 pub(crate) static DIR: Key<Text> = key("dir", Text, "The folder to write to, relative to this file.")
     .required("`dir = \"../out\"`, the folder to write to")
     .starts_as("\"out\"");
@@ -226,6 +236,13 @@ pub(crate) static CLOUD_FRAME: Key<Choice<CloudFrame>> = key(
 pub(crate) static LEGEND: Key<Flag> =
     key("legend", Flag, "Whether PNG previews have a title, a scale of ranges and the colour of no return.")
         .or("false");
+
+pub(crate) static TERMS: Key<Flag> = key(
+    "terms",
+    Flag,
+    "Whether images and clouds have the ideal range of each return and every term of its error, which add up to its range.",
+)
+.or("false");
 
 pub(crate) static TRUTH_KEYS: TableKeys = table("`[truth]`", &[&POSES, &BOXES, &MASKS, &VISIBLE]);
 pub(crate) static POSES: Key<Flag> = key(

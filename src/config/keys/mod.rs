@@ -8,11 +8,13 @@ mod angles;
 pub(crate) mod expect;
 pub(crate) mod job;
 pub(crate) mod limits;
+pub(crate) mod measurement;
 pub(crate) mod motion;
 pub(crate) mod placing;
 pub(crate) mod pose;
 pub(crate) mod random;
 pub(crate) mod sensor;
+pub(crate) mod surroundings;
 
 use std::sync::LazyLock;
 

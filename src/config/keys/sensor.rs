@@ -7,6 +7,7 @@ use super::super::kinds::{
 };
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
 use super::angles::{Angles, MAX_SIDE};
+use super::measurement::{BLOOMING, FOOTPRINT, NOISE, NOMINAL, RECEIVER};
 use crate::sensor::{Limited, Motion, Order, RingOrder, RowOrder, Tilted};
 
 const SIDE: Integer<u64> = Integer::within(1, MAX_SIDE);
@@ -24,13 +25,33 @@ pub(crate) static SENSOR_FILE: TableKeys = table(
         &EQUIRECTANGULAR,
         &RANGE,
         &RING,
+        &FOOTPRINT,
+        &RECEIVER,
+        &NOISE,
+        &BLOOMING,
+        &NOMINAL,
         &MODES,
     ],
 )
 .one_of(PATTERNS);
 pub(crate) static MODE_KEYS: TableKeys = table(
     "a mode",
-    &[&ROTATING, &RASTER, &MIRROR, &RISLEY, &RAYS, &PINHOLE, &FISHEYE, &EQUIRECTANGULAR, &RANGE],
+    &[
+        &ROTATING,
+        &RASTER,
+        &MIRROR,
+        &RISLEY,
+        &RAYS,
+        &PINHOLE,
+        &FISHEYE,
+        &EQUIRECTANGULAR,
+        &RANGE,
+        &FOOTPRINT,
+        &RECEIVER,
+        &NOISE,
+        &BLOOMING,
+        &NOMINAL,
+    ],
 );
 
 /// The tables of a sensor of which one is its pattern.

@@ -1,5 +1,6 @@
 //! The kinds of values that keys have.
 
+mod counts;
 mod formats;
 mod lists;
 mod number;
@@ -7,6 +8,7 @@ mod object;
 mod tables;
 mod text;
 
+pub(crate) use counts::{NumberChoice, WordOrCount};
 pub(crate) use formats::Formats;
 pub(crate) use lists::{List, Matrix, OneOrEach, OneOrMany, Scalars, Vector};
 pub(crate) use number::{Flag, Integer, Number};

@@ -16,7 +16,7 @@ use super::super::table::{Grammar, Reading, Table};
 use super::pose_files::PoseFiles;
 use super::preset::Laid;
 use super::rays::RayFiles;
-use super::{actors, expect, rig, trajectory};
+use super::{actors, expect, rig, surroundings, trajectory};
 use crate::check::{Settings, Tolerance};
 use crate::frame::{Pose, UpAxis};
 use crate::motion::Trajectory;
@@ -52,6 +52,7 @@ pub(super) fn from_entries(
     let labels = t.read(&keys::LABELS).map_or(BTreeMap::new(), |labels| {
         labels.value.into_iter().map(|(name, label)| (name.to_owned(), label.value)).collect()
     });
+    let materials = surroundings::materials(&t);
     let body = t.read(&keys::TRAJECTORY).filter(|t| !t.value.is_empty());
     let body = body.map(|t| trajectory::of_body(&t.value, pose_files));
     let body_at = body.as_ref().map(|body| body.span);
@@ -60,6 +61,7 @@ pub(super) fn from_entries(
     let output = t.read(&keys::OUTPUT).and_then(|t| output(&t.value, folder));
     let rig::Rig { sensors, places: sensors_at, tables: tables_at, from_scene, unposed } =
         rig::sensors(&t, ray_files, &presets.lost, body_at);
+    let environment = surroundings::environment(&t, &sensors);
     check_rates(report, &sequence, &sensors, &tables_at);
     let truth = truth(&t);
     let frames_of = |mounted: &MountedSensor| sequence.frames_of(&mounted.sensor);
@@ -117,6 +119,8 @@ pub(super) fn from_entries(
         scene_name: scene_name.map(|name| name.value.to_owned()),
         up,
         labels,
+        materials,
+        environment,
         seed,
         kernel,
         sensors,
@@ -192,7 +196,7 @@ struct Frames<'s> {
 /// Reports frames of a moving body that reach beyond the times at which its poses are known, with those that would not.
 fn check_times(report: &Report, sequence: &Sequence, sensors: &[MountedSensor], given: &trajectory::Given) {
     let Some((first_s, last_s)) = given.trajectory.times() else { return };
-    let frames = sensors.iter().map(|MountedSensor { name, sensor, body_from_sensor, trigger_s }| {
+    let frames = sensors.iter().map(|MountedSensor { name, sensor, body_from_sensor, trigger_s, .. }| {
         let [zero, one] = [0, 1].map(|frame| {
             let capture = Capture::new(sensor, *body_from_sensor, &given.trajectory, frame, 0);
             capture.in_sequence(*trigger_s, sequence.is_frozen)
@@ -301,7 +305,8 @@ fn output(t: &Table<'_>, folder: &Path) -> Option<(OutputSettings, Vec<Span>)> {
     let formats = formats.into_iter().map(|format| format.with_channels(channels)).collect();
     let cloud_frame = t.value(&keys::CLOUD_FRAME);
     let legend = t.value(&keys::LEGEND);
-    Some((OutputSettings { dir: folder.join(dir?.value), formats, cloud_frame, legend }, formats_at))
+    let terms = t.value(&keys::TERMS);
+    Some((OutputSettings { dir: folder.join(dir?.value), formats, cloud_frame, legend, terms }, formats_at))
 }
 
 /// The sequence of a job that asks for none.

@@ -6,6 +6,7 @@ mod expect;
 mod job;
 pub(super) mod layers;
 mod modes;
+mod nominal;
 mod placing;
 mod pose;
 mod pose_files;
@@ -15,6 +16,7 @@ mod rays;
 mod rig;
 mod sensor;
 pub(super) mod sensor_file;
+mod surroundings;
 #[cfg(test)]
 mod tests;
 mod trajectory;

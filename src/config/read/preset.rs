@@ -9,6 +9,7 @@ use super::super::parse;
 use super::super::presets;
 use super::super::table::{Grammar, Reading};
 use super::modes::{Modes, choose_mode, take_modes};
+use super::nominal::settle_nominal;
 use super::sensor::is_pattern;
 use crate::source::suggest::missing_file_help;
 use crate::source::tree::{Entries, Entry, Node, Value};
@@ -92,6 +93,7 @@ pub(super) fn lay_presets_under(
         if let Some(mode) = sensor.get(MODE.name()) {
             choose_mode(reading, &mut merged, &preset.modes, &mode.node);
         }
+        settle_nominal(reading, &mut merged, sensor);
         overlay::lay_over(reading, &mut merged, std::mem::take(sensor));
         *sensor = merged;
     }

@@ -4,6 +4,7 @@ use super::super::draw::{Drawn, LEAST_SHARE, Law};
 use super::super::keys::job::{
     CHECK, EXPECTATIONS, MODE, NAME, OUTPUT, PRESET, SEED, SENSORS, SEQUENCE, TRACE, TRUTH,
 };
+use super::super::keys::measurement::IS_NOMINAL;
 use super::super::keys::random::{
     CHOICE, INTEGER, LAWS, LOG_UNIFORM, NORMAL, PER, RANDOM, UNIFORM, WEIGHTS, WITHIN,
 };
@@ -250,7 +251,7 @@ fn may_be_drawn(report: &Report, job: &Entries, draw: &Drawn) -> bool {
         return refuse("all that is drawn follows from it", None);
     }
     let is_of_sensor = |key: &str| matches!(parts.as_slice(), [sensor, _, name] if *sensor == SENSORS.name() && *name == key);
-    if [NAME.name(), PRESET.name(), MODE.name()].into_iter().any(is_of_sensor) {
+    if [NAME.name(), PRESET.name(), MODE.name(), IS_NOMINAL.name()].into_iter().any(is_of_sensor) {
         let help = "draw the keys in which the presets differ, or give the job's `--set` another one";
         return refuse("a sensor is known before anything is drawn", Some(help));
     }

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use super::super::job::{FromScene, InScene, MountedSensor, Owner};
 use super::super::keys::job::{MODE, NAME, POSE, PRESET, SENSORS, TRAJECTORY, TRIGGER};
+use super::super::keys::measurement::IS_NOMINAL;
 use super::super::table::Table;
+use super::nominal::report_absence;
 use super::pose::{Placed, placed};
 use super::rays::RayFiles;
 use super::sensor;
@@ -41,6 +43,10 @@ pub(super) fn sensors(job: &Table<'_>, ray_files: &RayFiles, lost: &[Span], body
         // The preset is laid under this table already, in the mode that it asks for.
         t.read(&PRESET);
         t.read(&MODE);
+        let is_nominal = t.value(&IS_NOMINAL);
+        if is_nominal && !t.has(&PRESET) {
+            report_absence(t.reading(), t.span_of(&IS_NOMINAL));
+        }
         let name = name(t, is_alone, &mut taken);
         let placed = placed(t, &POSE);
         let trigger_s = t.value(&TRIGGER);
@@ -69,7 +75,7 @@ pub(super) fn sensors(job: &Table<'_>, ray_files: &RayFiles, lost: &[Span], body
                     Pose::IDENTITY
                 }
             };
-            mounted.push(MountedSensor { name, sensor, body_from_sensor, trigger_s });
+            mounted.push(MountedSensor { name, sensor, is_nominal, body_from_sensor, trigger_s });
             spans.push(t.span);
             places.push(if t.has(&POSE) { t.span_of(&POSE) } else { body.unwrap_or(t.span) });
         }

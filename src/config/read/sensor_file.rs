@@ -6,6 +6,7 @@ use super::super::job::SensorFile;
 use super::super::keys::sensor::SENSOR_FILE;
 use super::super::table::{Grammar, Reading, Table};
 use super::modes::{lay_mode, take_modes};
+use super::nominal::nominal;
 use super::rays::RayFiles;
 use super::rig::MAX_BEAMS;
 use super::sensor::sensor;
@@ -38,11 +39,13 @@ pub(in super::super) fn sensor_file(
         sensor(&Table::new(Reading { report, grammar }, &SENSOR_FILE, entries, whole), ray_files, false)
     };
     let as_it_stands = read(report, &mut ray_files, &entries);
+    let nominal_figures = nominal(Reading { report, grammar }, &entries, whole);
     let mut in_modes = Vec::new();
     let mut beams = 0;
     for (name, mode) in modes {
         let mut entries = entries.clone();
         lay_mode(Reading { report, grammar }, &mut entries, &mode);
+        nominal(Reading { report, grammar }, &entries, whole); // what is wrong with it is reported
         let Some(sensor) = read(report, &mut ray_files, &entries) else { continue };
         beams += if sensor.pattern.is_camera() { 0 } else { sensor.pattern.rows() };
         if beams > MAX_BEAMS {
@@ -56,5 +59,11 @@ pub(in super::super) fn sensor_file(
         return None;
     }
     let modes = in_modes;
-    Some(SensorFile { path: path.to_path_buf(), sensor: as_it_stands?, modes, warnings: Vec::new() })
+    Some(SensorFile {
+        path: path.to_path_buf(),
+        sensor: as_it_stands?,
+        nominal: nominal_figures,
+        modes,
+        warnings: Vec::new(),
+    })
 }

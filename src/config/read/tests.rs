@@ -6,11 +6,26 @@ use super::super::table::asked;
 use super::super::{load_job, load_sensor};
 
 /// Sensor files that have each table of a sensor between them.
-const SENSORS: [&str; 9] =
-    ["equirectangular", "fisheye", "mirror", "pinhole", "raster", "rays", "risley", "rotating", "spaced"];
+const SENSORS: [&str; 10] = [
+    "equirectangular",
+    "fisheye",
+    "measured",
+    "mirror",
+    "pinhole",
+    "raster",
+    "rays",
+    "risley",
+    "rotating",
+    "spaced",
+];
 
 /// Jobs that have each table of a job between them, except for the patterns.
-const JOBS: [&str; 3] = ["tests/schema/job.toml", "tests/schema/places.toml", "configs/street_rig.toml"];
+const JOBS: [&str; 4] = [
+    "tests/schema/job.toml",
+    "tests/schema/places.toml",
+    "tests/schema/weather.toml",
+    "configs/street_rig.toml",
+];
 
 #[test]
 fn every_key_that_is_declared_is_read() {

@@ -34,7 +34,12 @@ fn facts_of_a_scene() {
     let placed = |label, x| SourceInstance {
         mesh: 0,
         world_from_mesh: DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)),
-        object: Object { name: format!("box_{x}"), job_label: Some(label), file_label: Some(3) },
+        object: Object {
+            name: format!("box_{x}"),
+            job_label: Some(label),
+            file_label: Some(3),
+            ..Object::default()
+        },
         ..SourceInstance::default()
     };
     let builder = SceneBuilder {

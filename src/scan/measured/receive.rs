@@ -89,10 +89,10 @@ impl<'a> Detector<'a> {
         // Sunlight beyond that of the data sheet adds to the variance of the noise.
         let share = receiver.sun_share;
         let noise_sigma = (1.0 - share + share * sun).sqrt();
-        let threshold = receiver.sensitivity.map(|_| receiver.threshold(window_m));
+        let threshold = receiver.sensitivity.map(|_| receiver.threshold(limits.max_m));
         let white_at_1_m = match (receiver.sensitivity, threshold) {
             (Some(sensitivity), Some(_)) => {
-                receiver.limit_snr(window_m) / (sensitivity.least_power * noise_sigma)
+                receiver.limit_snr(limits.max_m) / (sensitivity.least_power * noise_sigma)
             }
             _ => 1.0,
         };

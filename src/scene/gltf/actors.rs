@@ -120,7 +120,7 @@ fn object(actor: &Actor, object: &Object) -> Object {
         "" => actor.name.to_owned(),
         name => format!("{}/{name}", actor.name),
     };
-    Object { name, job_label: actor.label.or(object.job_label), file_label: object.file_label }
+    Object { name, job_label: actor.label.or(object.job_label), ..*object }
 }
 
 fn is_same(a: &SourceMesh, b: &SourceMesh) -> bool {

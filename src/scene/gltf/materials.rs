@@ -20,6 +20,7 @@ pub(super) fn read(
     options: &Options,
     notices: &Notices,
 ) -> Vec<Material> {
+    let optics = options.optics_by_name();
     let mut textures = Textures::new(document, data, notices);
     let materials: Vec<Material> = (0_u32..)
         .zip(&document.materials)
@@ -35,6 +36,7 @@ pub(super) fn read(
                 material.transmission_texture = read(transmission);
             }
             material.job_label = options.labels.get(&material.name).copied();
+            material.optics = optics.get(material.name.as_str()).copied();
             material
         })
         .collect();

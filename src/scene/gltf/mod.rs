@@ -60,6 +60,7 @@ mod vertices;
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::DAffine3;
 
@@ -186,12 +187,12 @@ fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<
         elements.push((builder.instances.len(), Elements::of_actor(actor.name)));
         casts.place(cast, actor, options.start_s, &mut builder);
     }
-    names.warn_of_unknown(options.labels, &notices);
+    names.warn_of_unknown(options, &notices);
     let element = |instance: usize| {
         let of_file = elements.iter().rev().find(|(first, _)| *first <= instance);
         of_file.map_or(String::new(), |(first, elements)| elements.of(instance - first))
     };
-    let scene = builder.build().map_err(|error| match &error {
+    let mut scene = builder.build().map_err(|error| match &error {
         SceneBuildError::TooFar { instance, .. } => Fault::new(element(*instance), error.to_string())
             .help("is a coordinate or a scale not in metres?"),
         SceneBuildError::Empty { skipped } => {
@@ -201,6 +202,11 @@ fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<
         }
         SceneBuildError::TooManyTriangles { .. } => Fault::new("", error.to_string()),
     })?;
+    if !options.optics.is_empty() {
+        let geometry = Arc::make_mut(&mut scene.geometry);
+        geometry.optics = options.optics.to_vec();
+        geometry.optics_of_labels = names.optics_of_labels(options);
+    }
     let mut notices = notices.into_list();
     notices.extend(scene.geometry.rounding.notices(element));
     Ok(Loaded { scene, notices, of_actors, places })
@@ -273,7 +279,8 @@ fn read(path: &Path, display_name: &str, options: &Options, notices: &Notices) -
     let mut sources = vec![files::source_file(display_name, &file)];
     let labels = placed.nodes.iter().map(|&node| (node, document.node_label(node))).collect();
     let elements = Elements::OfFile { nodes: placed.nodes, labels };
-    let names = if options.labels.is_empty() { Names::default() } else { Names::of(&document) };
+    let asks_for_names = !(options.labels.is_empty() && options.optics.is_empty());
+    let names = if asks_for_names { Names::of(&document) } else { Names::default() };
     sources.extend(data.into_files());
     let builder = SceneBuilder {
         meshes: placed.meshes,
@@ -361,17 +368,39 @@ impl Names {
         self.extras.extend(other.extras.iter().cloned());
     }
 
-    /// Warns of the job's labels that no node, material or `extras.label` has.
-    fn warn_of_unknown(&self, labels: &BTreeMap<String, u32>, notices: &Notices) {
+    /// The labels whose surfaces have optics by the label's name: no node and no material has the name. Of several names of a label
+    /// the first counts.
+    fn optics_of_labels(&self, options: &Options) -> BTreeMap<u32, u32> {
+        let mut found = BTreeMap::new();
+        for (index, optics) in (0_u32..).zip(options.optics) {
+            if let Some(label) = options.labels.get(&optics.name)
+                && !self.own.contains(&optics.name)
+            {
+                found.entry(*label).or_insert(index);
+            }
+        }
+        found
+    }
+
+    /// Warns of the job's labels that no node, material or `extras.label` has, and of its optics that no node, material or label has.
+    fn warn_of_unknown(&self, options: &Options, notices: &Notices) {
         /// A suggestion looks at every name of the file, so that only so many are made.
         const MOST_SUGGESTIONS: usize = 10;
-        let unknown = labels.keys().filter(|name| !self.own.contains(*name) && !self.extras.contains(*name));
-        for (number, name) in unknown.enumerate() {
+        let warn = |number: usize, name: &str, place: &str, of: &str| {
             let names = self.own.iter().map(String::as_str);
             let meant = if number < MOST_SUGGESTIONS { nearest(name, names) } else { None };
             let meant = meant.map_or(String::new(), |meant| format!("; did you mean {}?", quoted(meant)));
-            let problem = format!("no node or material is called {}{meant}", quoted(name));
-            notices.warn(|| "labels".to_owned(), problem);
+            notices.warn(|| place.to_owned(), format!("no {of} is called {}{meant}", quoted(name)));
+        };
+        let labels = options.labels.keys();
+        let unknown = labels.filter(|name| !self.own.contains(*name) && !self.extras.contains(*name));
+        for (number, name) in unknown.enumerate() {
+            warn(number, name, "labels", "node or material");
+        }
+        let optics = options.optics.iter().map(|optics| &optics.name);
+        let unknown = optics.filter(|name| !self.own.contains(*name) && !options.labels.contains_key(*name));
+        for (number, name) in unknown.enumerate() {
+            warn(number, name, "materials", "node, material or label");
         }
     }
 }

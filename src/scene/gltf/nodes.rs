@@ -45,11 +45,12 @@ pub(super) struct PlacedMeshes {
     pub uses_default_material: bool,
 }
 
-/// The labels that a node inherits.
+/// The labels and the optics that a node inherits.
 #[derive(Clone, Copy, Default)]
 struct Labels {
     job: Option<u32>,
     file: Option<u32>,
+    optics: Option<u32>,
 }
 
 /// Where a mesh is placed.
@@ -72,6 +73,8 @@ struct Traversal<'d, 'a, 'o> {
     /// The actors that are nodes.
     drivers: &'d BTreeMap<u32, &'o Actor<'o>>,
     options: &'d Options<'o>,
+    /// The indices of the job's optics by the names of nodes.
+    optics: BTreeMap<&'d str, u32>,
     notices: &'d Notices,
     reader: MeshReader<'d, 'a>,
     meshes: Vec<SourceMesh>,
@@ -103,6 +106,7 @@ pub(super) fn place<'o>(
         chains,
         drivers,
         options,
+        optics: options.optics_by_name(),
         notices,
         reader: MeshReader::new(document, data, notices),
         meshes: Vec::new(),
@@ -191,7 +195,12 @@ impl Traversal<'_, '_, '_> {
 
     fn labels(&mut self, index: u32, node: &Node, inherited: Labels) -> Labels {
         let by_name = node.name.as_deref().and_then(|name| self.options.labels.get(name)).copied();
-        Labels { job: by_name.or(inherited.job), file: self.extras_label(index, node).or(inherited.file) }
+        let optics = node.name.as_deref().and_then(|name| self.optics.get(name)).copied();
+        Labels {
+            job: by_name.or(inherited.job),
+            file: self.extras_label(index, node).or(inherited.file),
+            optics: optics.or(inherited.optics),
+        }
     }
 
     /// `extras.label` of a node: an integer, or a name that the job maps to one.
@@ -220,7 +229,8 @@ impl Traversal<'_, '_, '_> {
         let meshes = &self.document.meshes;
         let name = [node.name.as_deref(), meshes.get(mesh as usize).and_then(|mesh| mesh.name.as_deref())];
         let name = name.into_iter().flatten().find(|name| !name.is_empty()).unwrap_or_default();
-        let object = Object { name: name.to_owned(), job_label: labels.job, file_label: labels.file };
+        let Labels { job, file, optics } = labels;
+        let object = Object { name: name.to_owned(), job_label: job, optics, file_label: file };
         let channel = self.chains.animations.of(index).and_then(|moves| moves.weights.clone());
         let still = rest(&channel);
         let weights = still.as_deref().or(node.weights.as_deref());

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::frame::UpAxis;
 use crate::motion::{Clock, Trajectory};
+use crate::scene::Optics;
 
 /// The options of loading a glTF file. The default is the file's default scene, with z up and without labels,
 /// whose animations all play once.
@@ -18,6 +19,9 @@ pub struct Options<'a> {
     /// Semantic labels by the name of a node (for it and all below it) or of a material. A node's `extras.label` may name
     /// one of them too.
     pub labels: &'a BTreeMap<String, u32>,
+    /// How surfaces send light back, by the name of a node (for it and all below it) or of a material or, where none has the name,
+    /// of a label.
+    pub optics: &'a [Optics],
     /// Folders besides the scene's own that its files may lie in, with all below them.
     pub allowed_folders: &'a [PathBuf],
     /// The animations that are played.
@@ -89,6 +93,17 @@ pub enum Place<'a> {
     Camera(&'a str),
 }
 
+impl Options<'_> {
+    /// The indices of the optics by their names; of several with one name, that of the first.
+    pub(super) fn optics_by_name(&self) -> BTreeMap<&str, u32> {
+        let mut found = BTreeMap::new();
+        for (index, optics) in (0_u32..).zip(self.optics) {
+            found.entry(optics.name.as_str()).or_insert(index);
+        }
+        found
+    }
+}
+
 impl Default for Options<'_> {
     fn default() -> Self {
         static NO_LABELS: BTreeMap<String, u32> = BTreeMap::new();
@@ -97,6 +112,7 @@ impl Default for Options<'_> {
             scene_name: None,
             up: UpAxis::default(),
             labels: &NO_LABELS,
+            optics: &[],
             allowed_folders: &[],
             clips: &ALL,
             actors: &[],

@@ -2,6 +2,7 @@
 
 mod camera;
 mod limit;
+mod measurement;
 mod rotating;
 mod scanner;
 
@@ -13,6 +14,8 @@ use super::rays::RayFiles;
 use crate::sensor::{Capture, Limited, Pattern, RangeLimits, Ranging, Sensor};
 use crate::source::Doubt;
 use crate::source::words::number;
+
+pub(super) use measurement::measurement;
 
 /// The reader of a pattern's table.
 type Read = fn(&Table<'_>, &RayFiles) -> Option<Pattern>;
@@ -34,12 +37,13 @@ pub(in super::super) fn is_pattern(key: &str) -> bool {
     PATTERNS.iter().any(|(pattern, _)| pattern.name() == key)
 }
 
-/// The sensor of a table with a pattern, `range` and `ring`. `None` if the report has errors about it. `is_pattern_lost`
+/// The sensor of a table with a pattern, `range`, `ring` and the tables by which it measures. `None` if the report has errors about it. `is_pattern_lost`
 /// says that there would be a pattern, had its file not been reported as unreadable.
 pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> Option<Sensor> {
     let report = t.report();
     let range = range(t);
     let ring = t.value(&keys::RING);
+    let measurement = measurement(t, range);
     let given: Vec<_> = PATTERNS.iter().filter(|(key, _)| t.has(*key)).collect();
     if let [(a, _), (b, _), ..] = given.as_slice() {
         report.error(
@@ -59,7 +63,7 @@ pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> 
     check_limits(t, &pattern, range)?;
     check_least_range(t, &pattern, range)?;
     warn_of_ambiguity(t, &pattern, range);
-    let sensor = Sensor { pattern, range, ring, measurement: Default::default() };
+    let sensor = Sensor { pattern, range, ring, measurement };
     if let Some(problem) = Capture::at_origin(&sensor).problem_of_numbers() {
         let key = given.first().map_or(t.span, |(key, _)| t.span_of(*key));
         report.error(key, problem.to_string(), "a number here is too large or too small", None);
@@ -134,7 +138,8 @@ fn check_least_range(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) -> Op
     None
 }
 
-fn range(sensor: &Table<'_>) -> RangeLimits {
+/// The limits of range of a sensor's table.
+pub(super) fn range(sensor: &Table<'_>) -> RangeLimits {
     let mut limits = RangeLimits::default();
     let Some(t) = sensor.read(&keys::RANGE).map(|range| range.value) else { return limits };
     let (min, max) = (t.read_or_default(&range::MIN), t.read(&range::MAX));

@@ -1,0 +1,192 @@
+//! The tables by which a sensor measures → [`Measurement`].
+
+use super::super::super::keys::measurement::{self as keys, blooming, footprint, noise, receiver};
+use super::super::super::plausibility;
+use super::super::super::table::{AnyKey, Table};
+use crate::angle::Angle;
+use crate::physics::detection::{RangePair, Sensitivity};
+use crate::physics::footprint::E2_IN_FWHM;
+use crate::sensor::{Blooming, Footprint, Measurement, Noise, RangeLimits, Receiver};
+use crate::source::words::number;
+
+/// How the sensor of a table measures. A table that is wrong is reported, and counts as left out.
+pub(in super::super) fn measurement(t: &Table<'_>, range: RangeLimits) -> Measurement {
+    let receiver = t.read(&keys::RECEIVER).map(|t| receiver(&t.value, range));
+    let noise = t.read(&keys::NOISE).map(|t| noise(&t.value, receiver.as_ref()));
+    Measurement {
+        footprint: t.read(&keys::FOOTPRINT).and_then(|t| footprint(&t.value)),
+        receiver,
+        noise,
+        blooming: t.read(&keys::BLOOMING).and_then(|t| blooming(&t.value)),
+    }
+}
+
+/// Angles of divergence are less than this, in mrad: the model's beams are narrow.
+const MOST_DIVERGENCE_MRAD: f64 = 1000.0;
+
+fn footprint(t: &Table<'_>) -> Option<Footprint> {
+    let divergence = t.read(&footprint::DIVERGENCE);
+    let kind = t.read(&footprint::KIND);
+    let exit_radius_m = t.value(&footprint::EXIT_RADIUS);
+    let samples = t.value(&footprint::SAMPLES);
+    let (divergence, is_fwhm) = (divergence?, kind?.value);
+    let is_right = |mrad: &f64| *mrad > 0.0 && *mrad < MOST_DIVERGENCE_MRAD;
+    if let Some(wrong) = divergence.value.iter().find(|mrad| !is_right(mrad)) {
+        let message = format!("a beam's divergence is {wrong} mrad");
+        let help = "a degree is 17.45 mrad".to_owned();
+        let label = format!("expected angles greater than 0 and less than {MOST_DIVERGENCE_MRAD}");
+        return t.report().fail(divergence.span, message, label, Some(help));
+    }
+    let at_e2 = if is_fwhm { E2_IN_FWHM } else { 1.0 };
+    let half_divergence = divergence.value.map(|full_mrad| Angle::rad(0.5 * at_e2 * full_mrad * 1e-3));
+    Some(Footprint { half_divergence, exit_radius_m, samples })
+}
+
+fn receiver(t: &Table<'_>, range: RangeLimits) -> Receiver {
+    let range_pairs = range_pairs(t, range);
+    let [false_alarm, interference_hz] = [&receiver::FALSE_ALARM, &receiver::INTERFERENCE].map(|key| {
+        let given = t.value(key);
+        let gives = "a return at any range that the sensor has";
+        need_window(t, key, given, gives, range);
+        given
+    });
+    let receiver = Receiver {
+        wavelength_m: t.value(&receiver::WAVELENGTH) * 1e-9,
+        sensitivity: Sensitivity::fit(&range_pairs),
+        range_pairs,
+        detection: t.value(&receiver::DETECTION),
+        false_alarm,
+        pulse_fwhm_s: t.value(&receiver::PULSE_FWHM) * 1e-9,
+        returns: t.value(&receiver::RETURNS),
+        separation_m: t.value(&receiver::SEPARATION),
+        intensity: t.value(&receiver::INTENSITY),
+        spacing_m: t.value(&receiver::SPACING),
+        bounces: t.value(&receiver::BOUNCES),
+        walk_residual: t.value(&receiver::WALK_RESIDUAL),
+        saturation_snr: t.read(&receiver::SATURATION).map_or(f64::INFINITY, |snr| snr.value),
+        sun_share: t.value(&receiver::SUN_SHARE),
+        sun_klx: t.value(&receiver::SUN_KLX),
+        interference_hz,
+        interference_snr: t.value(&receiver::INTERFERENCE_SNR),
+        overlap_m: t.value(&receiver::OVERLAP),
+    };
+    let [from, to] = receiver.overlap_m;
+    if from < 0.0 || from >= to {
+        let message = format!("the fields of view come to overlap from {from} m to {to} m");
+        let label = "expected 0 or more first, then more than that";
+        t.report().error(t.span_of(&receiver::OVERLAP), message, label, None);
+    }
+    receiver
+}
+
+/// Reports what arrives at random times where there is no last time: a range window has an end.
+fn need_window(t: &Table<'_>, key: &dyn AnyKey, given: f64, gives: &str, range: RangeLimits) {
+    if given > 0.0 && !range.max_m.is_finite() {
+        let message = format!("`{}` is {given}: {gives}, and its range has no end", key.name());
+        let help = "give `[range]` a `max_m`, the end of the range window";
+        t.report().error(t.span_of(key), message, "needs `max_m` in `[range]`", Some(help.into()));
+    }
+}
+
+/// The range pairs, in ascending order of reflectance; none if one is wrong.
+fn range_pairs(t: &Table<'_>, range: RangeLimits) -> Vec<RangePair> {
+    /// Reflectances are relative to white, and glossy surfaces have more.
+    const MOST_REFLECTANCE: f64 = 2.0;
+    let Some(given) = t.read(&receiver::RANGE_PAIRS) else { return Vec::new() };
+    let report = t.report();
+    if given.value.len() > receiver::MOST_PAIRS {
+        let message = format!("`range_pairs` has {} pairs", given.value.len());
+        report.error(given.span, message, format!("expected at most {}", receiver::MOST_PAIRS), None);
+        return Vec::new();
+    }
+    let mut pairs = Vec::with_capacity(given.value.len());
+    for pair in &given.value {
+        let [reflectivity, range_m] = pair.value;
+        if !(reflectivity > 0.0 && reflectivity <= MOST_REFLECTANCE && range_m > 0.0) {
+            let message =
+                format!("a range pair has the reflectance {reflectivity} and the range {range_m} m");
+            let label = "expected [reflectance, metres], such as [0.1, 90.0]";
+            let help = match reflectivity > MOST_REFLECTANCE && reflectivity <= 100.0 {
+                true => format!("{reflectivity} % is a reflectance of {}", number(reflectivity / 100.0)),
+                false => format!(
+                    "a reflectance is greater than 0 and at most {MOST_REFLECTANCE}, 1 for white, and a range is greater than 0"
+                ),
+            };
+            report.error(pair.span, message, label, Some(help));
+            return Vec::new();
+        }
+        if range_m > range.max_m {
+            report.doubt(
+                pair.span,
+                plausibility::pair_beyond_limit(receiver::RANGE_PAIRS.name(), range_m, range.max_m),
+            );
+        }
+        pairs.push((RangePair { reflectivity, range_m }, pair.span));
+    }
+    pairs.sort_by(|(a, _), (b, _)| a.reflectivity.total_cmp(&b.reflectivity));
+    for two in pairs.windows(2) {
+        let [(darker, at), (brighter, later)] = [two[0], two[1]];
+        if brighter.range_m < darker.range_m {
+            let message = format!(
+                "a plane of the reflectance {} is detected up to {} m, and one of {} only up to {} m",
+                darker.reflectivity, darker.range_m, brighter.reflectivity, brighter.range_m
+            );
+            let help = "a pair is [reflectance, metres]; brighter planes are detected as far or farther";
+            let span = report.later(at, later);
+            report.error(span, message, "expected ranges that grow with the reflectance", Some(help.into()));
+            return Vec::new();
+        }
+    }
+    let pairs: Vec<RangePair> = pairs.into_iter().map(|(pair, _)| pair).collect();
+    if let Some(fit) = Sensitivity::fit(&pairs)
+        && let Some(doubt) = plausibility::pairs_misfit(receiver::RANGE_PAIRS.name(), &fit)
+    {
+        report.doubt(given.span, doubt);
+    }
+    pairs
+}
+
+/// The noise of a sensor with this receiver.
+fn noise(t: &Table<'_>, receiver: Option<&Receiver>) -> Noise {
+    let degrees = |key| Angle::deg(t.value(key));
+    let noise = Noise {
+        range_floor_m: t.value(&noise::FLOOR),
+        range_a_m: t.value(&noise::A),
+        range_b: t.value(&noise::B),
+        bias_m: t.value(&noise::BIAS),
+        gain: t.value(&noise::GAIN),
+        angle: degrees(&noise::ANGLE),
+        beam_angle: degrees(&noise::BEAM_ANGLE),
+        range_unit_m: t.value(&noise::UNIT),
+    };
+    if noise.range_a_m > 0.0 && receiver.is_none_or(|receiver| receiver.sensitivity.is_none()) {
+        let message = format!(
+            "`range_a_m` is {}: it scales with the signal-to-noise ratio, and no range pairs say what that is",
+            noise.range_a_m
+        );
+        let help = "give `[receiver]` some `range_pairs`, or use `range_floor_m`, which needs none";
+        let label = "needs `range_pairs` in `[receiver]`";
+        t.report().error(t.span_of(&noise::A), message, label, Some(help.into()));
+    }
+    noise
+}
+
+fn blooming(t: &Table<'_>) -> Option<Blooming> {
+    let [core, halo, exponent] =
+        [&blooming::CORE, &blooming::HALO, &blooming::EXPONENT].map(|key| t.value(key));
+    let halo_angle = t.read(&blooming::HALO_ANGLE);
+    let reach = t.read(&blooming::REACH);
+    if halo > 0.0 {
+        t.need(&blooming::HALO_ANGLE, "`halo_deg = 0.5`, the width of the halo");
+    }
+    let reach_deg = reach?.value;
+    // Without a halo its width does not count, and the reach is one that divides.
+    let halo_deg = halo_angle.map_or(reach_deg, |angle| angle.value);
+    Some(Blooming {
+        core: Angle::deg(core),
+        halo,
+        halo_angle: Angle::deg(halo_deg),
+        exponent,
+        reach: Angle::deg(reach_deg),
+    })
+}

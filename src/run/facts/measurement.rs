@@ -1,0 +1,61 @@
+//! How far and how precisely a sensor measures, from its receiver and its noise.
+
+use serde::Serialize;
+
+use crate::sensor::{Measurement, RangeLimits};
+
+/// The facts about how a sensor measures, by the range pairs of its receiver.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MeasurementFacts {
+    /// Whether the figures are those of the data sheet, from `[nominal]`.
+    pub is_nominal: bool,
+    /// The range in metres, within the sensor's limits, up to which a plane of 10 % reflectance is detected.
+    pub range_10_m: f64,
+    /// The same of a plane of 80 %.
+    pub range_80_m: f64,
+    /// The probability of detection at these ranges.
+    pub detection: f64,
+    /// The exponent by which power falls with the range, which is 2 by physics.
+    pub exponent: f64,
+    /// The largest relative error of the range that the fit gives for a pair.
+    pub misfit: f64,
+    /// The number of false alarms to expect in a frame.
+    pub false_alarms_per_frame: f64,
+    /// The standard deviations of ranges to a plane of 80 %, at those of 10, 50 and 100 m at which it is detected.
+    pub range_sigmas: Vec<RangeSigma>,
+}
+
+/// The standard deviation of a range.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct RangeSigma {
+    /// The range in metres.
+    pub range_m: f64,
+    /// Its standard deviation in metres.
+    pub sigma_m: f64,
+}
+
+impl MeasurementFacts {
+    /// The facts about a measurement in frames of so many rays. `None` if there are no range pairs.
+    pub fn of(measurement: &Measurement, range: RangeLimits, rays: u64, is_nominal: bool) -> Option<Self> {
+        let receiver = measurement.receiver.as_ref()?;
+        let sensitivity = receiver.sensitivity?;
+        let reach = |reflectance: f64| sensitivity.range_m(reflectance).min(range.max_m);
+        let range_80_m = reach(0.8);
+        let noise = measurement.noise.unwrap_or_default();
+        let sigma = |range_m: f64| RangeSigma {
+            range_m,
+            sigma_m: noise.range_sigma_m(receiver.snr(0.8, range_m, range.max_m)),
+        };
+        let is_detected = |range_m: &f64| (range.min_m..=range_80_m).contains(range_m);
+        Some(Self {
+            is_nominal,
+            range_10_m: reach(0.1),
+            range_80_m,
+            detection: receiver.detection,
+            exponent: sensitivity.exponent,
+            misfit: sensitivity.misfit,
+            false_alarms_per_frame: receiver.false_alarm * rays as f64,
+            range_sigmas: [10.0, 50.0, 100.0].into_iter().filter(is_detected).map(sigma).collect(),
+        })
+    }
+}
