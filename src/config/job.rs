@@ -356,8 +356,6 @@ pub struct OutputSettings {
     pub cloud_frame: CloudFrame,
     /// Whether PNG previews have a legend.
     pub legend: bool,
-    /// Whether the ideal range and the terms of its error are written.
-    pub terms: bool,
 }
 
 /// The job's `[truth]`.

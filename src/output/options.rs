@@ -119,6 +119,11 @@ impl Channels {
         Self(names.into_iter().map(bit).fold(0, |all, bit| all | bit))
     }
 
+    /// These channels and others.
+    pub(super) fn and(self, others: Self) -> Self {
+        Self(self.0 | others.0)
+    }
+
     /// The chosen channels that a sensor has, sorted by name.
     pub fn of<'s>(self, sensor: &'s Sensor) -> impl Iterator<Item = &'static ChannelSpec> + use<'s> {
         self.iter().filter(|channel| channel.is_of(sensor))

@@ -3,10 +3,10 @@
 use std::fmt;
 use std::hash::{Hash, Hasher};
 
-use super::channel::ChannelSpec;
+use super::channel::{ChannelSpec, TERM_NAMES};
 use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::options::{Channels, OptionSpec, Options};
-use super::points::MOTION;
+use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
 use super::{depth16, exr, labels, npy, npz, pcd, ply, png, poses};
 use crate::sensor::Sensor;
@@ -59,6 +59,16 @@ impl Format {
     pub fn with_channels(mut self, channels: Channels) -> Self {
         self.options.channels = channels;
         self
+    }
+
+    /// The format with the error budget of ranges, if it can hold that: as channels, or as fields of points.
+    #[must_use]
+    pub fn with_terms(mut self) -> Self {
+        self.options.channels = self.options.channels.and(Channels::named(TERM_NAMES));
+        match self.spec.options.iter().find(|option| option.name == TERMS.name) {
+            Some(option) => self.with(option, 1.0),
+            None => self,
+        }
     }
 
     /// Whether the format holds channels, so that a job can choose them.

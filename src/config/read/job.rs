@@ -302,11 +302,12 @@ fn output(t: &Table<'_>, folder: &Path) -> Option<(OutputSettings, Vec<Span>)> {
         t.report().doubt(channels.span, plausibility::channels_of_nothing());
     }
     let channels = channels.map_or(Channels::USUAL, |channels| Channels::named(channels.value));
-    let formats = formats.into_iter().map(|format| format.with_channels(channels)).collect();
+    let terms = t.value(&keys::TERMS);
+    let with_terms = |format: Format| if terms { format.with_terms() } else { format };
+    let formats = formats.into_iter().map(|format| with_terms(format.with_channels(channels))).collect();
     let cloud_frame = t.value(&keys::CLOUD_FRAME);
     let legend = t.value(&keys::LEGEND);
-    let terms = t.value(&keys::TERMS);
-    Some((OutputSettings { dir: folder.join(dir?.value), formats, cloud_frame, legend, terms }, formats_at))
+    Some((OutputSettings { dir: folder.join(dir?.value), formats, cloud_frame, legend }, formats_at))
 }
 
 /// The sequence of a job that asks for none.
