@@ -5,6 +5,7 @@ mod check;
 mod cli;
 mod config;
 mod corpus;
+mod cut_outs;
 mod datasets;
 mod dead_zone;
 mod docs;
