@@ -179,7 +179,7 @@ mod tests {
     }
 
     fn image(texel: [u8; 4]) -> Option<Texture> {
-        Some(Texture::new(Arc::new(Image::new(1, vec![texel]).unwrap())))
+        Some(Texture::new(Arc::new(Image::new(1, 4, texel.to_vec()).unwrap())))
     }
 
     #[test]

@@ -37,6 +37,7 @@ mod scenes;
 mod selftest;
 mod sequence_checks;
 mod shapes;
+mod textures;
 mod timing;
 mod trace;
 mod trajectories;
