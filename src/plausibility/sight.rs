@@ -28,7 +28,7 @@ pub(super) fn doubts(
         return vec![doubt];
     }
     let place = below(origin, scene, extent, tracer).or_else(|| inside(origin, scene, extent, tracer));
-    place.into_iter().chain(sees_nothing(&capture, tracer)).collect()
+    place.into_iter().chain(sees_nothing(&capture, scene, tracer)).collect()
 }
 
 /// How many times the scene's diagonal a sensor may be away from it: from there, the scene is 6 degrees wide.
@@ -170,7 +170,7 @@ const FEW_RAYS: usize = 256;
 const MANY_RAYS: usize = 1 << 14;
 
 /// A sensor of which no ray returns, as far as rays that are spread over its frame can tell.
-fn sees_nothing(capture: &Capture, tracer: &impl Cast) -> Option<Doubt> {
+fn sees_nothing(capture: &Capture, scene: &Scene, tracer: &impl Cast) -> Option<Doubt> {
     let range = capture.sensor.range;
     let mut nearest = [f64::INFINITY; 2];
     for count in [FEW_RAYS, MANY_RAYS] {
@@ -180,9 +180,18 @@ fn sees_nothing(capture: &Capture, tracer: &impl Cast) -> Option<Doubt> {
         }
         let (origins, directions): (Vec<DVec3>, Vec<DVec3>) = pulses.into_iter().unzip();
         let mut hits = vec![None; directions.len()];
-        tracer.cast(&Rays::unlimited(Origins::Each(&origins), &directions), &mut hits);
+        let rays = Rays::unlimited(Origins::Each(&origins), &directions);
+        tracer.cast(&rays, &mut hits);
         if hits.iter().flatten().any(|hit| hit.t >= range.min_m && hit.t <= range.max_m) {
             return None;
+        }
+        if scene.is_see_through() {
+            // The first surface may be a hole or a pane, behind which there is something within the range.
+            let mut blocked = vec![false; directions.len()];
+            tracer.blocked(&Rays { t_min: range.min_m, t_max: range.max_m, ..rays }, &mut blocked);
+            if blocked.contains(&true) {
+                return None;
+            }
         }
         let depths = |of: &dyn Fn(f64) -> bool| {
             hits.iter().flatten().map(|hit| hit.t).filter(|t| of(*t)).fold(f64::INFINITY, f64::min)

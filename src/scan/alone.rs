@@ -115,8 +115,8 @@ fn of_batch(
                 }
                 continue;
             };
-            let object = scene.surface(hit.placement, hit.triangle).object;
-            if let Some(group) = group_of(object) {
+            let surface = scene.surface(hit.placement, hit.triangle);
+            if let Some(group) = group_of(surface.object) {
                 let at = met.iter().position(|known| known.group == group).unwrap_or_else(|| {
                     met.push(Met { group, sight: Sight::default(), is_settled: false });
                     met.len() - 1
@@ -126,7 +126,7 @@ fn of_batch(
                     && let Some(place) = place(hit)
                 {
                     let opacity = scene.opacity(hit.placement, hit.triangle, hit.u, hit.v);
-                    known.is_settled = known.sight.meet(hit, opacity, place);
+                    known.is_settled = known.sight.meet(hit, surface, opacity, place);
                 }
             }
             next.columns.push(rays.columns[ray]);

@@ -6,34 +6,51 @@
 
 use std::sync::{Arc, LazyLock};
 
-/// The texels of an image, row by row from the top: red, green, blue and alpha as they are stored.
+/// The texels of an image, row by row from the top. They are kept as their file has them, with one to four channels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     width: u32,
-    texels: Vec<[u8; 4]>,
+    channels: usize,
+    bytes: Vec<u8>,
 }
 
 impl Image {
-    /// An image of `width` columns and as many rows as the texels fill. `None` if there is no texel, or the last row is not full.
-    /// An image of one colour is kept as one texel.
-    pub fn new(width: u32, texels: Vec<[u8; 4]>) -> Option<Self> {
-        let first = *texels.first()?;
-        if width == 0 || !texels.len().is_multiple_of(width as usize) {
+    /// An image of `width` columns and as many rows as the bytes fill. A texel has `channels` bytes: grey, grey and alpha, red, green
+    /// and blue, or these and alpha. `None` if there is no texel, or the last row is not full. An image of one colour is kept as one
+    /// texel.
+    pub fn new(width: u32, channels: usize, mut bytes: Vec<u8>) -> Option<Self> {
+        if width == 0 || bytes.is_empty() || !(1..=4).contains(&channels) {
             return None;
         }
-        if texels.iter().all(|texel| *texel == first) {
-            return Some(Self { width: 1, texels: vec![first] });
+        if !bytes.len().is_multiple_of((width as usize).checked_mul(channels)?) {
+            return None;
         }
-        Some(Self { width, texels })
+        if bytes.chunks_exact(channels).all(|texel| *texel == bytes[..channels]) {
+            bytes.truncate(channels);
+            bytes.shrink_to_fit();
+            return Some(Self { width: 1, channels, bytes });
+        }
+        Some(Self { width, channels, bytes })
     }
 
     /// The bytes that the texels take.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.texels[..])
+        self.bytes.len()
     }
 
     fn height(&self) -> u32 {
-        (self.texels.len() / self.width as usize) as u32
+        (self.bytes.len() / self.channels / self.width as usize) as u32
+    }
+
+    /// Red, green, blue and alpha of a texel.
+    fn texel(&self, index: usize) -> [u8; 4] {
+        match self.bytes[index * self.channels..(index + 1) * self.channels] {
+            [grey] => [grey, grey, grey, u8::MAX],
+            [grey, alpha] => [grey, grey, grey, alpha],
+            [r, g, b] => [r, g, b, u8::MAX],
+            [r, g, b, a] => [r, g, b, a],
+            _ => [u8::MAX; 4],
+        }
     }
 }
 
@@ -111,9 +128,9 @@ impl Texture {
         }
         let texel = |x: f64, y: f64| {
             let (x, y) = (self.wrap[0].texel(x, width), self.wrap[1].texel(y, height));
-            decode(self.image.texels[y * width as usize + x])
+            decode(self.image.texel(y * width as usize + x))
         };
-        if self.is_nearest || self.image.texels.len() == 1 {
+        if self.is_nearest || width == 1 && height == 1 {
             return texel(x.floor(), y.floor()).map(|value| value as f32);
         }
         // The value of a texel is that of its middle.
@@ -146,13 +163,13 @@ mod tests {
 
     /// Two columns and two rows, which are told apart by red and green.
     fn four() -> Texture {
-        let texels = vec![[0, 0, 0, 255], [255, 0, 0, 255], [0, 255, 0, 255], [255, 255, 0, 0]];
-        Texture::new(Arc::new(Image::new(2, texels).unwrap()))
+        let texels = [[0, 0, 0, 255], [255, 0, 0, 255], [0, 255, 0, 255], [255, 255, 0, 0]];
+        Texture::new(Arc::new(Image::new(2, 4, texels.concat()).unwrap()))
     }
 
     #[test]
     fn colours_are_linear_light() {
-        let grey = |c: u8| Texture::new(Arc::new(Image::new(1, vec![[c, 0, 255, c]]).unwrap()));
+        let grey = |c: u8| Texture::new(Arc::new(Image::new(1, 4, vec![c, 0, 255, c]).unwrap()));
         for (number, linear) in [(0, 0.0), (10, 0.0030353), (55, 0.0382044), (128, 0.2158605), (255, 1.0)] {
             let [r, g, b, a] = grey(number).color([0.3, 0.7]);
             assert!((r - linear).abs() < 1e-6, "{number}: {r}");
@@ -203,11 +220,21 @@ mod tests {
 
     #[test]
     fn images_have_full_rows() {
-        assert_eq!(Image::new(2, vec![[0; 4]; 3]), None);
-        assert_eq!(Image::new(0, vec![[0; 4]; 3]), None);
-        assert_eq!(Image::new(2, vec![]), None);
-        let of_one_colour = Image::new(2, vec![[7; 4]; 4]).unwrap();
+        assert_eq!(Image::new(2, 4, vec![0; 12]), None);
+        assert_eq!(Image::new(0, 4, vec![0; 12]), None);
+        assert_eq!(Image::new(u32::MAX, 4, vec![0; 12]), None);
+        assert_eq!(Image::new(2, 5, vec![0; 10]), None);
+        assert_eq!(Image::new(2, 4, vec![]), None);
+        let of_one_colour = Image::new(2, 4, vec![7; 16]).unwrap();
         assert_eq!((of_one_colour.height(), of_one_colour.bytes()), (1, 4));
+        let texels = |channels| {
+            let image = Image::new(1, channels, (1..=2 * channels as u8).collect()).unwrap();
+            [image.texel(0), image.texel(1)]
+        };
+        assert_eq!(texels(1), [[1, 1, 1, 255], [2, 2, 2, 255]]);
+        assert_eq!(texels(2), [[1, 1, 1, 2], [3, 3, 3, 4]]);
+        assert_eq!(texels(3), [[1, 2, 3, 255], [4, 5, 6, 255]]);
+        assert_eq!(texels(4), [[1, 2, 3, 4], [5, 6, 7, 8]]);
         assert_eq!((four().image.height(), four().image.bytes()), (2, 16));
     }
 }

@@ -495,13 +495,16 @@ fn case_memory_estimates() {
 #[test]
 fn a_scene_takes_what_is_estimated() {
     let idle = peak(Workplace::new().command("scan", &["-q"]));
-    for (placements, triangles) in [(60_000, 2), (1, 200_000)] {
+    for (placements, triangles, texture) in [(60_000, 2, 0), (1, 200_000, 0), (1, 200_000, 3000)] {
         let work = Workplace::new();
         write_placed(&work, placements, triangles);
+        if texture > 0 {
+            crate::textures::add_texture(&work.path("ground.gltf"), texture);
+        }
         let output = work.scan(&["--dry-run", "--json"]);
         let estimate = json(&output.stdout)["scene_memory_bytes"].as_u64().unwrap();
         let peak = peak(work.command("scan", &["-q"]));
-        assert_fits(&format!("{placements} times {triangles}"), estimate, peak, idle);
+        assert_fits(&format!("{placements} times {triangles}, {texture}"), estimate, peak, idle);
     }
 }
 

@@ -96,7 +96,7 @@ fn png_image(bytes: &[u8], allow: &dyn Fn(u64) -> Result<(), Fault>, broken: Bro
     let mut pixels = buffer(size, reader.output_buffer_size(), allow, broken)?;
     let frame = reader.next_frame(&mut pixels).map_err(|error| broken(&error))?;
     pixels.truncate(frame.buffer_size());
-    image(frame.width, &pixels, frame.color_type.samples(), broken)
+    image(frame.width, pixels, frame.color_type.samples(), broken)
 }
 
 fn jpeg_image(
@@ -113,7 +113,7 @@ fn jpeg_image(
     let mut pixels = buffer(size, decoder.output_buffer_size(), allow, broken)?;
     decoder.decode_into(&mut pixels).map_err(|error| broken(&error))?;
     let channels = pixels.len() / (size.0 as usize * size.1 as usize).max(1);
-    image(size.0, &pixels, channels, broken)
+    image(size.0, pixels, channels, broken)
 }
 
 fn webp_image(
@@ -125,20 +125,12 @@ fn webp_image(
     let size = decoder.dimensions();
     let mut pixels = buffer(size, decoder.output_buffer_size(), allow, broken)?;
     decoder.read_image(&mut pixels).map_err(|error| broken(&error))?;
-    image(size.0, &pixels, if decoder.has_alpha() { 4 } else { 3 }, broken)
+    image(size.0, pixels, if decoder.has_alpha() { 4 } else { 3 }, broken)
 }
 
-/// An image of pixels with 1 to 4 channels: grey, grey and alpha, colour, or colour and alpha.
-fn image(width: u32, pixels: &[u8], channels: usize, broken: Broken) -> Result<Image, Fault> {
-    let texel = |pixel: &[u8]| match *pixel {
-        [grey] => Some([grey, grey, grey, u8::MAX]),
-        [grey, alpha] => Some([grey, grey, grey, alpha]),
-        [r, g, b] => Some([r, g, b, u8::MAX]),
-        [r, g, b, a] => Some([r, g, b, a]),
-        _ => None,
-    };
-    let texels: Option<Vec<_>> = pixels.chunks_exact(channels.max(1)).map(texel).collect();
-    texels.and_then(|texels| Image::new(width, texels)).ok_or_else(|| broken(&"it has no pixels"))
+/// An image of pixels with so many channels.
+fn image(width: u32, pixels: Vec<u8>, channels: usize, broken: Broken) -> Result<Image, Fault> {
+    Image::new(width, channels, pixels).ok_or_else(|| broken(&"it has no pixels"))
 }
 
 #[cfg(test)]
@@ -175,21 +167,19 @@ mod tests {
     #[test]
     fn png_of_every_kind() {
         use BitDepth::{Eight, One, Sixteen};
-        let two = |a: [u8; 4], b: [u8; 4]| Image::new(2, vec![a, b]).unwrap();
-        let grey = |c: u8| [c, c, c, 255];
+        let two = |texel: &[u8]| Image::new(2, texel.len() / 2, texel.to_vec()).unwrap();
         let of = |color, depth, data: &[u8]| read(&png(color, depth, 1, data, None)).unwrap();
-        assert_eq!(of(ColorType::Grayscale, Eight, &[7, 9]), two(grey(7), grey(9)));
-        assert_eq!(of(ColorType::Grayscale, One, &[0b0100_0000]), two(grey(0), grey(255)));
-        assert_eq!(of(ColorType::Grayscale, Sixteen, &[7, 1, 9, 2]), two(grey(7), grey(9)));
-        assert_eq!(of(ColorType::GrayscaleAlpha, Eight, &[7, 1, 9, 2]), two([7, 7, 7, 1], [9, 9, 9, 2]));
-        assert_eq!(of(ColorType::Rgb, Eight, &[1, 2, 3, 4, 5, 6]), two([1, 2, 3, 255], [4, 5, 6, 255]));
-        assert_eq!(of(ColorType::Rgba, Eight, &[1, 2, 3, 4, 5, 6, 7, 8]), two([1, 2, 3, 4], [5, 6, 7, 8]));
+        assert_eq!(of(ColorType::Grayscale, Eight, &[7, 9]), two(&[7, 9]));
+        assert_eq!(of(ColorType::Grayscale, One, &[0b0100_0000]), two(&[0, 255]));
+        assert_eq!(of(ColorType::Grayscale, Sixteen, &[7, 1, 9, 2]), two(&[7, 9]));
+        assert_eq!(of(ColorType::GrayscaleAlpha, Eight, &[7, 1, 9, 2]), two(&[7, 1, 9, 2]));
+        assert_eq!(of(ColorType::Rgb, Eight, &[1, 2, 3, 4, 5, 6]), two(&[1, 2, 3, 4, 5, 6]));
+        assert_eq!(of(ColorType::Rgba, Eight, &[1, 2, 3, 4, 5, 6, 7, 8]), two(&[1, 2, 3, 4, 5, 6, 7, 8]));
         let palette = (&[1, 2, 3, 4, 5, 6][..], &[128][..]);
         let indexed = png(ColorType::Indexed, Eight, 1, &[1, 0], Some(palette));
-        assert_eq!(read(&indexed).unwrap(), two([4, 5, 6, 255], [1, 2, 3, 128]));
+        assert_eq!(read(&indexed).unwrap(), two(&[4, 5, 6, 255, 1, 2, 3, 128]));
     }
 
-    /// Bytes that `cwebp -lossless` and `cjpeg` make of a small image are not needed: whatever is no image is refused.
     #[test]
     fn broken_images_are_refused() {
         let whole = png(ColorType::Rgb, BitDepth::Eight, 2, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], None);
@@ -214,7 +204,31 @@ mod tests {
         }
     }
 
-    /// A lossless WebP of one texel, whose header the format's specification spells out.
+    /// A JPEG of one grey block, part by part as ITU-T T.81 has them.
+    #[test]
+    fn jpeg_without_colour() {
+        let mut file = b"\xff\xd8\xff\xdb\0\x43\0".to_vec();
+        file.extend([8; 64]); // The steps of all coefficients are 8.
+        file.extend(b"\xff\xc0\0\x0b\x08\0\x08\0\x08\x01\x01\x11\0"); // Eight rows and columns, one component
+        let code = |class: u8, symbol: u8| {
+            let mut part = vec![0xff, 0xc4, 0, 20, class, 1];
+            part.extend([0; 15]);
+            part.push(symbol);
+            part
+        };
+        file.extend(code(0x00, 7)); // The code 0 stands for a mean of seven bits,
+        file.extend(code(0x10, 0)); // and then for the end of the block.
+        file.extend(b"\xff\xda\0\x08\x01\x01\0\0\x3f\0");
+        file.push(0b0100_0000); // The mean is 64 above the middle, 128.
+        file.push(0b0111_1111);
+        file.extend(b"\xff\xd9");
+        let image = read(&file).unwrap();
+        let texture = crate::scene::texture::Texture::new(std::sync::Arc::new(image));
+        assert_eq!(texture.values([0.5; 2]), [192.0 / 255.0, 192.0 / 255.0, 192.0 / 255.0, 1.0]);
+        assert!(read(&file[..60]).unwrap_err().contains("JPEG is broken"));
+    }
+
+    /// A lossless WebP, bit by bit as the format's specification spells it out.
     #[test]
     fn webp_without_loss() {
         // Simple codes of one symbol each for green, red, blue, alpha and distances: the image is one colour.
@@ -240,7 +254,7 @@ mod tests {
         file.extend(b"WEBPVP8L");
         file.extend((data.len() as u32).to_le_bytes());
         file.extend(&data);
-        assert_eq!(read(&file), Ok(Image::new(2, vec![[10, 20, 30, 128]; 2]).unwrap()));
+        assert_eq!(read(&file), Ok(Image::new(2, 4, [10, 20, 30, 128].repeat(2)).unwrap()));
     }
 
     #[derive(Default)]
