@@ -68,15 +68,16 @@ fn named(scene: &SceneFacts, label: u32) -> String {
 
 fn write_measurement(text: &mut String, facts: &MeasurementFacts) {
     let nominal = if facts.is_nominal { ", nominal" } else { "" };
+    let tenths = |x: f64| tidy((x * 10.0).round() / 10.0);
     let percent = tidy(facts.detection * 1e2);
-    let (range_10, range_80) = (tidy(facts.range_10_m), tidy(facts.range_80_m));
+    let (range_10, range_80) = (tenths(facts.range_10_m), tenths(facts.range_80_m));
     fact!(
         text,
         "detects",
         "{range_10} m at 10 %, {range_80} m at 80 % reflectance, in {percent} % of pulses{nominal}"
     );
     if facts.exponent != 2.0 {
-        let misfit = tidy(facts.misfit * 1e2);
+        let misfit = tenths(facts.misfit * 1e2);
         let exponent = facts.exponent;
         fact!(text, "power falls", "with the range to the {exponent:.2}, off by {misfit} % at most{nominal}");
     }
@@ -85,7 +86,7 @@ fn write_measurement(text: &mut String, facts: &MeasurementFacts) {
     }
     let is_exact = facts.range_sigmas.iter().all(|sigma| sigma.sigma_m == 0.0);
     if !is_exact {
-        let sigma = |sigma: &RangeSigma| format!("{} mm at {} m", tidy(sigma.sigma_m * 1e3), sigma.range_m);
+        let sigma = |sigma: &RangeSigma| format!("{} mm at {} m", tenths(sigma.sigma_m * 1e3), sigma.range_m);
         let sigmas: Vec<String> = facts.range_sigmas.iter().map(sigma).collect();
         fact!(text, "range noise", "{} on 80 % (1σ){nominal}", sigmas.join(", "));
     }

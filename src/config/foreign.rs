@@ -93,7 +93,7 @@ const MEANINGS: &[(&[&str], &str, &str)] = &[
     (
         &["divergence", "divergence_deg", "beam_divergence", "beam_width"],
         "divergence_mrad",
-        "the full angles, horizontal and vertical, with their `kind`",
+        "in milliradians: a degree is 17.45",
     ),
     (&["max_returns", "num_returns", "return_mode"], "returns", ""),
     (&["wavelength"], "wavelength_nm", "in nanometres"),

@@ -1,5 +1,6 @@
 //! Jobs and sensor files: their meaning, and the messages about wrong ones.
 
+mod measured;
 mod mistakes;
 
 use std::path::{Path, PathBuf};

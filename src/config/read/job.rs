@@ -61,7 +61,7 @@ pub(super) fn from_entries(
     let output = t.read(&keys::OUTPUT).and_then(|t| output(&t.value, folder));
     let rig::Rig { sensors, places: sensors_at, tables: tables_at, from_scene, unposed } =
         rig::sensors(&t, ray_files, &presets.lost, body_at);
-    let environment = surroundings::environment(&t, &sensors);
+    let environment = surroundings::environment(&t);
     check_rates(report, &sequence, &sensors, &tables_at);
     let truth = truth(&t);
     let frames_of = |mounted: &MountedSensor| sequence.frames_of(&mounted.sensor);
@@ -97,6 +97,7 @@ pub(super) fn from_entries(
     if report.has_errors() {
         return None;
     }
+    surroundings::warn_of_no_effect(&t, &environment, &sensors);
     if let Some(span) = unposed {
         report.doubt(span, plausibility::no_pose());
     }

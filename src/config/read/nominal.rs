@@ -5,7 +5,7 @@ use super::super::keys::measurement::{IS_NOMINAL, NOMINAL, NOMINAL_KEYS, PARTS, 
 use super::super::keys::sensor::SENSOR_FILE;
 use super::super::overlay;
 use super::super::table::{AnyKey, Reading, Table};
-use super::sensor::{measurement, range};
+use super::sensor::{max_at, measurement, range};
 use crate::source::Span;
 use crate::source::tree::{Entries, Node, Value};
 
@@ -57,11 +57,11 @@ pub(super) fn nominal(reading: Reading<'_>, entries: &Entries, file: Span) -> Op
         reading.report.error(given.span, "`[nominal]` has no figures", "needs a table", Some(help));
     }
     // Own tables may hide what is wrong with the figures.
-    measurement(&given.value, range(&t));
+    measurement(&given.value, range(&t), max_at(&t));
     let mut laid = entries.clone();
     let figures = laid.remove(NOMINAL.name())?.node;
     lay_under(reading, &mut laid, &figures);
     let t = Table::new(reading, &SENSOR_FILE, &laid, file);
-    let measurement = measurement(&t, range(&t));
+    let measurement = measurement(&t, range(&t), max_at(&t));
     Some(Nominal { source: source?.value.to_owned(), measurement })
 }

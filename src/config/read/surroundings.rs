@@ -124,21 +124,29 @@ fn like(t: &Table<'_>) -> Option<Measured> {
     t.report().fail(name.span, message, "", Some(help))
 }
 
-/// The air and the sun. Warns of both where no sensor of the job measures light.
-pub(super) fn environment(job: &Table<'_>, sensors: &[MountedSensor]) -> Environment {
-    let weather = job.read(&job_keys::WEATHER).map(|t| weather(&t.value));
-    let sun = job.read(&job_keys::ENVIRONMENT).and_then(|t| sun(&t.value));
+/// The air and the sun.
+pub(super) fn environment(job: &Table<'_>) -> Environment {
+    Environment {
+        weather: job.read(&job_keys::WEATHER).map(|t| weather(&t.value)),
+        sun: job.read(&job_keys::ENVIRONMENT).and_then(|t| sun(&t.value)),
+    }
+}
+
+/// Warns of weather and of a sun where no sensor of the job measures light.
+pub(super) fn warn_of_no_effect(job: &Table<'_>, environment: &Environment, sensors: &[MountedSensor]) {
     let measures = |mounted: &MountedSensor| {
         mounted.sensor.measurement.receiver.as_ref().is_some_and(|receiver| receiver.sensitivity.is_some())
     };
-    if !sensors.is_empty() && !sensors.iter().any(measures) {
-        let given: [(bool, &dyn AnyKey); 2] =
-            [(weather.is_some(), &job_keys::WEATHER), (sun.is_some(), &job_keys::ENVIRONMENT)];
-        for (_, key) in given.into_iter().filter(|(is_there, _)| *is_there) {
-            job.report().doubt(job.span_of(key), plausibility::weather_without_receiver(key.name()));
-        }
+    if sensors.iter().any(measures) {
+        return;
     }
-    Environment { weather, sun }
+    let given: [(bool, &dyn AnyKey); 2] = [
+        (environment.weather.is_some(), &job_keys::WEATHER),
+        (environment.sun.is_some(), &job_keys::ENVIRONMENT),
+    ];
+    for (_, key) in given.into_iter().filter(|(is_there, _)| *is_there) {
+        job.report().doubt(job.span_of(key), plausibility::weather_without_receiver(key.name()));
+    }
 }
 
 fn weather(t: &Table<'_>) -> Weather {

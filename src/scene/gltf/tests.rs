@@ -10,6 +10,7 @@ use tempfile::TempDir;
 use super::{Loaded, Options, load};
 use crate::error::SceneError;
 use crate::frame::UpAxis;
+use crate::scene::{Optics, Surface};
 
 #[cfg(test)]
 mod mended;
@@ -632,6 +633,33 @@ fn labels_of_file_and_job() {
         "{:?}",
         told(&loaded)
     );
+}
+
+#[test]
+fn optics_of_nodes_materials_and_labels() {
+    let optics =
+        ["street", "paint", "kind", "gone"].map(|name| Optics { name: name.into(), ..Optics::default() });
+    let labels = BTreeMap::from([("kind".to_owned(), 9)]);
+    let mut asset = Asset::triangle();
+    asset.json["materials"] = json!([{ "name": "paint" }]);
+    let bare = asset.json["meshes"][0].clone();
+    asset.push("meshes", bare);
+    asset.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    asset.json["nodes"] = json!([
+        { "name": "street", "children": [1] },
+        { "mesh": 0 },
+        { "mesh": 0, "extras": { "label": "kind" } },
+        { "mesh": 1, "extras": { "label": "kind" } },
+        { "mesh": 1 },
+    ]);
+    let loaded = asset.load_with(&Options { labels: &labels, optics: &optics, ..plain() }).unwrap();
+    let of =
+        |object, material| loaded.scene.optics(Surface { object, material }).map(|found| &found.name[..]);
+    let found = [of(0, 0), of(1, 0), of(2, 1), of(3, 1)];
+    assert_eq!(found, [Some("street"), Some("paint"), Some("kind"), None]);
+    assert_eq!(told(&loaded), ["materials: no node, material or label is called \"gone\""]);
+    let part = loaded.scene.only(|object| object == 2);
+    assert_eq!(part.optics(Surface { object: 2, material: 1 }), Some(&optics[2]));
 }
 
 #[test]

@@ -7,11 +7,14 @@ use crate::angle::Angle;
 use crate::physics::detection::{RangePair, Sensitivity};
 use crate::physics::footprint::E2_IN_FWHM;
 use crate::sensor::{Blooming, Footprint, Measurement, Noise, RangeLimits, Receiver};
+use crate::source::Span;
 use crate::source::words::number;
 
 /// How the sensor of a table measures. A table that is wrong is reported, and counts as left out.
-pub(in super::super) fn measurement(t: &Table<'_>, range: RangeLimits) -> Measurement {
-    let receiver = t.read(&keys::RECEIVER).map(|t| receiver(&t.value, range));
+///
+/// `max_at` is where the largest range is written.
+pub(in super::super) fn measurement(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Measurement {
+    let receiver = t.read(&keys::RECEIVER).map(|t| receiver(&t.value, range, max_at));
     let noise = t.read(&keys::NOISE).map(|t| noise(&t.value, receiver.as_ref()));
     Measurement {
         footprint: t.read(&keys::FOOTPRINT).and_then(|t| footprint(&t.value)),
@@ -42,12 +45,11 @@ fn footprint(t: &Table<'_>) -> Option<Footprint> {
     Some(Footprint { half_divergence, exit_radius_m, samples })
 }
 
-fn receiver(t: &Table<'_>, range: RangeLimits) -> Receiver {
-    let range_pairs = range_pairs(t, range);
+fn receiver(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Receiver {
+    let range_pairs = range_pairs(t, range, max_at);
     let [false_alarm, interference_hz] = [&receiver::FALSE_ALARM, &receiver::INTERFERENCE].map(|key| {
         let given = t.value(key);
-        let gives = "a return at any range that the sensor has";
-        need_window(t, key, given, gives, range);
+        need_window(t, key, given, range);
         given
     });
     let receiver = Receiver {
@@ -80,16 +82,19 @@ fn receiver(t: &Table<'_>, range: RangeLimits) -> Receiver {
 }
 
 /// Reports what arrives at random times where there is no last time: a range window has an end.
-fn need_window(t: &Table<'_>, key: &dyn AnyKey, given: f64, gives: &str, range: RangeLimits) {
+fn need_window(t: &Table<'_>, key: &dyn AnyKey, given: f64, range: RangeLimits) {
     if given > 0.0 && !range.max_m.is_finite() {
-        let message = format!("`{}` is {given}: {gives}, and its range has no end", key.name());
+        let message = format!(
+            "`{}` is {given}: such returns are at any range, and the sensor's range has no end",
+            key.name()
+        );
         let help = "give `[range]` a `max_m`, the end of the range window";
         t.report().error(t.span_of(key), message, "needs `max_m` in `[range]`", Some(help.into()));
     }
 }
 
 /// The range pairs, in ascending order of reflectance; none if one is wrong.
-fn range_pairs(t: &Table<'_>, range: RangeLimits) -> Vec<RangePair> {
+fn range_pairs(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Vec<RangePair> {
     /// Reflectances are relative to white, and glossy surfaces have more.
     const MOST_REFLECTANCE: f64 = 2.0;
     let Some(given) = t.read(&receiver::RANGE_PAIRS) else { return Vec::new() };
@@ -115,7 +120,8 @@ fn range_pairs(t: &Table<'_>, range: RangeLimits) -> Vec<RangePair> {
             report.error(pair.span, message, label, Some(help));
             return Vec::new();
         }
-        if range_m > range.max_m {
+        // A job that shortens the range of its preset means that.
+        if range_m > range.max_m && pair.span.source == max_at.source {
             report.doubt(
                 pair.span,
                 plausibility::pair_beyond_limit(receiver::RANGE_PAIRS.name(), range_m, range.max_m),

@@ -12,8 +12,8 @@ use super::super::plausibility;
 use super::super::table::{Key, Table};
 use super::rays::RayFiles;
 use crate::sensor::{Capture, Limited, Pattern, RangeLimits, Ranging, Sensor};
-use crate::source::Doubt;
 use crate::source::words::number;
+use crate::source::{Doubt, Span};
 
 pub(super) use measurement::measurement;
 
@@ -43,7 +43,7 @@ pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> 
     let report = t.report();
     let range = range(t);
     let ring = t.value(&keys::RING);
-    let measurement = measurement(t, range);
+    let measurement = measurement(t, range, max_at(t));
     let given: Vec<_> = PATTERNS.iter().filter(|(key, _)| t.has(*key)).collect();
     if let [(a, _), (b, _), ..] = given.as_slice() {
         report.error(
@@ -136,6 +136,11 @@ fn check_least_range(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) -> Op
     };
     t.report().error(span, message, label, None);
     None
+}
+
+/// Where the largest range of a sensor's table is written, or the table if there is none.
+pub(super) fn max_at(sensor: &Table<'_>) -> Span {
+    sensor.read(&keys::RANGE).map_or(sensor.span, |range| range.value.span_of(&range::MAX))
 }
 
 /// The limits of range of a sensor's table.
