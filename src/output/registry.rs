@@ -71,6 +71,13 @@ impl Format {
         }
     }
 
+    /// Whether the files tell the error budget of ranges.
+    pub fn tells_terms(self) -> bool {
+        let has_fields = self.spec.options.iter().any(|option| option.name == TERMS.name);
+        self.holds_channels() && self.options.channels.iter().any(|channel| channel.name == TERM_NAMES[0])
+            || has_fields && self.options.is_set(&TERMS)
+    }
+
     /// Whether the format holds channels, so that a job can choose them.
     pub fn holds_channels(self) -> bool {
         matches!(self.spec.content, Content::Channels)

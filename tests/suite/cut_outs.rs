@@ -95,7 +95,7 @@ fn built(meshes: Vec<SourceMesh>, instances: Vec<SourceInstance>, materials: Vec
 /// A camera that looks along x.
 fn camera(width: usize, height: usize, range: RangeLimits) -> Sensor {
     let camera = Camera::from_hfov((width, height), Angle::deg(60.0), None).unwrap();
-    Sensor { pattern: Pattern::Camera(camera), range, ring: RingOrder::Row }
+    Sensor { range, ..Sensor::new(Pattern::Camera(camera)) }
 }
 
 fn seen(scene: &Scene, tracer: &impl Cast, sensor: &Sensor) -> Frame {
