@@ -12,7 +12,7 @@ use beamcast::scene::{
     AlphaMode, Corners, Deformer, Image, Material, Scene, SceneBuilder, SourceInstance, SourceMesh,
     SourcePart, Texture,
 };
-use beamcast::sensor::{Camera, Capture, Pattern, RangeLimits, RingOrder, Sensor};
+use beamcast::sensor::{Camera, Capture, Pattern, RangeLimits, Sensor};
 use beamcast::trace::methods::Method;
 use beamcast::trace::{AnyTracer, BruteForce, Cast, Hit, Origins, Rays, Tracer};
 use glam::{DAffine3, DVec3};
