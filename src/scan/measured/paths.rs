@@ -193,6 +193,7 @@ impl<'a, C: Cast> Paths<'a, C> {
             cosine,
             length_m,
             spacing_m: self.receiver.spacing_m,
+            wavelength_m: self.receiver.wavelength_m,
             mirror_roughness: self.mirror_roughness,
         };
         let split = split(&appearance, last.optics, at);
