@@ -45,6 +45,8 @@ const STRIP: usize = 16 * TILE.1;
 /// that time, if the scene is arranged for the capture ([`Scene::during`](crate::scene::Scene::during) its
 /// [window](Capture::window)). `None` if `progress.cancelled` was set before the end.
 ///
+/// A pulse goes on through holes, and in part through panes; `through` says what is reported then.
+///
 /// The scan runs on rayon's current thread pool. The frame is the same for any number of threads.
 pub fn scan(scene: &Scene, tracer: &impl Cast, capture: &Capture, progress: &Progress) -> Option<Frame> {
     let mut frame = Frame::default();

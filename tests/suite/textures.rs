@@ -295,6 +295,49 @@ fn broken_images_are_warned_of_and_count_as_white() {
     }
 }
 
+/// Whatever stands in a material, a texture or an attribute, the geometry is read or refused, and nothing panics.
+#[test]
+fn every_value_of_a_textured_file_replaced() {
+    let folder = Folder::new();
+    let good = file(json!({ "bufferView": 3 }));
+    let mut places = Vec::new();
+    let mut pending: Vec<(String, &Value)> = vec![(String::new(), &good)];
+    while let Some((place, value)) = pending.pop() {
+        match value {
+            Value::Object(map) => {
+                pending.extend(map.iter().map(|(key, value)| (format!("{place}/{key}"), value)))
+            }
+            Value::Array(list) => {
+                pending.extend(list.iter().enumerate().map(|(i, value)| (format!("{place}/{i}"), value)))
+            }
+            _ => {}
+        }
+        let is_data = place.is_empty() || place.starts_with("/buffers") || place.starts_with("/asset");
+        if !is_data {
+            places.push(place);
+        }
+    }
+    let path = folder.path("scene/scene.gltf");
+    for place in places {
+        for value in
+            [json!(null), json!(-1), json!(1e30), json!(7), json!("x"), json!([]), json!({}), json!(true)]
+        {
+            let mut json = good.clone();
+            *json.pointer_mut(&place).unwrap() = value.clone();
+            std::fs::write(&path, json.to_string()).unwrap();
+            match open(&path) {
+                Err(error) => {
+                    assert!(!error.problem.contains("error in beamcast"), "{place} {value}: {error}")
+                }
+                Ok(loaded) => {
+                    let look = loaded.scene.appearance(0, 0, 0.25, 0.5);
+                    assert!((0.0..=1.0).contains(&look.opacity), "{place} {value}: {look:?}");
+                }
+            }
+        }
+    }
+}
+
 /// The checksum of a PNG's chunk, bit by bit.
 fn crc(bytes: &[u8]) -> u32 {
     let mut crc = u32::MAX;
