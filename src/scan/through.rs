@@ -24,6 +24,11 @@ const MOST_SURFACES: u32 = 64;
 /// f64, 10⁻¹⁵ of their size where a beam does not graze, and nothing is made of layers so close.
 const SAME_DEPTH: f64 = 1e-9;
 
+/// Whether two depths along a ray are the same but for rounding. The first is not the larger one.
+pub(super) fn is_same_depth(depth_m: f64, other_m: f64) -> bool {
+    other_m - depth_m <= SAME_DEPTH * other_m.max(1.0)
+}
+
 /// A surface that a sensor sees.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
@@ -54,8 +59,7 @@ impl Sight {
     /// Goes on to the next hit of the beam. `place` says where its range is among the limits of the sensor's. Returns whether the
     /// beam ends there: nothing behind it can be what the sensor reports.
     pub fn meet(&mut self, hit: &Hit, surface: Surface, opacity: f32, place: Ordering) -> bool {
-        let is_same =
-            |(depth, last): (f64, Surface)| last == surface && hit.t - depth <= SAME_DEPTH * hit.t.max(1.0);
+        let is_same = |(depth, last): (f64, Surface)| last == surface && is_same_depth(depth, hit.t);
         if opacity > 0.0 && !self.last.is_some_and(is_same) {
             self.last = Some((hit.t, surface));
             let opacity = f64::from(opacity).min(1.0);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use beamcast::glam::{DAffine3, DVec3};
 use beamcast::motion::Trajectory;
-use beamcast::physics::detection::{RangePair, Sensitivity};
+use beamcast::physics::detection::{RangePair, Sensitivity, normal_below};
 use beamcast::physics::footprint::{Samples, beyond_edge};
 use beamcast::physics::surface::MetallicRoughness;
 use beamcast::scan::Echo;
@@ -250,14 +250,17 @@ fn fog_takes_light_and_sends_some_back() {
     assert!(frame.pixels_of(Cause::Absorbed) + frame.pixels_of(Cause::Fog) == 100, "{:?}", frame.causes());
 }
 
-/// Rain takes light, and near drops come back by themselves, as rain.
+/// Rain takes light, and drops near the sensor come back by themselves. Their number is the integral of the density of drops times the
+/// probability that one is detected, over range, diameter and place in the beam.
 #[test]
-fn drops_of_rain_come_back() {
-    let rain = Weather { rain_mm_h: 10.0, drop_gain: 20.0, ..Weather::default() };
+fn drops_of_rain_come_back_as_often_as_they_are_there() {
+    let rain = Weather { rain_mm_h: 10.0, ..Weather::default() };
     let receiver = Receiver { returns: ReturnMode::Several(8), false_alarm: 0.0, ..receiver() };
+    let (white, threshold) = (receiver.snr(1.0, 1.0, 120.0), receiver.threshold(120.0));
     let measurement = Measurement { footprint: round(3e-3, Samples::One), ..with(receiver) };
     let scene = in_weather(optics(scene(&[wall(50.0, 1.0)]), &[lambert(0.5)]), rain);
-    let found = returns(&cast(&scene, &sensor(20_000, measurement), 0));
+    let pulses = 20_000;
+    let found = returns(&cast(&scene, &sensor(pulses, measurement), 0));
     let (mut drops, mut plane) = (0, 0.0);
     for (one, echo) in &found {
         match echo.cause {
@@ -268,16 +271,46 @@ fn drops_of_rain_come_back() {
             _ => plane = power(echo),
         }
     }
-    let expected = libm::exp(-2.0 * 1.5556e-3 * 50.0) * 0.5 / 2500.0;
+    let extinction_per_m = 1.5556e-3;
+    let expected = libm::exp(-2.0 * extinction_per_m * 50.0) * 0.5 / 2500.0;
     assert!((plane / expected - 1.0).abs() < 1e-3, "{}", plane / expected);
-    // A figure of this model: some hundreds of 20,000 pulses.
-    assert!((50..5000).contains(&drops), "{drops}");
+
+    // Marshall and Palmer: N(D) = 8·10⁶·exp(−Λ·D) a m⁴, Λ = 4100·R^−.21 a metre. The receiver sees the beam from .9 to 1 m on.
+    let slope = 4100.0 * libm::pow(10.0, -0.21);
+    let reflectance = (0.328_f64 / 2.328) * (0.328 / 2.328);
+    let mut sum = 0.0;
+    let (ranges, sizes, places) = (200, 100, 20);
+    for i in 0..ranges {
+        let range_m = 0.9 * libm::pow(40.0, (f64::from(i) + 0.5) / f64::from(ranges));
+        let along = range_m * libm::log(40.0) / f64::from(ranges);
+        let w = 1.5e-3 * range_m;
+        let overlap = ((range_m - 0.9) / 0.1).clamp(0.0, 1.0);
+        let fall = libm::exp(-2.0 * extinction_per_m * range_m) * overlap / (range_m * range_m);
+        for j in 0..sizes {
+            let diameter = 5e-5 + 5e-3 * (f64::from(j) + 0.5) / f64::from(sizes);
+            let density = 8e6 * libm::exp(-slope * diameter) * 5e-3 / f64::from(sizes);
+            for k in 0..places {
+                let place = 1.5 * (f64::from(k) + 0.5) / f64::from(places);
+                let area = 2.0 * std::f64::consts::PI * place * w * w * 1.5 / f64::from(places);
+                let share = 0.5 * diameter * diameter / (w * w) * libm::exp(-2.0 * place * place);
+                let snr = white * reflectance * share.min(1.0) * fall;
+                // Without light there is no peak.
+                let detected = if snr > threshold - 4.0 { normal_below(snr - threshold) } else { 0.0 };
+                sum += density * area * along * detected;
+            }
+        }
+    }
+    let expected = sum * pulses as f64;
+    // Some of the drops are nearer to each other than a pulse tells apart.
+    let sigma = expected.sqrt();
+    let told = f64::from(drops);
+    assert!(told < expected + 4.0 * sigma && told > 0.9 * expected - 4.0 * sigma, "{told} of {expected}");
 }
 
-/// The halo of a retroreflector is seen by the pulses around it out to where h(Δ) = P_min/P.
+/// The halo of a retroreflector that one pulse hits is seen by the pulses around it out to where h(Δ) = P_min/P.
 #[test]
 fn a_retroreflector_blooms_as_far_as_the_halo_says() {
-    let plate = Plate(DVec3::new(10.0, 0.0, 0.0), DVec3::Y * 0.002, DVec3::Z * 0.002, 1.0);
+    let plate = Plate(DVec3::new(10.0, 0.0, 0.0), DVec3::Y * 4e-4, DVec3::Z * 4e-4, 1.0);
     let retro = kind(SurfaceKind::Retroreflector { r_a: 300.0, lobe_rad: 1.0 });
     let scene = optics(scene(&[plate]), &[retro]);
     let receiver = Receiver { false_alarm: 0.0, ..receiver() };
@@ -285,7 +318,7 @@ fn a_retroreflector_blooms_as_far_as_the_halo_says() {
     let threshold = receiver.threshold(120.0);
     let blooming = Blooming {
         core: Angle::rad(0.0),
-        halo: 1e-2,
+        halo: 26.0 * threshold / snr,
         halo_angle: Angle::rad(0.01),
         exponent: 1.0,
         reach: Angle::deg(10.0),
@@ -294,11 +327,12 @@ fn a_retroreflector_blooms_as_far_as_the_halo_says() {
     let frame = cast(&scene, &fan(measurement), 0);
     let seen: Vec<_> = (0..2000).filter(|&pixel| !frame.slots(pixel).is_empty()).collect();
     let [first, last] = [seen[0], seen[seen.len() - 1]];
-    // h(Δ)·S = T: Δ = θ·√(A·S/T − 1).
-    let radius = 0.01 * (1e-2 * snr / threshold - 1.0).sqrt();
+    // h(Δ)·S = T: Δ = θ·√(A·S/T − 1), with A·S/T = 26.
+    let radius = 0.05;
     let told = (last - first) as f64 * 1e-4 / 2.0;
-    // The threshold is passed by noise, up to some standard deviations beside the radius, where h is a few times less steep.
-    assert!((told / radius - 1.0).abs() < 0.5, "{told} {radius} {}", seen.len());
+    // At the radius half of the pulses pass the threshold T of 4.8. At 1.5 times it the halo is at T/2.2, 2.6 below the threshold,
+    // which noise passes once in 200 pulses: the outermost of them lies at most some tenths farther out.
+    assert!(told > radius && told < 1.8 * radius, "{told} {radius} {}", seen.len());
     let halo = seen.iter().filter(|&&pixel| frame.causes()[pixel] == Cause::Blooming).count();
     assert!(halo + 10 > seen.len() && halo > 100, "{halo} of {}", seen.len());
     assert!(seen.iter().all(|&pixel| (frame.get(0, pixel).unwrap().range_m - 10.0).abs() < 1e-2));
@@ -410,7 +444,6 @@ fn echoes_merge_nearer_than_twice_the_pulse() {
             // Near the merger the peak is flat, and a thousandth of the energy moves it by centimetres.
             assert!((found[0].0.range_m - 20.3).abs() < 0.02, "{:?}", found[0].0);
         } else {
-            assert!(found.iter().all(|(_, echo)| echo.cause == Cause::Surface));
             assert!(found[0].0.range_m > 20.0 && found[1].0.range_m < 20.7);
         }
     }
