@@ -69,8 +69,9 @@ pub(super) fn scan_into(
     let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
     let scanner = Scanner { capture, beams, paths, air, detector, fixed };
     let (rows, columns) = (capture.rows(), capture.columns());
+    let width = strip_columns(scanner.beams.samples());
     let strips: Vec<_> = (0..rows.div_ceil(TILE.0))
-        .flat_map(|band| (0..columns.div_ceil(STRIP)).map(move |strip| (band * TILE.0, strip * STRIP)))
+        .flat_map(|band| (0..columns.div_ceil(width)).map(move |strip| (band * TILE.0, strip * width)))
         .collect();
     let is_cancelled = || progress.cancelled.load(Relaxed);
     let received: Vec<Strip> = match &measurement.blooming {
@@ -80,8 +81,7 @@ pub(super) fn scan_into(
                 if is_cancelled() {
                     return Strip::default();
                 }
-                let rays = scanner.illuminate(first, memory);
-                progress.rays_done.fetch_add(rays as u64, Relaxed);
+                scanner.illuminate(first, memory, progress);
                 let Memory { lit, desk, .. } = memory;
                 scanner.receive_all(lit, None, desk)
             })
@@ -95,8 +95,7 @@ pub(super) fn scan_into(
                     if is_cancelled() {
                         return Default::default();
                     }
-                    let rays = scanner.illuminate(first, memory);
-                    progress.rays_done.fetch_add(rays as u64, Relaxed);
+                    scanner.illuminate(first, memory, progress);
                     let lit = std::mem::take(&mut memory.lit);
                     let sources = scanner.sources(&lit, &brightness);
                     (lit, sources)
@@ -104,18 +103,18 @@ pub(super) fn scan_into(
                 .collect();
             let (lit, sources): (Vec<Lit>, Vec<Vec<Source>>) = lit.into_iter().unzip();
             let halo = Halo::new(blooming, sources.concat());
-            let receive = |desk: &mut Desk, lit: &Lit| match is_cancelled() {
+            let receive = |desk: &mut Desk, mut lit: Lit| match is_cancelled() {
                 true => Strip::default(),
-                false => scanner.receive_all(lit, Some(&halo), desk),
+                false => scanner.receive_all(&mut lit, Some(&halo), desk),
             };
-            lit.par_iter().map_init(Desk::default, receive).collect()
+            lit.into_par_iter().map_init(Desk::default, receive).collect()
         }
     };
     if is_cancelled() {
         return false;
     }
     frame.begin_measured(rows, columns);
-    for band in received.chunks(columns.div_ceil(STRIP)) {
+    for band in received.chunks(columns.div_ceil(width)) {
         let height = band[0].rows;
         for row in 0..height {
             for strip in band {
@@ -128,6 +127,11 @@ pub(super) fn scan_into(
         }
     }
     true
+}
+
+/// The columns of a strip whose pulses have so many samples: as many tiles as keep the rays of a strip in a processor's cache.
+fn strip_columns(samples: usize) -> usize {
+    (STRIP / samples).next_multiple_of(TILE.1)
 }
 
 /// The pixels of a strip, row by row.
@@ -213,17 +217,18 @@ struct Scanner<'a, C> {
 }
 
 impl<C: Cast> Scanner<'_, C> {
-    /// Casts the pulses of a strip, and finds the light that comes back. Returns the number of rays.
-    fn illuminate(&self, first: (usize, usize), memory: &mut Memory) -> usize {
+    /// Casts the pulses of a strip, and finds the light that comes back.
+    fn illuminate(&self, first: (usize, usize), memory: &mut Memory, progress: &Progress) {
         let Memory { wave, next, lights, lit, .. } = memory;
         lit.first = first;
         lit.rows = TILE.0.min(self.capture.rows() - first.0);
-        lit.columns = STRIP.min(self.capture.columns() - first.1);
+        lit.columns = strip_columns(self.beams.samples()).min(self.capture.columns() - first.1);
         self.send(lit, wave);
         lights.clear();
-        let rays = self.paths.follow(wave, next, &lit.pulses, lights, &mut lit.ideal);
+        let samples = self.paths.follow(wave, next, &lit.pulses, lights, &mut lit.ideal);
         sort_by_pulse(lights, lit.pulses.len(), &mut lit.lights, &mut lit.first_light);
-        rays
+        progress.rays_done.fetch_add(lit.pulses.len() as u64, Relaxed);
+        progress.samples_done.fetch_add(samples as u64, Relaxed);
     }
 
     /// The light of a strip that pulses beside it may see.
@@ -241,7 +246,7 @@ impl<C: Cast> Scanner<'_, C> {
     }
 
     /// Receives the light of a strip.
-    fn receive_all(&self, lit: &Lit, halo: Option<&Halo>, desk: &mut Desk) -> Strip {
+    fn receive_all(&self, lit: &mut Lit, halo: Option<&Halo>, desk: &mut Desk) -> Strip {
         let (rows, columns) = (lit.rows, lit.columns);
         // A pixel without a pulse stays without light.
         let mut of_pixel = vec![None; rows * columns];
@@ -342,23 +347,32 @@ impl<C: Cast> Scanner<'_, C> {
     }
 
     /// Receives the light of pulse number `number` of a strip.
-    fn receive(&self, lit: &Lit, number: usize, halo: Option<&Halo>, desk: &mut Desk) {
-        let Desk { lights, scratch, received } = desk;
-        let (pulse, pose) = (&lit.pulses[number], &lit.poses[number]);
+    fn receive(&self, lit: &mut Lit, number: usize, halo: Option<&Halo>, desk: &mut Desk) {
+        let Desk { lights: more, scratch, received } = desk;
         let pixel = lit.pixel(number, self.capture.columns());
-        lights.clear();
-        lights.extend_from_slice(lit.lights(number));
-        if self.air.extinction_per_m > 0.0 {
-            let nearest_m = lights.iter().map(|light| light.length_m).fold(f64::INFINITY, f64::min);
-            let origin = pose.world_from_sensor.point(pulse.origin);
-            let direction = pose.world_from_sensor.direction(pulse.direction);
-            let ray = AirRay { pixel, number: number as u32, pulse, origin, direction, nearest_m };
-            self.air.add(&self.beams.streams, &ray, self.detector.white_at_1_m, lights);
+        let Lit { pulses, poses, lights, first_light, .. } = lit;
+        let (pulse, pose) = (&pulses[number], &poses[number]);
+        let mut lights = &mut lights[first_light[number]..first_light[number + 1]];
+        if self.air.extinction_per_m > 0.0 || halo.is_some() {
+            more.clear();
+            more.extend_from_slice(lights);
+            if self.air.extinction_per_m > 0.0 {
+                let nearest_m = lights.iter().map(|light| light.length_m).fold(f64::INFINITY, f64::min);
+                let origin = pose.world_from_sensor.point(pulse.origin);
+                let direction = pose.world_from_sensor.direction(pulse.direction);
+                let ray = AirRay { pixel, number: number as u32, pulse, origin, direction, nearest_m };
+                self.air.add(&self.beams.streams, &ray, self.detector.white_at_1_m, more);
+            }
+            if let Some(halo) = halo {
+                halo.add(pixel, number as u32, pulse, more);
+            }
+            lights = more;
         }
-        if let Some(halo) = halo {
-            halo.add(pixel, number as u32, pulse, lights);
+        let by_range = |a: &Light, b: &Light| a.range_m.total_cmp(&b.range_m).then(a.path.cmp(&b.path));
+        // The lights of a plane come sorted often.
+        if !lights.is_sorted_by(|a, b| by_range(a, b).is_le()) {
+            lights.sort_unstable_by(by_range);
         }
-        lights.sort_by(|a, b| a.range_m.total_cmp(&b.range_m).then(a.path.cmp(&b.path)));
         let at = Reception {
             pixel,
             pulse,
@@ -371,14 +385,24 @@ impl<C: Cast> Scanner<'_, C> {
 }
 
 /// Sorts light by its pulse, in the order in which it was found. Pulse i has the lights from entry i to entry i + 1 of `first`.
-fn sort_by_pulse(lights: &[Light], pulses: usize, sorted: &mut Vec<Light>, first: &mut Vec<usize>) {
+fn sort_by_pulse(lights: &mut Vec<Light>, pulses: usize, sorted: &mut Vec<Light>, first: &mut Vec<usize>) {
     first.clear();
     first.resize(pulses + 2, 0);
-    for light in lights {
+    let mut is_sorted = true;
+    let mut last = 0;
+    for light in lights.iter() {
+        is_sorted &= light.pulse >= last;
+        last = light.pulse;
         first[light.pulse as usize + 2] += 1;
     }
     for pulse in 2..first.len() {
         first[pulse] += first[pulse - 1];
+    }
+    // Without mirrors, panes and holes, light is found pulse by pulse.
+    if is_sorted {
+        std::mem::swap(lights, sorted);
+        first.remove(0);
+        return;
     }
     sorted.clear();
     let Some(any) = lights.first() else {
@@ -386,7 +410,7 @@ fn sort_by_pulse(lights: &[Light], pulses: usize, sorted: &mut Vec<Light>, first
         return;
     };
     sorted.resize(lights.len(), *any);
-    for light in lights {
+    for light in lights.iter() {
         let place = &mut first[light.pulse as usize + 1];
         sorted[*place] = *light;
         *place += 1;

@@ -133,7 +133,7 @@ fn of_file(appearance: &Appearance, reflectivity: f64) -> MetallicRoughness {
 /// A lobe over a diffuse base. A lobe narrower than the beam is a mirror.
 fn glossy(material: &MetallicRoughness, at: Meeting) -> Split {
     let Meeting { cosine, .. } = at;
-    let passed = material.passed(cosine);
+    let passed = if material.transmission > 0.0 { material.passed(cosine) } else { 0.0 };
     let mut split = match material.roughness < at.mirror_roughness {
         false => Split::opaque(material.power_factor(cosine)),
         true => {

@@ -27,6 +27,7 @@ pub(super) struct Wave {
     origins: Vec<DVec3>,
     directions: Vec<DVec3>,
     times_s: Vec<f64>,
+    /// The hit that each ray goes on behind. It is empty if no ray does.
     after: Vec<Option<Hit>>,
     ways: Vec<Way>,
     hits: Vec<Option<Hit>>,
@@ -87,7 +88,10 @@ impl Wave {
         self.origins.push(origin);
         self.directions.push(direction);
         self.times_s.push(time_s);
-        self.after.push(after);
+        if after.is_some() || !self.after.is_empty() {
+            self.after.resize(self.ways.len() - 1, None);
+            self.after.push(after);
+        }
     }
 
     fn cast(&mut self, scene: &Scene, tracer: &impl Cast) {
@@ -100,7 +104,7 @@ impl Wave {
             directions: &self.directions,
             t_min: 0.0,
             t_max: f64::INFINITY,
-            after: self.after.iter().any(Option::is_some).then_some(&self.after[..]),
+            after: (!self.after.is_empty()).then_some(&self.after[..]),
             times_s: scene.arrangement.window.is_some().then_some(&self.times_s[..]),
         };
         tracer.cast(&rays, &mut self.hits);
