@@ -48,7 +48,7 @@ const STRIP: usize = 16 * TILE.1;
 /// that time, if the scene is arranged for the capture ([`Scene::during`](crate::scene::Scene::during) its
 /// [window](Capture::window)). `None` if `progress.cancelled` was set before the end.
 ///
-/// A pulse goes on through holes, and in part through panes; `through` says what is reported then.
+/// A pulse goes on through holes, and a share of it through panes. The module `through` defines the surface that is reported then.
 ///
 /// The scan runs on rayon's current thread pool. The frame is the same for any number of threads.
 pub fn scan(scene: &Scene, tracer: &impl Cast, capture: &Capture, progress: &Progress) -> Option<Frame> {
@@ -130,7 +130,7 @@ struct Batch {
     /// The pulse of each ray, if the sensor needs more than the length of a ray to say what it reports of a hit.
     pulses: Vec<Pulse>,
     hits: Vec<Option<Hit>>,
-    /// What is seen through holes and panes.
+    /// The surfaces that are seen through holes and panes.
     through: Through,
 }
 

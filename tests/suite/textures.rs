@@ -1,4 +1,4 @@
-//! Textures of glTF files: where images are kept, how they lie on surfaces, and what is told of those that can't be read.
+//! Textures of glTF files: where images are kept, how they lie on surfaces, and the warnings of images that can't be read.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -106,7 +106,7 @@ impl Folder {
         self.0.path().join(name)
     }
 
-    /// Loads a scene, with what is told of it.
+    /// Loads a scene, with its warnings.
     fn load(&self, json: &Value) -> (Scene, Vec<String>) {
         let path = self.path("scene/scene.gltf");
         std::fs::write(&path, json.to_string()).unwrap();
@@ -295,7 +295,7 @@ fn broken_images_are_warned_of_and_count_as_white() {
     }
 }
 
-/// Whatever stands in a material, a texture or an attribute, the geometry is read or refused, and nothing panics.
+/// With any value in a material, a texture or an attribute, the geometry is read or refused without a panic.
 #[test]
 fn every_value_of_a_textured_file_replaced() {
     let folder = Folder::new();
