@@ -215,8 +215,12 @@ fn check_job(
         for item in items {
             let session = session.of_frame(item.frame, &args.scenes.allowed_folders)?;
             let frame = session.cast(&item, interrupt.progress());
+            let ideal = match run.needs_ideal(&item) {
+                true => session.cast_ideal(&item, interrupt.progress()),
+                false => None,
+            };
             interrupt.check()?;
-            frames.extend(frame.map(|frame| CastFrame { item, session, frame }));
+            frames.extend(frame.map(|frame| CastFrame { item, session, frame, ideal }));
         }
         casting += start.elapsed();
         run.take(&frames);

@@ -33,6 +33,8 @@ pub const SCAN_PLAN: Document = Document { format: 1 };
 pub const SCAN_FRAME: Document = Document { format: 1 };
 /// `beamcast selftest --json`.
 pub const SELFTEST: Document = Document { format: 1 };
+/// `beamcast selftest --datasheet --json`.
+pub const SELFTEST_DATASHEET: Document = Document { format: 1 };
 /// `beamcast verify --json`.
 pub const VERIFY: Document = Document { format: 1 };
 

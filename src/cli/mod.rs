@@ -2,6 +2,7 @@
 
 mod bench;
 mod check;
+mod datasheet;
 pub mod diagnostics;
 mod diff;
 mod facts;

@@ -1,6 +1,8 @@
 //! `beamcast scan`: runs a job.
 
 use std::borrow::Cow;
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -401,6 +403,10 @@ fn summary(job: &Job, plan: &Plan, tally: &Tally, times: &Times) -> String {
         } else {
             String::new()
         };
+        if s.is_measured() {
+            text += &measured_summary(&mounted.name, &frames, part, s);
+            continue;
+        }
         let _ = write!(text, "{}: {frames}{} rays, {} hits ({part:.1} %)", mounted.name, s.rays, s.hits);
         for (count, what) in [
             (s.too_near, "blocked nearer than its least range"),
@@ -438,6 +444,33 @@ fn summary(job: &Job, plan: &Plan, tally: &Tally, times: &Times) -> String {
     text
 }
 
+/// The line of a sensor that is not ideal: the pulses that return, and the causes that there are, the most frequent first. `part` of
+/// its pulses, in percent, return.
+fn measured_summary(name: &str, frames: &str, part: f64, s: &Statistics) -> String {
+    let returns = s.returns();
+    let mut text =
+        format!("{name}: {frames}{} pulses, {returns} returns of {} pulses ({part:.1} %)", s.rays, s.hits);
+    let listed = |counts: &BTreeMap<String, u64>| {
+        let mut counts: Vec<_> = counts.iter().collect();
+        counts.sort_by_key(|(_, count)| Reverse(**count));
+        let words: Vec<String> = counts.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
+        words.join(", ")
+    };
+    if returns > 0 {
+        let _ = write!(text, ": {}", listed(&s.causes));
+    }
+    if !s.without_return.is_empty() {
+        let _ = write!(text, "; without return: {}", listed(&s.without_return));
+    }
+    if s.blind > 0 {
+        let _ = write!(text, "; {} pixels without a ray", s.blind);
+    }
+    if let Some([low, mean, high]) = s.range_m {
+        let _ = write!(text, "; range {low:.3} to {high:.3} m, mean {mean:.3} m");
+    }
+    text + "\n"
+}
+
 fn summary_as_json(job: &Job, tally: &Tally, times: &Times, diagnostics: &[Diagnostic]) -> Value {
     let sensor = |(name, s): (&str, &Statistics)| {
         let range = |i: usize| s.range_m.map(|range| range[i]);
@@ -446,6 +479,7 @@ fn summary_as_json(job: &Job, tally: &Tally, times: &Times, diagnostics: &[Diagn
             "frames": s.frames,
             "rays": s.rays,
             "hits": s.hits,
+            "returns": s.returns(),
             "too_near": s.too_near,
             "out_of_range": s.out_of_range,
             "nothing": s.nothing,
@@ -453,6 +487,8 @@ fn summary_as_json(job: &Job, tally: &Tally, times: &Times, diagnostics: &[Diagn
             "range_min_m": range(0),
             "range_mean_m": range(1),
             "range_max_m": range(2),
+            "causes": s.is_measured().then_some(&s.causes),
+            "without_return": s.is_measured().then_some(&s.without_return),
         })
     };
     let names = job.sensors.iter().map(|s| s.name.as_str());

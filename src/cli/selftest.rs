@@ -7,6 +7,7 @@ use clap::builder::PathBufValueParser;
 use glam::DVec3;
 use serde_json::{Value, json};
 
+use super::datasheet;
 use super::interrupt::Interrupt;
 use super::json;
 use super::shell::presets_or;
@@ -28,6 +29,11 @@ pub struct Args {
     /// each kind]
     #[arg(value_name = "SENSOR|JOB", value_parser = presets_or(PathBufValueParser::new()), hide_possible_values = true)]
     paths: Vec<PathBuf>,
+    /// Replay the sensors' own figures instead: scan planes at the stated ranges, and nothing, and hold detection, noise,
+    /// biases and false alarms to what they state. Of sensors that state nothing, those of `[nominal]` count [default: all
+    /// built-in sensors that have it]
+    #[arg(long)]
+    datasheet: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -49,8 +55,11 @@ struct Subject {
 ///
 /// # Errors
 /// [`Error::Difference`] if a sensor fails; [`Error::Config`] with everything that is wrong in a file; [`Error::Usage`] if a
-/// frame does not fit into the machine's memory.
+/// frame does not fit into the machine's memory, or if a sensor states nothing that could be replayed.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
+    if args.datasheet {
+        return datasheet::run(&args.paths, args.json, terminal);
+    }
     let interrupt = Interrupt::watch()?;
     let subjects = subjects(&args.paths, terminal)?;
     for subject in &subjects {

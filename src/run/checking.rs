@@ -11,7 +11,7 @@ use super::paths::configs_in;
 use super::plan::{Item, Plan, Selection};
 use super::session::Session;
 use super::steps::{self, Steps};
-use crate::check::expect::{Demand, Expected, Seen, Tally, Zone};
+use crate::check::expect::{Demand, Expectation, Expected, Seen, Tally, Zone};
 use crate::check::{ExpectationOutcome, Failure, GroundMap, Outcome, Settings, Snapshot, Vehicle, Verdict};
 use crate::config::{self, Config, Job};
 use crate::error::Error;
@@ -116,21 +116,18 @@ pub fn find(paths: &[PathBuf], overrides: &[String], accepts: bool, page: bool) 
             }
             found.warnings.extend(job.warnings.iter().cloned());
             let compared = accepts || is_compared(&job);
-            let plan =
-                Plan::of(&job, &Selection::FIRST, Holding::Check { compared, page }).and_then(|plan| {
-                    if page {
-                        pages = pages.saturating_add(
-                            memory::of_page(&job.sensors, compared)
-                                .saturating_mul(frames_shown(&job, compared)),
-                        );
-                        largest = plan.bytes.max(largest);
-                        memory::check(
-                            "the rigs of all jobs, with their views,",
-                            pages.saturating_add(largest),
-                        )?;
-                    }
-                    Ok(plan)
-                });
+            let detection = job.expectations.iter().any(is_of_detection);
+            let holding = Holding::Check { compared, page, detection };
+            let plan = Plan::of(&job, &Selection::FIRST, holding).and_then(|plan| {
+                if page {
+                    pages = pages.saturating_add(
+                        memory::of_page(&job.sensors, compared).saturating_mul(frames_shown(&job, compared)),
+                    );
+                    largest = plan.bytes.max(largest);
+                    memory::check("the rigs of all jobs, with their views,", pages.saturating_add(largest))?;
+                }
+                Ok(plan)
+            });
             found.jobs.push(match plan {
                 Ok(plan) => {
                     let outcome = Outcome { job: name, ..Outcome::default() };
@@ -260,6 +257,8 @@ pub struct CastFrame<'s> {
     pub session: Cow<'s, Session>,
     /// What the sensor saw.
     pub frame: Frame,
+    /// What it would have seen if it were ideal, where [`Run::needs_ideal`] says so.
+    pub ideal: Option<Frame>,
 }
 
 /// What is left of a job's frames once all of them were looked at.
@@ -334,12 +333,31 @@ impl Needs {
 fn rays_of(job: &Job, accepts: bool) -> u64 {
     let steps = Steps::of(job);
     let needs = Needs::of(job, &steps, accepts || is_compared(job));
-    let rays = |item: &Item| job.sensors[item.sensor].sensor.pattern.rays() as u64;
+    let rays = |item: &Item| {
+        let casts = if needs_ideal(job, item) { 2 } else { 1 };
+        (job.sensors[item.sensor].sensor.pattern.rays() as u64).saturating_mul(casts)
+    };
     let of_step = |step| {
         let (together, between) = needs.batches(&steps, step);
         together.iter().chain(&between).map(rays).fold(0, u64::saturating_add)
     };
     (0..steps.count()).map(of_step).fold(0, u64::saturating_add)
+}
+
+/// Whether an expectation says how often something is detected.
+fn is_of_detection(expectation: &Expectation) -> bool {
+    matches!(expectation.what, Expected::Detection { .. })
+}
+
+/// Whether an expectation of detection concerns a frame whose sensor is not ideal. An ideal sensor's own frame says it all.
+fn needs_ideal(job: &Job, item: &Item) -> bool {
+    let mounted = &job.sensors[item.sensor];
+    let concerns = |expectation: &Expectation| match &expectation.sensor {
+        Some(name) => *name == mounted.name && expectation.demand.looks_at(item.frame),
+        None => true,
+    };
+    !mounted.sensor.measurement.is_ideal()
+        && job.expectations.iter().filter(|expectation| is_of_detection(expectation)).any(concerns)
 }
 
 /// The frames of a job that a page of a check may show.
@@ -402,6 +420,11 @@ impl<'r> Run<'r> {
         None
     }
 
+    /// Whether the check also needs a frame as an ideal sensor would have it ([`Session::cast_ideal`]).
+    pub fn needs_ideal(&self, item: &Item) -> bool {
+        needs_ideal(&self.session.job, item)
+    }
+
     /// Looks at frames that were cast: holds them to expectations, and to the baseline or makes them one.
     pub fn take(&mut self, frames: &[CastFrame]) {
         let job = &*self.session.job;
@@ -410,7 +433,13 @@ impl<'r> Run<'r> {
             frames.iter().map(|cast| cast.session.sensor_frame(&cast.item, &cast.frame)).collect();
         // Frames for which a job draws another scene are looked at in that one.
         let scene = frames.first().map_or(self.session, |cast| &*cast.session).scene();
-        self.rays += frames.iter().map(|cast| cast.frame.pixels() as u64).sum::<u64>();
+        let all = frames.iter().flat_map(|cast| [Some(&cast.frame), cast.ideal.as_ref()]).flatten();
+        self.rays += all.map(|frame| frame.pixels() as u64).sum::<u64>();
+        let ideal: Vec<(&str, &Frame)> = seen_by
+            .iter()
+            .zip(frames)
+            .filter_map(|(seen, cast)| Some((seen.name, cast.ideal.as_ref()?)))
+            .collect();
         // The step, if these are the frames of one.
         let step = self.next.saturating_sub(1);
         let is_step = self.steps.items(step).any(|item| frames.first().is_some_and(|cast| cast.item == item));
@@ -428,7 +457,8 @@ impl<'r> Run<'r> {
             let of_sensor =
                 |seen: &&SensorFrame| expectation.sensor.as_ref().is_none_or(|own| own == seen.name);
             let start_s = seen_by.iter().find(of_sensor).map_or(0.0, |seen| seen.capture.start_s);
-            let seen = Seen { scene, labels: &self.labels, frames: &seen_by, rays_per_s: None };
+            let seen =
+                Seen { scene, labels: &self.labels, frames: &seen_by, ideal: &ideal, rays_per_s: None };
             let is_first_failure = expectation.examine(&seen, frame, start_s, tally);
             if is_first_failure && expectation.demand.is_of_every_frame() {
                 deciding.extend(seen_by.iter().filter(of_sensor).map(|seen| (seen.name, seen.capture.frame)));
@@ -460,7 +490,7 @@ impl<'r> Run<'r> {
         if let Some(ground) = &mut self.ground
             && is_step
         {
-            ground.add(&Seen { scene, labels: &self.labels, frames: &seen_by, rays_per_s: None });
+            ground.add(&Seen { scene, labels: &self.labels, frames: &seen_by, ideal: &[], rays_per_s: None });
         }
     }
 
@@ -472,6 +502,7 @@ impl<'r> Run<'r> {
             scene: session.scene(),
             labels: &self.labels,
             frames: &[],
+            ideal: &[],
             rays_per_s: Some(self.rays as f64 / seconds),
         };
         let is_sequence = self.steps.is_sequence();

@@ -30,6 +30,8 @@ pub enum Holding {
         compared: bool,
         /// Whether there is a page: with the views and the baselines of the frames that it shows.
         page: bool,
+        /// Whether expectations need ideal scans of sensors that are not ideal.
+        detection: bool,
     },
 }
 
@@ -90,13 +92,15 @@ pub fn of_frames(sensors: &[MountedSensor], frames: &[u64], formats: &[Format], 
             }
             Holding::Image => (frame + image, 0),
             Holding::Views => (frame, view + COPIES_OF_TEXT * TEXT_BYTES_A_RAY),
-            Holding::Check { compared, page } => {
+            Holding::Check { compared, page, detection } => {
                 // A channel's list of pixels that differ takes as much as the channel.
                 let once = if compared { 2 * image } else { 0 };
                 let shown = if page { view } else { 0 };
                 // A page shows the baseline, too.
                 let baseline = if compared && page { image } else { 0 };
-                (once, frame + baseline + shown)
+                let needs_ideal = detection && !sensor.measurement.is_ideal();
+                let ideal = if needs_ideal { Frame::BYTES_A_PIXEL as u64 } else { 0 };
+                (once, frame + ideal + baseline + shown)
             }
         };
         let rays = pixels(sensor);
@@ -286,10 +290,23 @@ mod tests {
         assert_eq!(of_many(Holding::Files), bytes(Holding::Files));
         assert_eq!(of_many(Holding::Views) - bytes(Holding::Views), 999 * 100 * 80);
         assert_eq!(bytes(Holding::Image), 300 * (48 + FRAME_BYTES_A_RAY));
-        let check = |compared, page| bytes(Holding::Check { compared, page });
+        let check = |compared, page| bytes(Holding::Check { compared, page, detection: false });
         assert_eq!(check(false, false), 400 * FRAME_BYTES_A_RAY);
         assert_eq!(check(true, false), 400 * FRAME_BYTES_A_RAY + 300 * 96);
         assert!(check(true, true) > check(true, false) && check(false, true) > check(false, false));
+        // Only what is not ideal has an ideal scan beside its own.
+        let detecting = |rig: &[MountedSensor], detection| {
+            of_frames(
+                rig,
+                &[1, 1],
+                &[Format::EXR],
+                Holding::Check { compared: false, page: false, detection },
+            )
+        };
+        assert_eq!(detecting(&rig, true), detecting(&rig, false));
+        let mut measured = rig.clone();
+        measured[1].sensor.measurement.noise = Some(Default::default());
+        assert_eq!(detecting(&measured, true) - detecting(&measured, false), 300 * FRAME_BYTES_A_RAY);
         assert!(of_page(&rig, true) > of_page(&rig, false));
         assert!(bytes(Holding::Views) > bytes(Holding::Frame));
     }

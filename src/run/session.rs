@@ -16,7 +16,7 @@ use crate::output::{Names, SensorFrame};
 use crate::plausibility;
 use crate::scan::{self, Frame, Progress};
 use crate::scene::{Scene, gltf};
-use crate::sensor::Capture;
+use crate::sensor::{Capture, Measurement, Sensor};
 use crate::source::Diagnostic;
 use crate::trace::{AnyTracer, Cast};
 
@@ -103,6 +103,15 @@ impl Session {
     pub fn cast(&self, item: &Item, progress: &Progress) -> Option<Frame> {
         let tracer = self.frame_tracer(item);
         scan::scan(tracer.scene(), &tracer, &self.capture(item), progress)
+    }
+
+    /// Casts a frame as if its sensor were ideal: with the same pulses and limits, and the exact range of the first surface on each
+    /// ray. `None` when `progress` was cancelled.
+    pub fn cast_ideal(&self, item: &Item, progress: &Progress) -> Option<Frame> {
+        let tracer = self.frame_tracer(item);
+        let sensor = Sensor { measurement: Measurement::default(), ..self.sensor(item).sensor.clone() };
+        let capture = Capture { sensor: &sensor, ..self.capture(item) };
+        scan::scan(tracer.scene(), &tracer, &capture, progress)
     }
 
     /// Casts a frame into the memory of an earlier one, which it replaces. Returns false when `progress` was cancelled; the

@@ -20,6 +20,7 @@
 //! The rows and columns of the pattern are checked against its table: elevations, azimuths and pixels are computed from the
 //! points as a cloud gives them, by other formulas than those that made the pulses.
 
+pub mod datasheet;
 mod shapes;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,7 @@
 //! `beamcast check` and `beamcast diff` as used in CI: each small change of a shipped job is detected and reported in the
 //! right words, and equal results pass.
 
+mod causes;
 mod expectations;
 
 use std::fs;
@@ -616,7 +617,7 @@ fn the_page_says_what_the_program_does() {
     }
     copy.accept();
     let (code, out, err) = copy.run(&["check", "configs"]);
-    assert_eq!((code, out.as_str()), (0, "configs/room_vlp16.toml: passed, 10 expectations met\n"), "{err}");
+    assert_eq!((code, out.as_str()), (0, "configs/room_vlp16.toml: passed, 13 expectations met\n"), "{err}");
 
     let workflow = fs::read_to_string(shipped(".github/workflows/sensor-regression.yml")).unwrap();
     assert!(workflow.ends_with(&blocks(&page, "yaml")[0]), "the page and the workflow differ");

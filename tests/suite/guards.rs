@@ -474,7 +474,7 @@ fn case_memory_estimates() {
     }
     let job = beamcast::load_job(&rig.path("job.toml"), &[]).unwrap();
     let estimate = |holding| memory::of_frames(&job.sensors, &[1; 8], &job.output.formats, holding);
-    let check = |compared, page| Holding::Check { compared, page };
+    let check = |compared, page| Holding::Check { compared, page, detection: false };
     let page = rig.path("page.html");
     let page = page.to_str().unwrap();
     for (args, estimate) in [

@@ -69,6 +69,11 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
     let fine = ["--set", "output.formats=[{ format = \"depth16\", scale = 1e5 }]"];
     let lossy = json(&["scan", "a.toml", "--out", "lossy", fine[0], fine[1], "--json"]);
     let lines = stdout_of(folder, &["scan", "a.toml", "--out", "lines", fine[0], fine[1], "--json-lines"]);
+    let measured = json(&["scan", "measured.toml", "--out", "measured", "--json"]);
+    // Where the receiver sees less, some pulses do not return.
+    let dim = ["--set", "sensor.top.receiver.range_pairs=[[0.8, 3.0]]"];
+    let measured_lines =
+        stdout_of(folder, &["scan", "measured.toml", "--out", "dim", dim[0], dim[1], "--json-lines"]);
     for part in ["1/2", "2/2"] {
         stdout_of(folder, &["scan", "a.toml", "--out", "parts", "--shard", part]);
     }
@@ -86,9 +91,16 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         |file: &str, other: &str| json(&["diff", &format!("a{file}"), &format!("{other}{file}"), "--json"]);
     let info = |path: &str| json(&["info", path, "--json"]);
     BTreeMap::from([
-        ("scan", vec![scan, lossy]),
+        ("scan", vec![scan, lossy, measured]),
         ("scan --dry-run", vec![plan]),
-        ("scan --json-lines", lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect()),
+        (
+            "scan --json-lines",
+            lines
+                .lines()
+                .chain(measured_lines.lines())
+                .map(|line| serde_json::from_str(line).unwrap())
+                .collect(),
+        ),
         ("merge", vec![merged]),
         ("verify", vec![verified]),
         ("check", vec![check, broken]),
@@ -116,6 +128,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ("bench", vec![json(&["bench", "a.toml", "--repeat", "1", "--json"])]),
         ("presets", vec![json(&["presets", "--json"])]),
         ("selftest", vec![json(&["selftest", "leaky.toml", "--json"])]),
+        ("selftest --datasheet", vec![json(&["selftest", "--datasheet", "measured.toml", "--json"])]),
     ])
 }
 

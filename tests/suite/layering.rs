@@ -24,13 +24,13 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("output", &["angle", "error", "frame", "scan", "scene", "sensor", "source", "truth"]),
     ("check", &["angle", "frame", "output", "scan", "scene", "sensor", "source"]),
     ("view", &["check", "error", "frame", "output", "scan", "scene", "sensor", "source"]),
-    ("selftest", &["angle", "frame", "motion", "output", "scan", "scene", "sensor", "trace"]),
+    ("selftest", &["angle", "frame", "motion", "output", "physics", "scan", "scene", "sensor", "trace"]),
     ("kernels", &["angle", "error", "frame", "motion", "rng", "scan", "scene", "sensor", "trace"]),
     (
         "config",
         &[
-            "angle", "check", "error", "frame", "motion", "output", "physics", "rng", "scene", "sensor",
-            "source", "trace", "truth",
+            "angle", "check", "error", "frame", "motion", "output", "physics", "rng", "scan", "scene",
+            "sensor", "source", "trace", "truth",
         ],
     ),
     ("plausibility", &["config", "frame", "motion", "output", "scene", "sensor", "source", "trace"]),

@@ -7,6 +7,7 @@ mod config;
 mod corpus;
 mod cut_outs;
 mod datasets;
+mod datasheets;
 mod dead_zone;
 mod docs;
 mod examples;

@@ -183,7 +183,7 @@ fn drive(expectations: &str) -> Outcome {
     while let Some(items) = run.next_items() {
         let cast = |item: Item| {
             let frame = session.cast(&item, &Progress::default())?;
-            Some(CastFrame { item, session: Cow::Borrowed(&session), frame })
+            Some(CastFrame { item, session: Cow::Borrowed(&session), frame, ideal: None })
         };
         let frames: Vec<_> = items.into_iter().filter_map(cast).collect();
         most = most.max(frames.len());

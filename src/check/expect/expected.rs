@@ -8,11 +8,12 @@ use super::ground::{self, Ground, Zone};
 use super::seen::Seen;
 use super::tally::{Concluded, Demand, Tally};
 use super::target::Target;
-use super::{points, shares};
+use super::{causes, points, shares};
 use crate::angle::Angle;
 use crate::check::outcome::ExpectationOutcome;
 use crate::check::phrasing::{digits, metres, percent};
 use crate::output::SensorFrame;
+use crate::scan::Cause;
 use crate::scene::Scene;
 use crate::source::words::joined;
 
@@ -90,6 +91,29 @@ pub enum Expected {
     },
     /// The number of returns a second, of all sensors together.
     PointsPerSecond(Bounds),
+    /// The fraction of the pulses at a target that it returns, 0 to 1, of all sensors together. The pulses at a target are those of
+    /// the pixels that have a return from it in an ideal scan of the same capture: from the first surface on the sensor's own rays,
+    /// within its limits. Such a pulse counts as returned if one of its returns is from the target, and by the direct way: its
+    /// cause is [`Cause::Surface`], [`Cause::Mixed`] or [`Cause::Glass`].
+    Detection {
+        /// The target that the pulses meet.
+        target: Target,
+        /// The bounds of the fraction.
+        share: Bounds,
+    },
+    /// The number of returns of a frame that no light of the sensor makes, of each sensor: those whose cause is
+    /// [`Cause::FalseAlarm`] or [`Cause::Interference`].
+    FalseAlarms {
+        /// The greatest number.
+        at_most: f64,
+    },
+    /// The fraction of each sensor's returns that have a cause, 0 to 1. The returns of ideal sensors are from surfaces.
+    CauseShare {
+        /// The cause.
+        cause: Cause,
+        /// The bounds of the fraction.
+        share: Bounds,
+    },
     /// The number of rays a second that beamcast casts, as a budget of computing time.
     Speed {
         /// The least number of rays a second.
@@ -132,13 +156,18 @@ impl Expected {
     /// The problem that the scene has nothing of the name or of the label that the expectation is about, if that is so.
     pub fn missing(&self, scene: &Scene) -> Option<String> {
         let target = match self {
-            Self::Points { target, .. } | Self::Plane { target, .. } | Self::Resolution { target, .. } => {
-                target
-            }
+            Self::Points { target, .. }
+            | Self::Plane { target, .. }
+            | Self::Resolution { target, .. }
+            | Self::Detection { target, .. } => target,
             Self::Coverage { zone, .. } => &zone.ground.target,
             Self::BlindZone { ground, .. } => &ground.target,
             Self::Unobstructed { body, .. } => body,
-            Self::Returns(_) | Self::PointsPerSecond(_) | Self::Speed { .. } => return None,
+            Self::Returns(_)
+            | Self::PointsPerSecond(_)
+            | Self::FalseAlarms { .. }
+            | Self::CauseShare { .. }
+            | Self::Speed { .. } => return None,
         };
         target.missing(scene).or_else(|| target.missing_label(scene))
     }
@@ -188,6 +217,17 @@ impl Expected {
             Self::PointsPerSecond(bounds) => {
                 format!("{} points a second", bounds.words(&|n| format!("{n}")))
             }
+            Self::Detection { target, share } => {
+                let target = target.words(seen.labels);
+                format!("{} of the pulses at {target} return from it", share.words(&percent))
+            }
+            Self::FalseAlarms { at_most } => {
+                let noun = if *at_most == 1.0 { "return" } else { "returns" };
+                format!("at most {at_most} {noun} of false alarms and interference in a frame")
+            }
+            Self::CauseShare { cause, share } => {
+                format!("{} of the returns have the cause {}", share.words(&percent), cause.name())
+            }
             Self::Speed { at_least } => format!("at least {at_least} rays cast a second"),
         }
     }
@@ -209,6 +249,9 @@ impl Expected {
             Self::Returns(bounds) => shares::returns(seen, bounds),
             Self::Unobstructed { body, at_most } => shares::unobstructed(seen, body, *at_most),
             Self::PointsPerSecond(bounds) => shares::points_per_second(seen, bounds),
+            Self::Detection { target, share } => causes::detection(seen, target, share),
+            Self::FalseAlarms { at_most } => causes::false_alarms(seen, *at_most),
+            Self::CauseShare { cause, share } => causes::share(seen, *cause, share),
             Self::Speed { at_least } => match seen.rays_per_s {
                 Some(speed) => Finding::new(speed >= *at_least, format!("{speed:.0} rays a second"), ""),
                 None => Finding::Nothing("no speed was measured".to_owned()),

@@ -5,6 +5,7 @@
 //! points      what lies on a target: points, distances from a plane, angles between beams
 //! ground      what of the ground is seen: zones, blind sectors
 //! shares      how many of the rays return, and how many hit the vehicle
+//! causes      how often a target is detected, and what returns are from
 //! finding     what a measurement gave
 //! tally       what was found over the frames of a sequence
 //! seen        the frames of a run, and the returns in them
@@ -13,6 +14,7 @@
 //! ```
 
 mod bounds;
+mod causes;
 mod expected;
 mod finding;
 mod ground;

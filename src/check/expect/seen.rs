@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::target::Target;
 use crate::check::outcome::Sight;
 use crate::output::SensorFrame;
-use crate::scan::Return;
+use crate::scan::{Frame, Return};
 use crate::scene::Scene;
 use crate::sensor::Pulse;
 
@@ -20,6 +20,9 @@ pub struct Seen<'a> {
     pub labels: &'a BTreeMap<u32, String>,
     /// The frame of each sensor at one moment.
     pub frames: &'a [SensorFrame<'a>],
+    /// The ideal scans of frames whose sensors are not ideal, each with its sensor's name: those that expectations of detection
+    /// need.
+    pub ideal: &'a [(&'a str, &'a Frame)],
     /// The number of rays that were cast a second, if it was measured.
     pub rays_per_s: Option<f64>,
 }

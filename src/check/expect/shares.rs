@@ -10,40 +10,45 @@ use crate::check::phrasing::percent;
 use crate::output::SensorFrame;
 use crate::scan::Cause;
 
-/// The fraction of a sensor's rays that satisfies a condition, 0 to 1.
-struct Share<'a> {
-    share: f64,
-    of: &'a SensorFrame<'a>,
+/// The fraction of a sensor's rays or returns that satisfies a condition, 0 to 1.
+pub(super) struct Share<'a> {
+    pub(super) share: f64,
+    pub(super) of: &'a SensorFrame<'a>,
 }
 
 impl Share<'_> {
-    fn place(&self) -> String {
+    pub(super) fn place(&self) -> String {
         format!("sensor {}", self.of.name)
     }
 
-    fn sight(&self, channel: Option<&'static str>) -> Sight {
+    pub(super) fn sight(&self, channel: Option<&'static str>) -> Sight {
         sight_of(self.of, channel)
     }
 }
 
-/// The fraction of rays that is furthest outside of the bounds, over all sensors, since each must lie within them. `count`
-/// counts the rays of a frame. `None` without a sensor.
-fn furthest_outside<'a>(
+/// The fraction that is furthest outside of the bounds, over all sensors, since each must lie within them. `count` counts a
+/// frame's rays or returns: those that satisfy the condition, and all. `None` without a sensor.
+pub(super) fn furthest_outside<'a>(
     seen: &'a Seen,
     bounds: &Bounds,
-    count: &dyn Fn(&'a SensorFrame<'a>) -> usize,
+    count: &dyn Fn(&'a SensorFrame<'a>) -> (usize, usize),
 ) -> Option<Share<'a>> {
     let off = |share: f64| {
         let under = bounds.at_least.map_or(f64::NEG_INFINITY, |least| least - share);
         under.max(bounds.at_most.map_or(f64::NEG_INFINITY, |most| share - most))
     };
-    let shares =
-        seen.frames.iter().map(|of| Share { share: count(of) as f64 / of.frame.pixels() as f64, of });
+    let share = |of: &'a SensorFrame<'a>| {
+        let (some, all) = count(of);
+        Share { share: some as f64 / all as f64, of }
+    };
+    let shares = seen.frames.iter().map(share);
     shares.max_by(|a, b| off(a.share).total_cmp(&off(b.share)))
 }
 
 pub(super) fn returns(seen: &Seen, bounds: &Bounds) -> Finding {
-    match furthest_outside(seen, bounds, &|of| of.frame.first_returns().flatten().count()) {
+    match furthest_outside(seen, bounds, &|of| {
+        (of.frame.first_returns().flatten().count(), of.frame.pixels())
+    }) {
         None => Finding::Nothing("no sensor".to_owned()),
         Some(worst) => {
             let frame = worst.of.frame;
@@ -67,7 +72,8 @@ pub(super) fn unobstructed(seen: &Seen, body: &Target, at_most: f64) -> Finding 
     let too_near = |of: &SensorFrame| blockers_on(of, scene, body).count();
     let returned =
         |of: &SensorFrame| of.frame.first_returns().flatten().filter(|hit| body.is_hit(hit, scene)).count();
-    let Some(worst) = furthest_outside(seen, &bounds, &|of| returned(of) + too_near(of)) else {
+    let Some(worst) = furthest_outside(seen, &bounds, &|of| (returned(of) + too_near(of), of.frame.pixels()))
+    else {
         return Finding::Nothing("no sensor".to_owned());
     };
     // The intervals of azimuth and elevation in which the sensor that sees most of the body is obstructed.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::scan::Return;
+use crate::scan::{NO_OBJECT, Return};
 use crate::scene::Scene;
 use crate::source::suggest::nearest;
 use crate::source::words::{list, quoted};
@@ -32,7 +32,11 @@ impl Target {
         self.label.is_none_or(|own| own == label) && self.names(name)
     }
 
+    /// Whether a return is from the target. A return that no surface makes is from no object and has no label.
     pub(super) fn is_hit(&self, hit: &Return, scene: &Scene) -> bool {
+        if hit.instance == NO_OBJECT {
+            return *self == Self::default();
+        }
         self.label.is_none_or(|label| label == hit.label)
             && (self.object.is_none() || self.names(&scene.geometry.objects[hit.instance as usize].name))
     }

@@ -1,8 +1,9 @@
 //! The keys of a job's `[[expect]]`.
 
-use super::super::kinds::{Integer, Nested, Number, Text, Vector};
+use super::super::kinds::{Choice, Integer, Nested, Number, Text, Vector};
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
 use super::limits::MAX_FRAMES;
+use crate::scan::Cause;
 
 pub(crate) static EXPECT: TableKeys = table(
     "`[[expect]]`",
@@ -21,6 +22,9 @@ pub(crate) static EXPECT: TableKeys = table(
         &RETURNS,
         &UNOBSTRUCTED,
         &POINTS_PER_S,
+        &DETECTION,
+        &FALSE_ALARMS,
+        &CAUSE_SHARE,
         &SPEED,
     ],
 )
@@ -61,8 +65,20 @@ pub(crate) mod frames {
 }
 
 /// The tables of an expectation, of which it has one.
-pub(crate) const SUBJECTS: &[&dyn AnyKey] =
-    &[&POINTS, &PLANE, &RESOLUTION, &COVERAGE, &BLIND_ZONE, &RETURNS, &UNOBSTRUCTED, &POINTS_PER_S, &SPEED];
+pub(crate) const SUBJECTS: &[&dyn AnyKey] = &[
+    &POINTS,
+    &PLANE,
+    &RESOLUTION,
+    &COVERAGE,
+    &BLIND_ZONE,
+    &RETURNS,
+    &UNOBSTRUCTED,
+    &POINTS_PER_S,
+    &DETECTION,
+    &FALSE_ALARMS,
+    &CAUSE_SHARE,
+    &SPEED,
+];
 pub(crate) static POINTS: Key<Nested> =
     key("points", Nested(&points::KEYS), "How many points an object gets.");
 pub(crate) static PLANE: Key<Nested> =
@@ -85,6 +101,18 @@ pub(crate) static UNOBSTRUCTED: Key<Nested> = key(
 );
 pub(crate) static POINTS_PER_S: Key<Nested> =
     key("points_per_s", Nested(&points_per_s::KEYS), "Points a second.");
+pub(crate) static DETECTION: Key<Nested> = key(
+    "detection",
+    Nested(&detection::KEYS),
+    "The part of the pulses at an object that it returns: of those that meet it first in an ideal scan of the same frame.",
+);
+pub(crate) static FALSE_ALARMS: Key<Nested> = key(
+    "false_alarms",
+    Nested(&false_alarms::KEYS),
+    "How many returns of a frame no light of the sensor makes: false alarms and interference.",
+);
+pub(crate) static CAUSE_SHARE: Key<Nested> =
+    key("cause_share", Nested(&cause_share::KEYS), "The part of a frame's returns that have a cause.");
 pub(crate) static SPEED: Key<Nested> =
     key("speed", Nested(&speed::KEYS), "How fast the beams are cast on this machine.");
 
@@ -203,6 +231,54 @@ pub(crate) mod points_per_s {
     pub static KEYS: TableKeys = table("`points_per_s`", &[&AT_LEAST, &AT_MOST]);
     pub static AT_LEAST: Key<Number> = key("at_least", Number::NOT_NEGATIVE, "Points a second, at least.");
     pub static AT_MOST: Key<Number> = key("at_most", Number::NOT_NEGATIVE, "Points a second, at most.");
+}
+
+pub(crate) mod detection {
+    use super::*;
+
+    pub static KEYS: TableKeys = table("`detection`", &[&OBJECT, &LABEL, &AT_LEAST, &AT_MOST]);
+    pub static AT_LEAST: Key<Number> =
+        key("at_least", Number::SHARE, "The part of the pulses, at least, 0 to 1.");
+    pub static AT_MOST: Key<Number> =
+        key("at_most", Number::SHARE, "The part of the pulses, at most, 0 to 1.");
+}
+
+pub(crate) mod false_alarms {
+    use super::*;
+
+    pub static KEYS: TableKeys = table("`false_alarms`", &[&AT_MOST]);
+    pub static AT_MOST: Key<Number> =
+        key("at_most", Number::NOT_NEGATIVE, "Such returns in a frame of each sensor, at most.")
+            .required("`at_most = 20`, such returns in a frame");
+}
+
+pub(crate) mod cause_share {
+    use super::*;
+
+    pub static KEYS: TableKeys = table("`cause_share`", &[&CAUSE, &AT_LEAST, &AT_MOST]);
+    /// The causes that returns have.
+    pub static CAUSE: Key<Choice<Cause>> = key(
+        "cause",
+        Choice(&[
+            ("surface", Cause::Surface),
+            ("mixed", Cause::Mixed),
+            ("mirror", Cause::Mirror),
+            ("glass", Cause::Glass),
+            ("false_alarm", Cause::FalseAlarm),
+            ("interference", Cause::Interference),
+            ("rain", Cause::Rain),
+            ("snow", Cause::Snow),
+            ("fog", Cause::Fog),
+            ("dust", Cause::Dust),
+            ("blooming", Cause::Blooming),
+        ]),
+        "The cause of the returns that count.",
+    )
+    .required("`cause = \"mixed\"`, the cause of the returns that count");
+    pub static AT_LEAST: Key<Number> =
+        key("at_least", Number::SHARE, "The part of the returns, at least, 0 to 1.");
+    pub static AT_MOST: Key<Number> =
+        key("at_most", Number::SHARE, "The part of the returns, at most, 0 to 1.");
 }
 
 pub(crate) mod speed {

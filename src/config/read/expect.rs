@@ -129,6 +129,18 @@ const SUBJECTS: &[(&Key<Nested>, Read)] = &[
     (&keys::POINTS_PER_S, |t| {
         bounds(t, &keys::points_per_s::AT_LEAST, &keys::points_per_s::AT_MOST).map(Expected::PointsPerSecond)
     }),
+    (&keys::DETECTION, |t| {
+        let share = bounds(t, &keys::detection::AT_LEAST, &keys::detection::AT_MOST);
+        Some(Expected::Detection { target: target(t), share: share? })
+    }),
+    (&keys::FALSE_ALARMS, |t| {
+        Some(Expected::FalseAlarms { at_most: t.read(&keys::false_alarms::AT_MOST)?.value })
+    }),
+    (&keys::CAUSE_SHARE, |t| {
+        let cause = t.read(&keys::cause_share::CAUSE);
+        let share = bounds(t, &keys::cause_share::AT_LEAST, &keys::cause_share::AT_MOST);
+        Some(Expected::CauseShare { cause: cause?.value, share: share? })
+    }),
     (&keys::SPEED, |t| Some(Expected::Speed { at_least: t.read(&keys::speed::AT_LEAST)?.value })),
 ];
 
