@@ -4,6 +4,7 @@
 mod alone;
 mod frame;
 mod measured;
+mod story;
 mod surface;
 mod through;
 
@@ -21,6 +22,7 @@ use crate::trace::{Cast, Hit, Origins, PACKET_RAYS, Rays};
 pub use alone::alone;
 use frame::ReturnsMut;
 pub use frame::{Cause, Echo, Frame, NO_OBJECT, Return, Returns, Terms};
+pub use story::{Fate, Met, Sent, Signal, SignalPeak, Story, explain};
 use surface::SeenTriangle;
 use through::Through;
 
