@@ -10,6 +10,7 @@ mod datasets;
 mod dead_zone;
 mod docs;
 mod examples;
+mod explain;
 mod film;
 mod first_steps;
 mod formats;
