@@ -15,6 +15,8 @@ pub const BENCH: Document = Document { format: 1 };
 pub const CHECK: Document = Document { format: 1 };
 /// `beamcast diff --json`.
 pub const DIFF: Document = Document { format: 1 };
+/// `beamcast explain --json`.
+pub const EXPLAIN: Document = Document { format: 1 };
 /// `beamcast info --json`.
 pub const INFO: Document = Document { format: 2 };
 /// `beamcast kernels --json`.

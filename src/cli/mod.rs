@@ -5,6 +5,7 @@ mod check;
 mod datasheet;
 pub mod diagnostics;
 mod diff;
+mod explain;
 mod facts;
 mod film;
 mod frames;
@@ -62,6 +63,8 @@ enum Command {
     Check(check::Args),
     /// Compare two outputs, channel by channel: images, clouds, folders, or jobs, which are run
     Diff(diff::Args),
+    /// Tell the story of one pulse: where it goes, what it meets, what comes back, and why it is reported so
+    Explain(explain::Args),
     /// Time a job: loading, building and casting, each apart
     Bench(bench::Args),
     /// List the built-in sensors, or show one
@@ -125,6 +128,7 @@ impl Command {
             Self::Scan(args) => Some(args.threads()),
             Self::Check(args) => Some(args.threads),
             Self::Diff(args) => Some(args.threads),
+            Self::Explain(args) => Some(args.threads()),
             Self::Bench(args) => Some(args.threads()),
             Self::Lint(_) | Self::Selftest(_) | Self::View(_) | Self::Kernels(_) => {
                 Some(threads::Args::default())
@@ -148,6 +152,7 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Verify(args) => verify::run(args, terminal),
         Command::Check(args) => check::run(args, terminal),
         Command::Diff(args) => diff::run(args, terminal),
+        Command::Explain(args) => explain::run(args, terminal),
         Command::Bench(args) => bench::run(args, terminal),
         Command::Selftest(args) => selftest::run(args, terminal),
         Command::View(args) => view::run(args, terminal),

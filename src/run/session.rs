@@ -14,7 +14,7 @@ use crate::config::{Job, MountedSensor, OutputSettings};
 use crate::error::Error;
 use crate::output::{Names, SensorFrame};
 use crate::plausibility;
-use crate::scan::{self, Frame, Progress};
+use crate::scan::{self, Frame, Progress, Story};
 use crate::scene::{Scene, gltf};
 use crate::sensor::{Capture, Measurement, Sensor};
 use crate::source::Diagnostic;
@@ -130,6 +130,13 @@ impl Session {
         progress: &Progress,
     ) -> Option<Frame> {
         scan::scan(scene, tracer, &self.capture(item), progress)
+    }
+
+    /// The story of the pulse of a pixel of a frame, whose returns are those of the frame that [`Self::cast`] gives. `None` if the
+    /// image has no such pixel.
+    pub fn explain(&self, item: &Item, row: usize, column: usize) -> Option<Story> {
+        let tracer = self.frame_tracer(item);
+        scan::explain(tracer.scene(), &tracer, &self.capture(item), row, column)
     }
 
     /// The tracer for a frame: over the job's scene as it is during that frame.

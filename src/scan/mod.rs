@@ -2,8 +2,10 @@
 //! threads.
 
 mod alone;
+mod explain;
 mod frame;
 mod measured;
+mod story;
 mod surface;
 mod through;
 
@@ -19,8 +21,10 @@ use crate::sensor::{Capture, Pulse};
 use crate::trace::{Cast, Hit, Origins, PACKET_RAYS, Rays};
 
 pub use alone::alone;
+pub use explain::explain;
 use frame::ReturnsMut;
 pub use frame::{Cause, Echo, Frame, NO_OBJECT, Return, Returns, Terms};
+pub use story::{Fate, Met, Sent, Signal, SignalPeak, Story};
 use surface::SeenTriangle;
 use through::Through;
 

@@ -113,6 +113,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
                 diff("/top/000000.ply", "d"),
             ],
         ),
+        ("explain", vec![json(&["explain", "measured.toml", "1", "18", "--json"])]),
         ("lint", vec![json(&["lint", "a.toml", "sequence.toml", "measured.toml", "wrong.toml", "--json"])]),
         (
             "info",

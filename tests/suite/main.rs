@@ -11,6 +11,7 @@ mod datasheets;
 mod dead_zone;
 mod docs;
 mod examples;
+mod explain;
 mod film;
 mod first_steps;
 mod formats;

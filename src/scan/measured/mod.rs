@@ -8,6 +8,7 @@
 //! light    what comes back, path by path
 //! receive  the receiver: from light to returns, each with its cause and its error budget
 //! effects  the numbers of random effects
+//! story    one pulse on all of this way, and what became of each peak
 //! ```
 //!
 //! Each random number follows from the seed, the sensor, the frame, the pixel, the path of the light and the effect, so frames do
@@ -21,6 +22,7 @@ mod light;
 mod optics;
 mod paths;
 mod receive;
+mod story;
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -31,7 +33,8 @@ use self::beams::Beams;
 use self::halo::{Brightness, Halo, Source};
 use self::light::{IDEAL_SAMPLE, Light, Target};
 use self::paths::{Paths, Wave, Way};
-use self::receive::{Detector, Received, Reception, Scratch};
+use self::receive::{Detector, Received, Reception, Scratch, Watch};
+pub(super) use self::story::explain;
 use super::{Cause, Echo, Frame, NO_OBJECT, Progress, Return, STRIP, SensorPose, TILE};
 use crate::physics::sun::ambient;
 use crate::scene::{Scene, Sun};
@@ -49,30 +52,10 @@ pub(super) fn scan_into(
     let default_receiver = Receiver::default();
     let measurement = &capture.sensor.measurement;
     let receiver = measurement.receiver.as_ref().unwrap_or(&default_receiver);
-    let beams = Beams::new(capture);
-    let sun = scene.environment.sun.map_or(1.0, |sun| sun.klx / receiver.sun_klx);
-    let noise = measurement.noise.unwrap_or_default();
-    let detector = Detector::new(receiver, noise, capture.sensor.range, beams.streams, sun);
-    let divergence = measurement
-        .footprint
-        .map_or(0.0, |f| f.half_divergence[0].radians().max(f.half_divergence[1].radians()));
-    let weather = scene.environment.weather.as_ref();
-    let air = Air::new(weather, receiver, measurement.footprint, detector.white_at_1_m, detector.threshold());
-    let paths = Paths {
-        scene,
-        tracer,
-        receiver,
-        white_at_1_m: detector.white_at_1_m / beams.samples() as f64,
-        extinction_per_m: air.extinction_per_m,
-        mirror_roughness: crate::physics::surface::mirror_roughness(2.0 * divergence),
-    };
-    let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
-    let scanner = Scanner { capture, beams, paths, air, detector, fixed };
+    let scanner = Scanner::new(scene, tracer, capture, receiver);
     let (rows, columns) = (capture.rows(), capture.columns());
-    let width = strip_columns(scanner.beams.samples());
-    let strips: Vec<_> = (0..rows.div_ceil(TILE.0))
-        .flat_map(|band| (0..columns.div_ceil(width)).map(move |strip| (band * TILE.0, strip * width)))
-        .collect();
+    let width = scanner.strip_columns();
+    let strips = scanner.strips();
     let is_cancelled = || progress.cancelled.load(Relaxed);
     let received: Vec<Strip> = match &measurement.blooming {
         None => strips
@@ -127,11 +110,6 @@ pub(super) fn scan_into(
         }
     }
     true
-}
-
-/// The columns of a strip whose pulses have so many samples: as many tiles as keep the rays of a strip in a processor's cache.
-fn strip_columns(samples: usize) -> usize {
-    (STRIP / samples).next_multiple_of(TILE.1)
 }
 
 /// The pixels of a strip, row by row.
@@ -216,19 +194,67 @@ struct Scanner<'a, C> {
     fixed: Option<SensorPose>,
 }
 
-impl<C: Cast> Scanner<'_, C> {
+impl<'a, C: Cast> Scanner<'a, C> {
+    fn new(scene: &'a Scene, tracer: &'a C, capture: &'a Capture<'a>, receiver: &'a Receiver) -> Self {
+        let measurement = &capture.sensor.measurement;
+        let beams = Beams::new(capture);
+        let sun = scene.environment.sun.map_or(1.0, |sun| sun.klx / receiver.sun_klx);
+        let noise = measurement.noise.unwrap_or_default();
+        let detector = Detector::new(receiver, noise, capture.sensor.range, beams.streams, sun);
+        let divergence = measurement
+            .footprint
+            .map_or(0.0, |f| f.half_divergence[0].radians().max(f.half_divergence[1].radians()));
+        let weather = scene.environment.weather.as_ref();
+        let (white_at_1_m, threshold) = (detector.white_at_1_m, detector.threshold());
+        let air = Air::new(weather, receiver, measurement.footprint, white_at_1_m, threshold);
+        let paths = Paths {
+            scene,
+            tracer,
+            receiver,
+            white_at_1_m: white_at_1_m / beams.samples() as f64,
+            extinction_per_m: air.extinction_per_m,
+            mirror_roughness: crate::physics::surface::mirror_roughness(2.0 * divergence),
+        };
+        let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
+        Self { capture, beams, paths, air, detector, fixed }
+    }
+
+    /// The row and the column of the first pixel of each strip of the image.
+    fn strips(&self) -> Vec<(usize, usize)> {
+        let width = self.strip_columns();
+        let (bands, strips) = (self.capture.rows().div_ceil(TILE.0), self.capture.columns().div_ceil(width));
+        (0..bands).flat_map(|band| (0..strips).map(move |strip| (band * TILE.0, strip * width))).collect()
+    }
+
+    /// The columns of a strip: as many tiles as keep the rays of a strip in a processor's cache.
+    fn strip_columns(&self) -> usize {
+        (STRIP / self.beams.samples()).next_multiple_of(TILE.1)
+    }
+
     /// Casts the pulses of a strip, and finds the light that comes back.
     fn illuminate(&self, first: (usize, usize), memory: &mut Memory, progress: &Progress) {
+        let (rows, columns) = (self.capture.rows() - first.0, self.capture.columns() - first.1);
+        let size = (TILE.0.min(rows), self.strip_columns().min(columns));
+        let samples = self.illuminate_part(first, size, memory);
+        progress.rays_done.fetch_add(memory.lit.pulses.len() as u64, Relaxed);
+        progress.samples_done.fetch_add(samples as u64, Relaxed);
+    }
+
+    /// Casts the pulses of so many rows and columns of the image, at most those of a strip, as a strip of their own. Returns
+    /// the number of rays.
+    fn illuminate_part(
+        &self,
+        first: (usize, usize),
+        (rows, columns): (usize, usize),
+        memory: &mut Memory,
+    ) -> usize {
         let Memory { wave, next, lights, lit, .. } = memory;
-        lit.first = first;
-        lit.rows = TILE.0.min(self.capture.rows() - first.0);
-        lit.columns = strip_columns(self.beams.samples()).min(self.capture.columns() - first.1);
+        (lit.first, lit.rows, lit.columns) = (first, rows, columns);
         self.send(lit, wave);
         lights.clear();
         let samples = self.paths.follow(wave, next, &lit.pulses, lights, &mut lit.ideal);
         sort_by_pulse(lights, lit.pulses.len(), &mut lit.lights, &mut lit.first_light);
-        progress.rays_done.fetch_add(lit.pulses.len() as u64, Relaxed);
-        progress.samples_done.fetch_add(samples as u64, Relaxed);
+        samples
     }
 
     /// The light of a strip that pulses beside it may see.
@@ -259,7 +285,7 @@ impl<C: Cast> Scanner<'_, C> {
             match pulse {
                 None => strip.causes.push(Cause::NoPulse),
                 Some(pulse) => {
-                    self.receive(lit, pulse, halo, desk);
+                    self.receive(lit, pulse, halo, desk, &mut ());
                     strip.causes.push(desk.received.cause);
                     strip.returns.append(&mut desk.received.returns);
                     targets.append(&mut desk.received.targets);
@@ -346,14 +372,26 @@ impl<C: Cast> Scanner<'_, C> {
         ideal.resize(pulses.len(), f64::INFINITY);
     }
 
+    /// Whether pulses get more light than that of the surfaces they meet: then it is in [`Desk::lights`].
+    fn adds_light(&self, halo: Option<&Halo>) -> bool {
+        self.air.extinction_per_m > 0.0 || halo.is_some()
+    }
+
     /// Receives the light of pulse number `number` of a strip.
-    fn receive(&self, lit: &mut Lit, number: usize, halo: Option<&Halo>, desk: &mut Desk) {
+    fn receive(
+        &self,
+        lit: &mut Lit,
+        number: usize,
+        halo: Option<&Halo>,
+        desk: &mut Desk,
+        watch: &mut impl Watch,
+    ) {
         let Desk { lights: more, scratch, received } = desk;
         let pixel = lit.pixel(number, self.capture.columns());
         let Lit { pulses, poses, lights, first_light, .. } = lit;
         let (pulse, pose) = (&pulses[number], &poses[number]);
         let mut lights = &mut lights[first_light[number]..first_light[number + 1]];
-        if self.air.extinction_per_m > 0.0 || halo.is_some() {
+        if self.adds_light(halo) {
             more.clear();
             more.extend_from_slice(lights);
             if self.air.extinction_per_m > 0.0 {
@@ -380,7 +418,7 @@ impl<C: Cast> Scanner<'_, C> {
             ideal_m: self.beams.are_off().then_some(lit.ideal[number]),
             sensor_from_world: pose.sensor_from_world.rotation,
         };
-        self.detector.receive(&at, lights, scratch, received);
+        self.detector.receive(&at, lights, scratch, received, watch);
     }
 }
 

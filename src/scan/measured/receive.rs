@@ -40,18 +40,32 @@ pub(super) struct Scratch {
     shares: Vec<f64>,
 }
 
+/// What is told of the fates of peaks. The frames of a scan need none of it, so that `()` is told it in vain, which costs nothing.
+pub(super) trait Watch {
+    /// A peak is not detected, or lies outside of the limits of the sensor's range.
+    fn lose(&mut self, _candidate: &Candidate, _cause: Cause) {}
+
+    /// All that is detected, sorted by range.
+    fn detect(&mut self, _candidates: &[Candidate]) {}
+
+    /// What of it the receiver reports, in the order of the returns.
+    fn choose(&mut self, _chosen: &[Candidate]) {}
+}
+
+impl Watch for () {}
+
 /// A peak that may become a return.
 #[derive(Clone, Copy)]
-struct Candidate {
-    range_m: f64,
+pub(super) struct Candidate {
+    pub range_m: f64,
     /// The mean height.
-    snr: f64,
+    pub snr: f64,
     /// The height with this pulse's noise.
-    amplitude: f64,
-    sigma_m: f64,
-    cause: Cause,
+    pub amplitude: f64,
+    pub sigma_m: f64,
+    pub cause: Cause,
     /// The path that random numbers follow from.
-    path: u32,
+    pub path: u32,
     ideal_m: f64,
     length_m: f64,
     target: Target,
@@ -101,13 +115,25 @@ impl<'a> Detector<'a> {
         Self { receiver, noise, limits, streams, sigma_m, threshold, window_m, white_at_1_m }
     }
 
+    /// The standard deviation of a pulse in range, in metres.
+    pub fn sigma_m(&self) -> f64 {
+        self.sigma_m
+    }
+
     /// The energy that is detected, if the receiver's sensitivity is known.
     pub fn threshold(&self) -> Option<f64> {
         self.threshold
     }
 
-    /// Makes returns of a pulse's light, which is sorted by range.
-    pub fn receive(&self, at: &Reception, lights: &[Light], scratch: &mut Scratch, received: &mut Received) {
+    /// Makes returns of a pulse's light, which is sorted by range. `watch` is told what becomes of each peak.
+    pub fn receive(
+        &self,
+        at: &Reception,
+        lights: &[Light],
+        scratch: &mut Scratch,
+        received: &mut Received,
+        watch: &mut impl Watch,
+    ) {
         received.returns.clear();
         received.targets.clear();
         let Scratch { parts, peaks, candidates, by_object, shares } = scratch;
@@ -123,13 +149,18 @@ impl<'a> Detector<'a> {
             let candidate = self.candidate(at, peak, lights, parts, &waveform, by_object, shares);
             match self.judge(at, &candidate, lights) {
                 Ok(()) => candidates.push(candidate),
-                Err(cause) => fate.add(cause, &candidate),
+                Err(cause) => {
+                    fate.add(cause, &candidate);
+                    watch.lose(&candidate, cause);
+                }
             }
         }
         self.add_false_alarm(at, candidates);
         self.add_interference(at, candidates);
         candidates.sort_by(|a, b| a.range_m.total_cmp(&b.range_m));
+        watch.detect(candidates);
         self.choose(candidates);
+        watch.choose(candidates);
         received.cause = match candidates.first() {
             Some(first) => first.cause,
             None => fate.cause(),
