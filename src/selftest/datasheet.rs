@@ -292,8 +292,9 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// The ranges at which noise and biases are measured: those of data sheets, of which the plane is detected at least as often
-    /// as a range pair's, or half of the farthest where it is nearer than all of them. None if neither is stated.
+    /// The ranges at which noise and biases are measured: those of [`NOISE_RANGES_M`] at which the bright wall is detected at least
+    /// as often as a range pair's plane. A sensor that reaches none of them is measured halfway to its end. Without a stated noise
+    /// or bias there are none.
     fn noise_ranges_m(&self) -> Vec<f64> {
         let Noise { range_floor_m, range_a_m, bias_m, .. } = self.noise;
         if range_floor_m == 0.0 && range_a_m == 0.0 && bias_m == 0.0 {
