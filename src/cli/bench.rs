@@ -1,6 +1,7 @@
 //! `beamcast bench`: times a job and writes nothing.
 
 use std::num::NonZeroU16;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
@@ -11,7 +12,7 @@ use super::json;
 use super::terminal::Terminal;
 use super::threads;
 use crate::error::Error;
-use crate::run::{Bytes, Holding, Plan, Selection, Session, memory};
+use crate::run::{Bytes, Holding, Item, Plan, Selection, Session, memory};
 use crate::scan::{Frame, Progress};
 use crate::trace::AnyTracer;
 use crate::trace::{Cast, Hit, Rays, TraversalStats};
@@ -51,7 +52,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 
     let repeat = usize::from(args.repeat.get());
     let (mut builds, mut casts, mut tracer_bytes) = (Vec::new(), Vec::new(), 0);
-    let mut effort = None;
+    let (mut effort, mut of_samples) = (None, None);
     let progress = Progress::default();
     terminal.with_progress(plan.rays.saturating_mul(repeat as u64), &progress, || {
         // A run of many frames casts them into the same memory, and so does this.
@@ -76,6 +77,9 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
                 }
                 effort = sum.into_inner().ok().flatten();
             }
+            if of_samples.is_none() && job.sensors.iter().any(|s| !s.sensor.measurement.is_ideal()) {
+                of_samples = Some(Samples::of(&session, plan.items(&job)));
+            }
         }
     });
 
@@ -92,6 +96,11 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             "cast_s": cast_s,
             "rays": plan.rays,
             "rays_per_s": rays_per_s,
+            "samples": of_samples.map(|samples| json!({
+                "count": samples.count,
+                "per_s": samples.per_s(),
+                "tracer_share": samples.tracer_share(),
+            })),
             "threads": threads,
             "triangles": triangles,
             "bytes_per_triangle": bytes_per_triangle,
@@ -115,6 +124,14 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         plan.rays,
         rays_per_s / 1e6
     ))?;
+    if let Some(samples) = of_samples {
+        terminal.data(&format!(
+            "samples   {} of the beams that have a width, noise or a receiver: {:.2} million samples/s, the tracer's part of the time {:.0} %\n",
+            samples.count,
+            samples.per_s() / 1e6,
+            100.0 * samples.tracer_share()
+        ))?;
+    }
     let Some(effort) = effort else { return Ok(()) };
     let per_ray = |count: u64| count as f64 / plan.rays.max(1) as f64;
     terminal.data(&format!(
@@ -127,6 +144,58 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         effort.tests,
         effort.exactly
     ))
+}
+
+/// The samples of sensors that are not ideal, and the time that they take.
+#[derive(Clone, Copy)]
+struct Samples {
+    count: u64,
+    /// The time that all threads have, in seconds.
+    all_s: f64,
+    /// The part of it that the tracer takes.
+    tracer_s: f64,
+    threads: usize,
+}
+
+impl Samples {
+    fn of(session: &Session, items: impl Iterator<Item = Item>) -> Self {
+        let (nanoseconds, progress) = (AtomicU64::new(0), Progress::default());
+        let start = Instant::now();
+        for item in items {
+            let tracer = session.frame_tracer(&item);
+            let timing = Timing { tracer: &tracer, nanoseconds: &nanoseconds };
+            session.cast_with(tracer.scene(), &timing, &item, &progress);
+        }
+        let threads = rayon::current_num_threads();
+        Self {
+            count: progress.samples_done.into_inner(),
+            all_s: start.elapsed().as_secs_f64() * threads as f64,
+            tracer_s: nanoseconds.into_inner() as f64 * 1e-9,
+            threads,
+        }
+    }
+
+    fn per_s(&self) -> f64 {
+        self.count as f64 * self.threads as f64 / self.all_s
+    }
+
+    fn tracer_share(&self) -> f64 {
+        self.tracer_s / self.all_s
+    }
+}
+
+/// Adds up the time of a tracer's casts.
+struct Timing<'t> {
+    tracer: &'t AnyTracer,
+    nanoseconds: &'t AtomicU64,
+}
+
+impl Cast for Timing<'_> {
+    fn cast(&self, rays: &Rays, hits: &mut [Option<Hit>]) {
+        let start = Instant::now();
+        self.tracer.cast(rays, hits);
+        self.nanoseconds.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
+    }
 }
 
 /// Adds up the statistics of a tracer's casts, if it counts any.

@@ -12,8 +12,9 @@ Every key of jobs and sensor files. `beamcast schema keys` prints this page, and
 [patterns.md](patterns.md) explains the patterns, and [sequences.md](sequences.md) poses and motion.
 
 A key's name ends in the unit of its numbers: `_m` metres, `_deg` degrees, `_s` seconds, `_us` microseconds, `_ns` nanoseconds,
-`_hz` hertz, `_px` pixels, `_mrad` milliradians, `_nm` nanometres, `_klx` kilolux. Paths are relative to the file that names them. A table in a job's `[[sensor]]` adds to the same table of the
-preset, key by key. An error tells an unknown key, a missing key and a wrong value with its line and what would be right.
+`_hz` hertz, `_px` pixels, `_mrad` milliradians, `_nm` nanometres, `_klx` kilolux. Paths are relative to the file that names them.
+A table in a job's `[[sensor]]` adds to the same table of the preset, key by key. An error tells an unknown key, a missing key and
+a wrong value with its line and what would be right.
 ";
 
 /// The page: a section a table, a row a key. `introduction` comes first.

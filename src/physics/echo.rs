@@ -111,7 +111,11 @@ impl<'p> Waveform<'p> {
             rest = after;
             let last = group[group.len() - 1];
             if last.range_m - first.range_m <= self.sigma_m {
-                peaks.push(self.peak_between(first.range_m, last.range_m));
+                // The mean is the peak but for the third power of the spread over σ.
+                let energy: f64 = group.iter().map(|part| part.energy).sum();
+                let mean = group.iter().map(|part| part.energy * (part.range_m - first.range_m)).sum::<f64>();
+                let start_m = first.range_m + mean / energy;
+                peaks.push(self.peak_between(first.range_m, last.range_m, start_m));
             } else {
                 self.search(first.range_m, last.range_m, peaks);
             }
@@ -129,20 +133,20 @@ impl<'p> Waveform<'p> {
             let here = self.value(high);
             let rises = |value: &Value, step: usize| step == 0 || (step < steps && value.slope > 0.0);
             match (rises(&before, step - 1), rises(&here, step)) {
-                (true, false) => peaks.push(self.peak_between(low, high)),
+                (true, false) => peaks.push(self.peak_between(low, high, low + 0.5 * (high - low))),
                 (false, true) => {}
                 // The slope may have both signs and the same at both ends: it is least where the curvature grows through 0, and
                 // largest where it falls through 0.
                 (true, true) if before.curvature < 0.0 && here.curvature > 0.0 => {
                     let turn = self.turn_between(low, high);
                     if self.value(turn).slope < 0.0 {
-                        peaks.push(self.peak_between(low, turn));
+                        peaks.push(self.peak_between(low, turn, low + 0.5 * (turn - low)));
                     }
                 }
                 (false, false) if before.curvature > 0.0 && here.curvature < 0.0 => {
                     let turn = self.turn_between(low, high);
                     if self.value(turn).slope > 0.0 {
-                        peaks.push(self.peak_between(turn, high));
+                        peaks.push(self.peak_between(turn, high, turn + 0.5 * (high - turn)));
                     }
                 }
                 _ => {}
@@ -167,11 +171,12 @@ impl<'p> Waveform<'p> {
     }
 
     /// The maximum between two ranges, at the first of which the slope is not negative, and at the second not positive. Newton's
-    /// method finds it, or bisection where that leaves the interval, to the last digits of the slope.
-    fn peak_between(&self, from_m: f64, to_m: f64) -> Peak {
+    /// method finds it from `start_m`, or bisection where that leaves the interval, to the last digits of the slope.
+    fn peak_between(&self, from_m: f64, to_m: f64, start_m: f64) -> Peak {
         let sigma_m = self.sigma_m;
         let (mut low, mut high) = (from_m, to_m);
-        let mut range_m = low + 0.5 * (high - low);
+        // A mean of energies beyond all numbers is none.
+        let mut range_m = if start_m >= low && start_m <= high { start_m } else { low + 0.5 * (high - low) };
         let mut value = self.value(range_m);
         for _ in 0..60 {
             if value.slope > 0.0 {

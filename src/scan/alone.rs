@@ -57,11 +57,11 @@ struct Batch {
     directions: Vec<DVec3>,
     times_s: Vec<f64>,
     after: Vec<Option<Hit>>,
-    /// The groups that each ray has met, with what is seen of them, and whether that is settled.
+    /// The groups that each ray has met.
     met: Vec<Vec<Met>>,
 }
 
-/// What a ray has met of a group.
+/// A group that a ray has met, and the surface of it that a sensor would report.
 struct Met {
     group: u32,
     sight: Sight,

@@ -31,8 +31,11 @@ use through::Through;
 /// The progress of a scan, which another thread can read, and the means to stop it.
 #[derive(Debug, Default)]
 pub struct Progress {
-    /// The number of rays that were cast since the progress was created.
+    /// The number of pulses that were cast since the progress was created: one a pixel that has one.
     pub rays_done: AtomicU64,
+    /// The number of samples that were cast for them: all rays, with those of footprints and those that mirrors, panes and holes
+    /// make. Of an ideal sensor each pulse is one sample, which is not counted here.
+    pub samples_done: AtomicU64,
     /// A flag that stops scanning within a few milliseconds once it is set.
     pub cancelled: AtomicBool,
 }
@@ -48,6 +51,8 @@ const STRIP: usize = 16 * TILE.1;
 /// Casts every pulse of a capture, each from the sensor's pose at the pulse's own time. What moves in the scene is hit where it is at
 /// that time, if the scene is arranged for the capture ([`Scene::during`](crate::scene::Scene::during) its
 /// [window](Capture::window)). `None` if `progress.cancelled` was set before the end.
+///
+/// A pulse goes on through holes, and a share of it through panes. The module `through` defines the surface that is reported then.
 ///
 /// The scan runs on rayon's current thread pool. The frame is the same for any number of threads.
 pub fn scan(scene: &Scene, tracer: &impl Cast, capture: &Capture, progress: &Progress) -> Option<Frame> {
@@ -129,7 +134,7 @@ struct Batch {
     /// The pulse of each ray, if the sensor needs more than the length of a ray to say what it reports of a hit.
     pulses: Vec<Pulse>,
     hits: Vec<Option<Hit>>,
-    /// What is seen through holes and panes.
+    /// The surfaces that are seen through holes and panes.
     through: Through,
 }
 

@@ -16,13 +16,18 @@ use glam::DVec3;
 use crate::scene::{Scene, Surface};
 use crate::trace::{Cast, Hit, Origins, Rays};
 
-/// The most surfaces on a beam's way that are not solid and still count. What 64 of them leave, of which each takes as much
-/// as one digit of eight bits, is 60 % of the light; holes are not counted.
+/// The most surfaces on a beam's way that count and are not solid. Holes are not among them. The thinnest panes of which eight bits
+/// can tell take 1/255 of the light each way, so 64 of them leave 60 % of it.
 const MOST_SURFACES: u32 = 64;
 
 /// The depths, in metres and for each metre, that are the same. Depths of one point on two triangles are off by a few digits of
 /// f64, 10⁻¹⁵ of their size where a beam does not graze, and nothing is made of layers so close.
 const SAME_DEPTH: f64 = 1e-9;
+
+/// Whether two depths along a ray are the same but for rounding. The first is not the larger one.
+pub(super) fn is_same_depth(depth_m: f64, other_m: f64) -> bool {
+    other_m - depth_m <= SAME_DEPTH * other_m.max(1.0)
+}
 
 /// A surface that a sensor sees.
 #[derive(Clone, Copy, Debug)]
@@ -33,10 +38,10 @@ pub(super) struct Seen {
     is_in_range: bool,
 }
 
-/// What is known of a beam that has met some surfaces.
+/// A beam on its way through surfaces that light passes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight {
-    /// The share of the light that would come back through what was met so far.
+    /// The share of the light that would come back through the surfaces so far.
     left: f64,
     surfaces: u32,
     /// The depth and the surface of the last hit that took a share.
@@ -52,10 +57,9 @@ impl Default for Sight {
 
 impl Sight {
     /// Goes on to the next hit of the beam. `place` says where its range is among the limits of the sensor's. Returns whether the
-    /// beam ends there: nothing behind it can be what the sensor reports.
+    /// beam ends there, because no surface behind it can be the one that the sensor reports.
     pub fn meet(&mut self, hit: &Hit, surface: Surface, opacity: f32, place: Ordering) -> bool {
-        let is_same =
-            |(depth, last): (f64, Surface)| last == surface && hit.t - depth <= SAME_DEPTH * hit.t.max(1.0);
+        let is_same = |(depth, last): (f64, Surface)| last == surface && is_same_depth(depth, hit.t);
         if opacity > 0.0 && !self.last.is_some_and(is_same) {
             self.last = Some((hit.t, surface));
             let opacity = f64::from(opacity).min(1.0);
@@ -68,19 +72,19 @@ impl Sight {
             self.surfaces += 1;
         }
         let is_settled = self.best.is_some_and(|best| best.share >= self.left && best.is_in_range);
-        // What is farther than a hit out of range is out of range, too.
+        // Every hit behind one that is too far is too far as well.
         let no_more_in_range =
             place.is_gt() && self.best.is_some_and(|best| best.is_in_range || best.share >= self.left);
         is_settled || no_more_in_range || self.left == 0.0 || self.surfaces == MOST_SURFACES
     }
 
-    /// What the sensor reports, if there is anything on the beam's way.
+    /// The surface that the sensor reports, if there is one on the beam's way.
     pub fn seen(&self) -> Option<Seen> {
         self.best
     }
 }
 
-/// The rays of a batch that go on behind what they met.
+/// The rays of a batch that go on behind their hits.
 #[derive(Default)]
 pub(super) struct Through {
     /// The share of each ray's hit, if the batch was looked through.
@@ -106,7 +110,7 @@ impl Through {
         self.shares.clear();
     }
 
-    /// Replaces the first hit of each ray by what the sensor reports. `place` says where a hit of a ray is among the limits of
+    /// Replaces the first hit of each ray by the one that the sensor reports. `place` says where a hit of a ray is among the limits of
     /// the sensor's range. Only rays that met something which may let light pass are cast again.
     pub fn look(
         &mut self,
@@ -203,7 +207,8 @@ mod tests {
         Hit { t, u: 0.0, v: 0.0, normal: DVec3::X, placement: 0, triangle: 0 }
     }
 
-    /// What is reported of surfaces one behind the other, each with its opacity and place, and how many were looked at.
+    /// The depth and the share that are reported of surfaces one behind the other, each with its opacity and place, and the number of
+    /// surfaces that were looked at.
     fn reported(surfaces: &[(f32, Ordering)]) -> (Option<(f64, f64)>, usize) {
         let mut sight = Sight::default();
         let mut met = 0;
@@ -222,7 +227,6 @@ mod tests {
         assert_eq!(reported(&[(1.0, Equal), (1.0, Equal)]), (Some((0.0, 1.0)), 1));
         assert_eq!(reported(&[(0.25, Equal), (1.0, Equal)]), (Some((1.0, 0.5625)), 2));
         assert_eq!(reported(&[(0.5, Equal), (1.0, Equal)]), (Some((0.0, 0.5)), 1));
-        // 1/4 of what a pane of ½ lets through twice is less than the pane's own.
         assert_eq!(reported(&[(0.25, Equal), (0.5, Equal), (1.0, Equal)]), (Some((1.0, 0.28125)), 2));
         // The nearer of equal shares.
         assert_eq!(reported(&[(0.0, Equal), (1.0, Equal)]), (Some((1.0, 1.0)), 2));

@@ -1,4 +1,4 @@
-//! What the surfaces of a scene look like where rays meet them.
+//! The appearance of a scene's surfaces where rays meet them.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -8,8 +8,8 @@ use super::material::{Appearance, Material};
 use super::texture::Image;
 
 impl Scene {
-    /// What the surface of a triangle of the mesh at a placement is like at the point with the barycentric weights `u` of the
-    /// triangle's second corner and `v` of its third, which a hit has.
+    /// The appearance of a triangle of the mesh at a placement, at the point with the barycentric weights `u` of the triangle's second
+    /// corner and `v` of its third. A hit has these four numbers.
     pub fn appearance(&self, placement: u32, triangle: u32, u: f64, v: f64) -> Appearance {
         let mesh = self.mesh(self.arrangement.placements[placement as usize].mesh);
         self.material(placement, triangle).at(&mesh.corners.at(triangle, u, v))
@@ -36,7 +36,7 @@ impl Scene {
         self.geometry.materials.iter().any(Material::is_see_through)
     }
 
-    /// The bytes that images and what the corners of triangles have for them take, each image counted once.
+    /// The bytes that images, texture coordinates and vertex colours take. An image that several materials share counts once.
     pub fn appearance_bytes(&self) -> u64 {
         let mut known = BTreeSet::new();
         let textures = self.geometry.materials.iter().flat_map(Material::textures);

@@ -1,4 +1,4 @@
-//! What the corners of triangles have besides a position: texture coordinates and colours.
+//! Texture coordinates and colours of the corners of triangles.
 //!
 //! They belong to triangles and not to vertices. So nothing has to be renumbered when triangles are left out, mirrored, shared
 //! out to regions or placed many times, vertices that lie in one place stay one vertex for the tracer, and a mesh whose materials

@@ -47,7 +47,7 @@ pub(super) struct Gathered {
     pub triangles: Vec<[u32; 3]>,
     /// Runs of triangles of one material and object.
     pub runs: Vec<Part>,
-    /// What the corners of the triangles have besides a position.
+    /// The texture coordinates and colours of the triangles.
     pub corners: MeshCorners,
 }
 

@@ -12,7 +12,7 @@ pub struct Material {
     pub base_color: [f32; 4],
     /// The texture of the base colour.
     pub base_color_texture: Option<Texture>,
-    /// What alpha means.
+    /// The meaning of alpha.
     pub alpha: AlphaMode,
     /// The share of metal, 0 to 1.
     pub metallic: f32,
@@ -38,22 +38,22 @@ pub struct Material {
     pub optics: Option<u32>,
 }
 
-/// What a surface's alpha means.
+/// The meaning of a surface's alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
-    /// Nothing.
+    /// Alpha has no meaning, and the surface is solid.
     #[default]
     Opaque,
     /// The surface has a hole where alpha is less than the cutoff.
     Mask {
-        /// The least alpha of what is there.
+        /// The least alpha of a point that is there.
         cutoff: f32,
     },
     /// The surface covers this share.
     Blend,
 }
 
-/// What a surface is like at a point.
+/// The optical properties of a surface at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Appearance {
     /// Linear red, green, blue and alpha, with texture, factor and vertex colour, each 0 to 1.
@@ -62,7 +62,7 @@ pub struct Appearance {
     pub metallic: f32,
     /// The roughness, 0 to 1.
     pub roughness: f32,
-    /// The share of light that passes through what alpha leaves of the surface, 0 to 1.
+    /// The share of light that passes through the part of the surface that alpha leaves, 0 to 1.
     pub transmission: f32,
     /// The strength of a clear coat, 0 to 1.
     pub clearcoat: f32,
@@ -129,7 +129,7 @@ impl Material {
             .flatten()
     }
 
-    /// What the surface is like where its corners give these values.
+    /// The appearance of the point that has these texture coordinates and this vertex colour.
     pub(super) fn at(&self, values: &CornerValues) -> Appearance {
         let uv = |texture: &Texture| values.uvs.get(texture.uv_set).copied().unwrap_or([f64::NAN; 2]);
         let of_texture =

@@ -20,10 +20,10 @@
 //! flatten      the meshes that are placed once; regions and steps: how large scenes are split, and why they agree
 //! rounding     what it costs that vertices have 32 bits
 //! geometry     the half that no time changes
-//! material     what surfaces are like; texture: images on them; corners: where triangles lie in these
+//! material     the optical properties of surfaces; texture: images on them; corners: where triangles lie in these
 //! optics       how a job says that surfaces send light back; environment: the air and the sun
 //! arrangement  the half that says where meshes are, and the scene as both
-//! appearance   what a hit is like, and what light passes there
+//! appearance   the optical properties of a hit, and the light that passes there
 //! mover        what changes over time; moving: the maps of such a placement; frames: the scene at a time and during a frame
 //! only         a part of a scene, object by object
 //! bending      what it costs that a mesh which bends keeps its shape for a slice of time

@@ -208,7 +208,7 @@ mod tests {
             [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge].map(|w| red(w, 1.0)),
             [0.5, 1.0, 1.0]
         );
-        // Coordinates of any size find a texel, and what is no number is white.
+        // Coordinates of any size find a texel, and where they are no numbers, the texture is white.
         for u in [1e300, -1e300, 1e17, -3e9] {
             for wrap in [Wrap::Repeat, Wrap::MirroredRepeat, Wrap::ClampToEdge] {
                 assert!((0.0..=1.0).contains(&red(wrap, u)), "{wrap:?} {u}");

@@ -1,4 +1,4 @@
-//! Holes, panes and textures: what a beam passes, and what it reports of the rest.
+//! Beams pass holes and panes, and the surface with the largest share of the light is reported.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -238,7 +238,7 @@ fn holes_stay_on_cards_that_stand_move_and_bend() {
     }
 }
 
-/// What comes back along x from panes at 1, 2, … metres, each of a material, and a wall at 9 m behind them.
+/// The return along x from panes at 1, 2, … metres, each of a material, and a wall at 9 m behind them.
 fn through_panes(panes: &[Material], limits: RangeLimits) -> (Option<Return>, Cause) {
     let mut materials = panes.to_vec();
     materials.push(grey(0.5));
@@ -286,7 +286,7 @@ fn a_hole_in_the_dead_zone_blocks_nothing() {
     let (found, _) = through_panes(std::slice::from_ref(&hole), near);
     assert_eq!(found.map(|one| one.range_m), Some(9.0));
     assert_eq!(through_panes(&[pane(1.0)], near), (None, Cause::TooNear));
-    // What is out of the sensor's range is not reported, but it takes its share.
+    // A pane out of the sensor's range is not reported, but it takes its share.
     let (found, _) = through_panes(&[pane(0.75)], near);
     assert!((found.unwrap().intensity - 0.5 * 0.0625).abs() < 1e-6);
     assert_eq!(through_panes(&[pane(0.75)], range(1.5, 5.0)), (None, Cause::TooNear));
@@ -343,7 +343,7 @@ fn a_tree_of_leaf_cards_is_no_wall() {
     assert!((passed - expected).abs() < 0.03, "{passed} of the beams pass, not {expected}");
 }
 
-/// What is counted of each object as if it were alone is what a scan of that object alone sees.
+/// The count of each object's pixels as if it were alone is that of a scan of the object alone.
 #[test]
 fn what_is_seen_alone_is_seen_through_holes() {
     let turned = |x: f64, y: f64| rotated(DVec3::Z, 0.5, DVec3::ONE, DVec3::new(x, y, 0.2));

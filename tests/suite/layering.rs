@@ -116,6 +116,8 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
     ),
     ("clap::", &["cli/"], "only the command line has flags"),
     ("toml::", &["config/"], "only config knows TOML"),
+    ("image_webp::", &["scene/gltf/images.rs"], "only the loader of textures decodes WebP"),
+    ("zune_jpeg::", &["scene/gltf/images.rs"], "only the loader of textures decodes JPEG"),
     ("draco_core::", &["scene/gltf/draco.rs"], "only the loader of compressed primitives knows Draco"),
     ("unsafe", &["trace/simd/x86/"], "intrinsics are the one thing that needs it"),
 ];

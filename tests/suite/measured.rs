@@ -1,12 +1,15 @@
 //! Scans of sensors that are not ideal, against closed forms. Each random check states its rate of error and has a fixed seed.
 
+use std::sync::Arc;
+
 use beamcast::glam::{DAffine3, DVec3};
 use beamcast::motion::Trajectory;
-use beamcast::physics::detection::{RangePair, Sensitivity};
+use beamcast::physics::detection::{RangePair, Sensitivity, normal_below};
 use beamcast::physics::footprint::{Samples, beyond_edge};
 use beamcast::physics::surface::MetallicRoughness;
 use beamcast::scan::Echo;
-use beamcast::sensor::{Footprint, Measurement, Noise, Receiver, ReturnMode};
+use beamcast::scene::{Optics, Sun, SurfaceKind, Weather};
+use beamcast::sensor::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
 use beamcast::trace::Tracer;
 use beamcast::{
     Angle, Capture, Cause, Frame, Material, Pattern, Pose, Progress, Pulse, RangeLimits, RayTable, Return,
@@ -91,18 +94,273 @@ fn returns(frame: &Frame) -> Vec<(Return, Echo)> {
         .collect()
 }
 
+/// Says how the plates of a scene send light back, plate by plate.
+fn optics(mut scene: Scene, of_plates: &[Optics]) -> Scene {
+    let geometry = Arc::make_mut(&mut scene.geometry);
+    geometry.optics = of_plates.to_vec();
+    for (index, material) in (0..).zip(&mut geometry.materials) {
+        material.optics = Some(index);
+    }
+    scene
+}
+
+fn kind(kind: SurfaceKind) -> Optics {
+    Optics { kind: Some(kind), ..Optics::default() }
+}
+
+fn lambert(rho: f64) -> Optics {
+    Optics { reflectance: Some(rho), ..kind(SurfaceKind::Lambert) }
+}
+
+/// The only return of a pulse along x, by a receiver without false alarms.
+fn one_return(scene: &Scene, receiver: Receiver) -> (Return, Echo) {
+    let found = returns(&cast(scene, &sensor(1, with(Receiver { false_alarm: 0.0, ..receiver })), 0));
+    assert_eq!(found.len(), 1, "{found:?}");
+    found[0]
+}
+
+/// The power of a return, relative to that of a white plane at 1 m.
+fn power(echo: &Echo) -> f64 {
+    f64::from(echo.snr) / receiver().snr(1.0, 1.0, 120.0)
+}
+
+/// A mirror of 90 % at 3 m, at 45°, shows a wall that is 4 m beside it: the point is at (7, 0, 0), with .81·ρ/49 of the power.
+#[test]
+fn a_mirror_shows_a_wall_behind_itself() {
+    let mirror = Plate(DVec3::new(3.0, 0.0, 0.0), DVec3::new(1.0, 1.0, 0.0), DVec3::Z, 1.0);
+    let beside = Plate(DVec3::new(3.0, 4.0, 0.0), DVec3::X, DVec3::Z, 1.0);
+    let scene =
+        optics(scene(&[mirror, beside]), &[kind(SurfaceKind::Mirror { reflectance: 0.9 }), lambert(0.5)]);
+    let (one, echo) = one_return(&scene, receiver());
+    assert!((one.range_m - 7.0).abs() < 1e-9, "{one:?}");
+    assert_eq!((echo.cause, one.instance), (Cause::Mirror, 1));
+    assert!((power(&echo) / (0.81 * 0.5 / 49.0) - 1.0).abs() < 1e-6, "{}", power(&echo));
+    // No mirror beyond the depth that is asked for.
+    let frame = cast(&scene, &sensor(1, with(Receiver { bounces: 0, false_alarm: 0.0, ..receiver() })), 0);
+    assert_eq!((frame.return_count(), frame.causes()[0]), (0, Cause::Nothing));
+}
+
+/// A pane of 6 mm and n = 1.5 at 2 m before a wall at 10 m: 3 mm more and .8521 of the power. Turned by 60°: .7413 of the power, 4.348 mm
+/// more, and the ray is moved by 3.075 mm.
+#[test]
+fn a_pane_delays_weakens_and_moves_what_is_behind_it() {
+    let glass = || kind(SurfaceKind::Glass { index: 1.5, thickness_m: 0.006 });
+    let flat = scene(&[Plate(DVec3::X * 2.0, DVec3::Y, DVec3::Z, 1.0), wall(10.0, 1.0)]);
+    let (one, echo) = one_return(&optics(flat, &[glass(), lambert(0.5)]), receiver());
+    assert!((one.range_m - 10.003).abs() < 1e-9 && echo.cause == Cause::Glass, "{one:?}");
+    let expected = 0.8521 * 0.5 / (10.003 * 10.003);
+    assert!((power(&echo) / expected - 1.0).abs() < 1e-4, "{}", power(&echo) / expected);
+
+    let (sin, cos) = libm::sincos(60_f64.to_radians());
+    let turned = Plate(DVec3::X * 2.0, DVec3::new(-sin, cos, 0.0), DVec3::Z, 1.0);
+    // The wall is not square to the beam: its range tells where the ray meets it. The ray leaves the pane to the side to which the
+    // normal on its far side points.
+    let slanted = Plate(DVec3::X * 10.0, DVec3::new(1.0, 1.0, 0.0) * 5.0, DVec3::Z * 5.0, 1.0);
+    let (one, echo) = one_return(&optics(scene(&[turned, slanted]), &[glass(), lambert(0.5)]), receiver());
+    // The pane's normal away from the light is (cos, sin), so the ray moves towards +y, where this wall is farther.
+    assert!((one.range_m - (10.0 + 0.004_348 + 0.003_075)).abs() < 1e-6, "{one:?}");
+    let expected = 0.7413 * 0.5 * std::f64::consts::FRAC_1_SQRT_2 / (one.range_m * one.range_m);
+    assert!((power(&echo) / expected - 1.0).abs() < 1e-4, "{}", power(&echo) / expected);
+}
+
+/// A plate of type III at 20 m with 2 cm between transmitter and receiver: 931 times white; at 2 m 209 times.
+#[test]
+fn a_retroreflector_outshines_white_by_its_lobe() {
+    let plate = kind(SurfaceKind::Retroreflector { r_a: 301.0, lobe_rad: 0.466_f64.to_radians() });
+    for (range_m, gain) in [(20.0, 931.0), (2.0, 209.0)] {
+        let scene = optics(scene(&[wall(range_m, 1.0)]), std::slice::from_ref(&plate));
+        let (_, echo) = one_return(&scene, Receiver { spacing_m: 0.02, ..receiver() });
+        let told = power(&echo) * range_m * range_m;
+        assert!((told / gain - 1.0).abs() < 5e-3, "{range_m}: {told}");
+    }
+}
+
+/// GGX of roughness .3 and F0 = .04 over black: 1.235 times white head-on, .9355 at 2°, .0569 at 10°.
+#[test]
+fn a_glossy_plane_is_bright_head_on() {
+    for (tilt_deg, expected) in [(0.0, 1.235), (2.0, 0.9355), (10.0, 0.0569)] {
+        let (sin, cos) = libm::sincos(f64::to_radians(tilt_deg));
+        let plate = Plate(DVec3::X * 5.0, DVec3::new(sin, cos, 0.0), DVec3::Z, 0.0);
+        let glossy = Optics { reflectance: Some(0.0), ..kind(SurfaceKind::Ggx { roughness: 0.3, f0: 0.04 }) };
+        let (_, echo) = one_return(&optics(scene(&[plate]), &[glossy]), receiver());
+        // The table has four digits.
+        assert!((power(&echo) * 25.0 / expected - 1.0).abs() < 1e-3, "{tilt_deg}: {}", power(&echo) * 25.0);
+    }
+}
+
+/// Wet ground at 60° has .55 of the power of dry ground, and a mirror's image of the wall behind it: T1 = .941, R1 = .059.
+#[test]
+fn wet_ground_is_dark_and_shows_what_stands_behind_it() {
+    let (sin, cos) = libm::sincos(60_f64.to_radians());
+    // The ground's normal is 60° from the beam; the image of a wall appears behind the ground.
+    let ground = Plate(DVec3::X * 5.0, DVec3::new(-sin, 0.0, cos), DVec3::Y, 1.0);
+    let normal = DVec3::new(-cos, 0.0, -sin);
+    let reflected = DVec3::X - 2.0 * normal.x * normal;
+    let behind = Plate(DVec3::X * 5.0 + reflected * 3.0, DVec3::Y, reflected.cross(DVec3::Y), 1.0);
+    let plates = [ground, behind];
+    let of = |wetness: f64| {
+        let wet = Optics { wetness, ..lambert(0.2) };
+        let receiver = Receiver { returns: ReturnMode::Several(4), false_alarm: 0.0, ..receiver() };
+        let scene = optics(scene(&plates), &[wet, lambert(0.8)]);
+        returns(&cast(&scene, &sensor(1, with(receiver)), 0))
+    };
+    let (dry, wet) = (of(0.0), of(1.0));
+    assert_eq!((dry.len(), wet.len()), (1, 2));
+    assert!((power(&wet[0].1) / power(&dry[0].1) - 0.55).abs() < 0.01);
+    assert!((wet[1].0.range_m - 8.0).abs() < 1e-6 && wet[1].1.cause == Cause::Mirror);
+    let expected = 0.0592 * 0.0592 * 0.8 / 64.0;
+    assert!((power(&wet[1].1) / expected - 1.0).abs() < 0.02, "{}", power(&wet[1].1) / expected);
+}
+
+fn in_weather(mut scene: Scene, weather: Weather) -> Scene {
+    scene.environment.weather = Some(weather);
+    scene
+}
+
+/// A plane at 50 m keeps e^(−2αR) of its power in fog, and fog makes an echo of its own before it. Kim's extinction at 905 nm and a
+/// visibility of 1 km is 3.050 /km.
+#[test]
+fn fog_takes_light_and_sends_some_back() {
+    let fog = |visibility_m: f64, lidar_ratio: f64| Weather {
+        visibility_m: Some(visibility_m),
+        lidar_ratio,
+        ..Weather::default()
+    };
+    let receiver = || Receiver { returns: ReturnMode::Several(4), false_alarm: 0.0, ..receiver() };
+    let of = |weather: Weather| {
+        let scene = in_weather(optics(scene(&[wall(50.0, 1.0)]), &[lambert(0.5)]), weather);
+        returns(&cast(&scene, &sensor(1, with(receiver())), 0))
+    };
+    let found = of(fog(1000.0, 19.0));
+    let plane = found.iter().find(|(_, echo)| echo.cause == Cause::Surface).unwrap();
+    let expected = libm::exp(-2.0 * 3.050e-3 * 50.0) * 0.5 / 2500.0;
+    assert!((power(&plane.1) / expected - 1.0).abs() < 1e-3, "{}", power(&plane.1) / expected);
+    // Denser fog is seen itself, near the sensor, and 65/19 times brighter with the smaller lidar ratio.
+    let near = |lidar_ratio: f64| {
+        let found = of(fog(50.0, lidar_ratio));
+        *found.iter().find(|(_, echo)| echo.cause == Cause::Fog).unwrap()
+    };
+    let (bright, dim) = (near(19.0), near(65.0));
+    assert!(bright.0.range_m < 3.0 && bright.0.instance == beamcast::scan::NO_OBJECT);
+    assert!((bright.1.snr / dim.1.snr - 65.0 / 19.0).abs() < 0.01);
+    // In fog of 200 m, the plane of 50 % at 100 m is lost to the air.
+    let scene = in_weather(optics(scene(&[wall(100.0, 1.0)]), &[lambert(0.5)]), fog(200.0, 65.0));
+    let receiver = Receiver { returns: ReturnMode::Last, ..receiver() };
+    let frame = cast(&scene, &sensor(100, with(receiver)), 0);
+    assert!(frame.pixels_of(Cause::Absorbed) + frame.pixels_of(Cause::Fog) == 100, "{:?}", frame.causes());
+}
+
+/// Rain takes light, and drops near the sensor come back by themselves. Their number is the integral of the density of drops times the
+/// probability that one is detected, over range, diameter and place in the beam.
+#[test]
+fn drops_of_rain_come_back_as_often_as_they_are_there() {
+    let rain = Weather { rain_mm_h: 10.0, ..Weather::default() };
+    let receiver = Receiver { returns: ReturnMode::Several(8), false_alarm: 0.0, ..receiver() };
+    let (white, threshold) = (receiver.snr(1.0, 1.0, 120.0), receiver.threshold(120.0));
+    let measurement = Measurement { footprint: round(3e-3, Samples::One), ..with(receiver) };
+    let scene = in_weather(optics(scene(&[wall(50.0, 1.0)]), &[lambert(0.5)]), rain);
+    let pulses = 20_000;
+    let found = returns(&cast(&scene, &sensor(pulses, measurement), 0));
+    let (mut drops, mut plane) = (0, 0.0);
+    for (one, echo) in &found {
+        match echo.cause {
+            Cause::Rain => {
+                assert!(one.range_m < 50.0 && one.instance == beamcast::scan::NO_OBJECT);
+                drops += 1;
+            }
+            _ => plane = power(echo),
+        }
+    }
+    let extinction_per_m = 1.5556e-3;
+    let expected = libm::exp(-2.0 * extinction_per_m * 50.0) * 0.5 / 2500.0;
+    assert!((plane / expected - 1.0).abs() < 1e-3, "{}", plane / expected);
+
+    // Marshall and Palmer: N(D) = 8·10⁶·exp(−Λ·D) a m⁴, Λ = 4100·R^−.21 a metre. The receiver sees the beam from .9 to 1 m on.
+    let slope = 4100.0 * libm::pow(10.0, -0.21);
+    let reflectance = (0.328_f64 / 2.328) * (0.328 / 2.328);
+    let mut sum = 0.0;
+    let (ranges, sizes, places) = (200, 100, 20);
+    for i in 0..ranges {
+        let range_m = 0.9 * libm::pow(40.0, (f64::from(i) + 0.5) / f64::from(ranges));
+        let along = range_m * libm::log(40.0) / f64::from(ranges);
+        let w = 1.5e-3 * range_m;
+        let overlap = ((range_m - 0.9) / 0.1).clamp(0.0, 1.0);
+        let fall = libm::exp(-2.0 * extinction_per_m * range_m) * overlap / (range_m * range_m);
+        for j in 0..sizes {
+            let diameter = 5e-5 + 5e-3 * (f64::from(j) + 0.5) / f64::from(sizes);
+            let density = 8e6 * libm::exp(-slope * diameter) * 5e-3 / f64::from(sizes);
+            for k in 0..places {
+                let place = 1.5 * (f64::from(k) + 0.5) / f64::from(places);
+                let area = 2.0 * std::f64::consts::PI * place * w * w * 1.5 / f64::from(places);
+                let share = 0.5 * diameter * diameter / (w * w) * libm::exp(-2.0 * place * place);
+                let snr = white * reflectance * share.min(1.0) * fall;
+                // Without light there is no peak.
+                let detected = if snr > threshold - 4.0 { normal_below(snr - threshold) } else { 0.0 };
+                sum += density * area * along * detected;
+            }
+        }
+    }
+    let expected = sum * pulses as f64;
+    // Some of the drops are nearer to each other than a pulse tells apart.
+    let sigma = expected.sqrt();
+    let told = f64::from(drops);
+    assert!(told < expected + 4.0 * sigma && told > 0.9 * expected - 4.0 * sigma, "{told} of {expected}");
+}
+
+/// The halo of a retroreflector that one pulse hits is seen by the pulses around it out to where h(Δ) = P_min/P.
+#[test]
+fn a_retroreflector_blooms_as_far_as_the_halo_says() {
+    let plate = Plate(DVec3::new(10.0, 0.0, 0.0), DVec3::Y * 4e-4, DVec3::Z * 4e-4, 1.0);
+    let retro = kind(SurfaceKind::Retroreflector { r_a: 300.0, lobe_rad: 1.0 });
+    let scene = optics(scene(&[plate]), &[retro]);
+    let receiver = Receiver { false_alarm: 0.0, ..receiver() };
+    let snr = receiver.snr(300.0 * std::f64::consts::PI, 10.0, 120.0);
+    let threshold = receiver.threshold(120.0);
+    let blooming = Blooming {
+        core: Angle::rad(0.0),
+        halo: 26.0 * threshold / snr,
+        halo_angle: Angle::rad(0.01),
+        exponent: 1.0,
+        reach: Angle::deg(10.0),
+    };
+    let measurement = Measurement { blooming: Some(blooming), ..with(receiver) };
+    let frame = cast(&scene, &fan(measurement), 0);
+    let seen: Vec<_> = (0..2000).filter(|&pixel| !frame.slots(pixel).is_empty()).collect();
+    let [first, last] = [seen[0], seen[seen.len() - 1]];
+    // h(Δ)·S = T: Δ = θ·√(A·S/T − 1), with A·S/T = 26.
+    let radius = 0.05;
+    let told = (last - first) as f64 * 1e-4 / 2.0;
+    // At the radius half of the pulses pass the threshold T of 4.8. At 1.5 times it the halo is at T/2.2, 2.6 below the threshold,
+    // which noise passes once in 200 pulses: the outermost of them lies at most some tenths farther out.
+    assert!(told > radius && told < 1.8 * radius, "{told} {radius} {}", seen.len());
+    let halo = seen.iter().filter(|&&pixel| frame.causes()[pixel] == Cause::Blooming).count();
+    assert!(halo + 10 > seen.len() && halo > 100, "{halo} of {}", seen.len());
+    assert!(seen.iter().all(|&pixel| (frame.get(0, pixel).unwrap().range_m - 10.0).abs() < 1e-2));
+}
+
+/// A wall in a sun of 80 klx that stands 60° from its normal is as bright as ρ·cos 60°·.8, and 0 behind a plate that shades it.
+#[test]
+fn the_sun_lights_what_nothing_shades() {
+    let mut scene = optics(scene(&[wall(10.0, 1.0)]), &[lambert(0.5)]);
+    let (sin, cos) = libm::sincos(60_f64.to_radians());
+    scene.environment.sun = Some(Sun { klx: 80.0, direction: DVec3::new(-cos, sin, 0.0) });
+    let (_, echo) = one_return(&scene, receiver());
+    assert!((echo.ambient - 0.5 * 0.5 * 0.8).abs() < 1e-6, "{}", echo.ambient);
+    let shade =
+        Plate(DVec3::new(9.0, libm::tan(60_f64.to_radians()), 0.0), DVec3::Y * 0.1, DVec3::Z * 0.1, 1.0);
+    let mut shaded = self::scene(&[wall(10.0, 1.0), shade]);
+    shaded.environment = scene.environment;
+    assert_eq!(one_return(&shaded, receiver()).1.ambient, 0.0);
+}
+
 /// Of 10⁴ pulses at .8, .9, 1 and 1.1 of the range that a plane is detected at half of the time, .9966, .8705, .5 and .2019 come
 /// back, each within 4 standard deviations: one run in 4000 would fail by chance.
 #[test]
 fn planes_are_detected_as_often_as_the_data_sheet_says() {
     let pulses = 10_000;
     for (share, detected) in [(0.8, 0.996_60), (0.9, 0.870_46), (1.0, 0.5), (1.1, 0.201_85)] {
-        let rho = 0.1_f32;
-        // The file's material is not quite Lambertian.
-        let range_m = 90.0 * share * (factor(rho, 1.0) / 0.1).sqrt();
-        // False alarms would count as well.
-        let measurement = with(receiver());
-        let frame = cast(&scene(&[wall(range_m, rho)]), &sensor(pulses, measurement), 0);
+        let plane = optics(scene(&[wall(90.0 * share, 1.0)]), &[lambert(0.1)]);
+        let frame = cast(&plane, &sensor(pulses, with(receiver())), 0);
         let of_wall = returns(&frame).iter().filter(|(_, echo)| echo.cause == Cause::Surface).count() as f64;
         let n = pulses as f64;
         let sigma = (detected * (1.0 - detected) * n).sqrt();
@@ -186,7 +444,6 @@ fn echoes_merge_nearer_than_twice_the_pulse() {
             // Near the merger the peak is flat, and a thousandth of the energy moves it by centimetres.
             assert!((found[0].0.range_m - 20.3).abs() < 0.02, "{:?}", found[0].0);
         } else {
-            assert!(found.iter().all(|(_, echo)| echo.cause == Cause::Surface));
             assert!(found[0].0.range_m > 20.0 && found[1].0.range_m < 20.7);
         }
     }

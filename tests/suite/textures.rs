@@ -1,4 +1,4 @@
-//! Textures of glTF files: where images are kept, how they lie on surfaces, and what is told of those that can't be read.
+//! Textures of glTF files: where images are kept, how they lie on surfaces, and the warnings of images that can't be read.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -106,7 +106,7 @@ impl Folder {
         self.0.path().join(name)
     }
 
-    /// Loads a scene, with what is told of it.
+    /// Loads a scene, with its warnings.
     fn load(&self, json: &Value) -> (Scene, Vec<String>) {
         let path = self.path("scene/scene.gltf");
         std::fs::write(&path, json.to_string()).unwrap();
@@ -292,6 +292,49 @@ fn broken_images_are_warned_of_and_count_as_white() {
         let (scene, warnings) = folder.load(&json);
         assert_eq!(scene.triangle_count(), 2, "{key}");
         assert!(!warnings.is_empty() || key.ends_with("sampler"), "{key}");
+    }
+}
+
+/// With any value in a material, a texture or an attribute, the geometry is read or refused without a panic.
+#[test]
+fn every_value_of_a_textured_file_replaced() {
+    let folder = Folder::new();
+    let good = file(json!({ "bufferView": 3 }));
+    let mut places = Vec::new();
+    let mut pending: Vec<(String, &Value)> = vec![(String::new(), &good)];
+    while let Some((place, value)) = pending.pop() {
+        match value {
+            Value::Object(map) => {
+                pending.extend(map.iter().map(|(key, value)| (format!("{place}/{key}"), value)))
+            }
+            Value::Array(list) => {
+                pending.extend(list.iter().enumerate().map(|(i, value)| (format!("{place}/{i}"), value)))
+            }
+            _ => {}
+        }
+        let is_data = place.is_empty() || place.starts_with("/buffers") || place.starts_with("/asset");
+        if !is_data {
+            places.push(place);
+        }
+    }
+    let path = folder.path("scene/scene.gltf");
+    for place in places {
+        for value in
+            [json!(null), json!(-1), json!(1e30), json!(7), json!("x"), json!([]), json!({}), json!(true)]
+        {
+            let mut json = good.clone();
+            *json.pointer_mut(&place).unwrap() = value.clone();
+            std::fs::write(&path, json.to_string()).unwrap();
+            match open(&path) {
+                Err(error) => {
+                    assert!(!error.problem.contains("error in beamcast"), "{place} {value}: {error}")
+                }
+                Ok(loaded) => {
+                    let look = loaded.scene.appearance(0, 0, 0.25, 0.5);
+                    assert!((0.0..=1.0).contains(&look.opacity), "{place} {value}: {look:?}");
+                }
+            }
+        }
     }
 }
 

@@ -148,7 +148,7 @@ pub(crate) mod receiver {
             counts: Integer::within(1, 16),
             of: ReturnMode::Several,
         },
-        "The returns of a pulse that are reported; \"dual\" are the strongest and the last, and a number are so many of the \
+        "The returns of a pulse that are reported; \"dual\" are the strongest and the last, and a number is so many of the \
          strongest, nearest first.",
     )
     .or("\"strongest\"");

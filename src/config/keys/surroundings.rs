@@ -2,7 +2,8 @@
 
 use std::ops::Bound::{Excluded, Included};
 
-use super::super::kinds::{ByName, Choice, Names, Nested, Number, Text};
+use super::super::kinds::{ByName, Choice, Names, Nested, Number};
+use super::super::library::{LIBRARY, Measured};
 use super::super::table::{Key, TableKeys, key, table};
 use crate::scene::Haze;
 
@@ -59,10 +60,10 @@ pub(crate) static REFLECTANCE: Key<Number> = key(
     Number::within(Included(0.0), Included(2.0)),
     "The diffuse reflectance at the sensor's wavelength, 1 for white; of a mirror, the part of the light that goes on.",
 );
-pub(crate) static LIKE: Key<Text> = key(
+pub(crate) static LIKE: Key<Choice<Measured>> = key(
     "like",
-    Text,
-    "A surface that was measured, such as \"grass\" or \"tyre\", in place of `reflectance`: its reflectance at the sensor's wavelength.",
+    Choice(&LIBRARY),
+    "A surface that was measured, in place of `reflectance`: its reflectance at the sensor's wavelength.",
 );
 pub(crate) static KIND: Key<Choice<KindName>> = key(
     "kind",

@@ -5,13 +5,12 @@ use glam::DVec3;
 use super::super::job::MountedSensor;
 use super::super::keys::job as job_keys;
 use super::super::keys::surroundings::{self as keys, KindName};
-use super::super::library::{self, LIBRARY, Measured};
+use super::super::library::Measured;
 use super::super::plausibility;
 use super::super::table::{AnyKey, Table};
 use crate::angle::Angle;
 use crate::scene::{Environment, Optics, Sun, SurfaceKind, Weather};
-use crate::source::suggest::nearest;
-use crate::source::words::{list, quoted};
+use crate::source::words::quoted;
 
 /// Most entries of `[materials]`.
 const MOST_MATERIALS: usize = 10_000;
@@ -42,7 +41,7 @@ fn optics(name: &str, t: &Table<'_>) -> Option<Optics> {
     let kind = t.read(&keys::KIND).map(|kind| kind.value);
     let reflectance = t.read(&keys::REFLECTANCE);
     let wetness = t.value(&keys::WETNESS);
-    let like = like(t);
+    let like = t.read(&keys::LIKE).map(|like| like.value);
     if t.is_empty() {
         let help = "such as `reflectance = 0.2`, or `like = \"grass\"`".to_owned();
         return report.fail(t.span, format!("{} has no properties", quoted(name)), "needs some", Some(help));
@@ -67,7 +66,7 @@ fn optics(name: &str, t: &Table<'_>) -> Option<Optics> {
         report.error(t.span_of(&keys::KIND), message, "", Some("leave `kind` out".to_owned()));
     }
     let of_kind = match kind {
-        None => like.map(Measured::kind),
+        None => like.and_then(Measured::kind),
         Some(KindName::Lambert) => Some(SurfaceKind::Lambert),
         Some(KindName::Ggx) => {
             t.need(&keys::ROUGHNESS, "`roughness = 0.3`, from 0 to 1");
@@ -108,20 +107,6 @@ fn optics(name: &str, t: &Table<'_>) -> Option<Optics> {
         kind: of_kind,
         wetness,
     })
-}
-
-/// The entry of the library that a surface is like.
-fn like(t: &Table<'_>) -> Option<Measured> {
-    let name = t.read(&keys::LIKE)?;
-    if let Some(entry) = LIBRARY.iter().find(|entry| entry.name == name.value) {
-        return Some(entry.surface);
-    }
-    let help = match nearest(name.value, library::names()) {
-        Some(near) => format!("did you mean {}?", quoted(near)),
-        None => format!("the library has {}", list(library::names(), "and")),
-    };
-    let message = format!("the library has no surface {}", quoted(name.value));
-    t.report().fail(name.span, message, "", Some(help))
 }
 
 /// The air and the sun.

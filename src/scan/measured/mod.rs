@@ -54,7 +54,7 @@ pub(super) fn scan_into(
     let receiver = measurement.receiver.as_ref().unwrap_or(&default_receiver);
     let scanner = Scanner::new(scene, tracer, capture, receiver);
     let (rows, columns) = (capture.rows(), capture.columns());
-    let strips = scanner.strips();
+    let (strips, width) = (scanner.strips(), strip_columns(scanner.beams.samples()));
     let is_cancelled = || progress.cancelled.load(Relaxed);
     let received: Vec<Strip> = match &measurement.blooming {
         None => strips
@@ -63,8 +63,7 @@ pub(super) fn scan_into(
                 if is_cancelled() {
                     return Strip::default();
                 }
-                let rays = scanner.illuminate(first, memory);
-                progress.rays_done.fetch_add(rays as u64, Relaxed);
+                scanner.illuminate(first, memory, progress);
                 let Memory { lit, desk, .. } = memory;
                 scanner.receive_all(lit, None, desk)
             })
@@ -78,8 +77,7 @@ pub(super) fn scan_into(
                     if is_cancelled() {
                         return Default::default();
                     }
-                    let rays = scanner.illuminate(first, memory);
-                    progress.rays_done.fetch_add(rays as u64, Relaxed);
+                    scanner.illuminate(first, memory, progress);
                     let lit = std::mem::take(&mut memory.lit);
                     let sources = scanner.sources(&lit, &brightness);
                     (lit, sources)
@@ -87,18 +85,18 @@ pub(super) fn scan_into(
                 .collect();
             let (lit, sources): (Vec<Lit>, Vec<Vec<Source>>) = lit.into_iter().unzip();
             let halo = Halo::new(blooming, sources.concat());
-            let receive = |desk: &mut Desk, lit: &Lit| match is_cancelled() {
+            let receive = |desk: &mut Desk, mut lit: Lit| match is_cancelled() {
                 true => Strip::default(),
-                false => scanner.receive_all(lit, Some(&halo), desk),
+                false => scanner.receive_all(&mut lit, Some(&halo), desk),
             };
-            lit.par_iter().map_init(Desk::default, receive).collect()
+            lit.into_par_iter().map_init(Desk::default, receive).collect()
         }
     };
     if is_cancelled() {
         return false;
     }
     frame.begin_measured(rows, columns);
-    for band in received.chunks(columns.div_ceil(STRIP)) {
+    for band in received.chunks(columns.div_ceil(width)) {
         let height = band[0].rows;
         for row in 0..height {
             for strip in band {
@@ -111,6 +109,11 @@ pub(super) fn scan_into(
         }
     }
     true
+}
+
+/// The columns of a strip whose pulses have so many samples: as many tiles as keep the rays of a strip in a processor's cache.
+fn strip_columns(samples: usize) -> usize {
+    (STRIP / samples).next_multiple_of(TILE.1)
 }
 
 /// The pixels of a strip, row by row.
@@ -222,14 +225,16 @@ impl<'a, C: Cast> Scanner<'a, C> {
 
     /// The row and the column of the first pixel of each strip of the image.
     fn strips(&self) -> Vec<(usize, usize)> {
-        let (bands, strips) = (self.capture.rows().div_ceil(TILE.0), self.capture.columns().div_ceil(STRIP));
-        (0..bands).flat_map(|band| (0..strips).map(move |strip| (band * TILE.0, strip * STRIP))).collect()
+        let width = strip_columns(self.beams.samples());
+        let (bands, strips) = (self.capture.rows().div_ceil(TILE.0), self.capture.columns().div_ceil(width));
+        (0..bands).flat_map(|band| (0..strips).map(move |strip| (band * TILE.0, strip * width))).collect()
     }
 
-    /// Casts the pulses of a strip, and finds the light that comes back. Returns the number of rays.
-    fn illuminate(&self, first: (usize, usize), memory: &mut Memory) -> usize {
+    /// Casts the pulses of a strip, and finds the light that comes back.
+    fn illuminate(&self, first: (usize, usize), memory: &mut Memory, progress: &Progress) {
         let (rows, columns) = (self.capture.rows() - first.0, self.capture.columns() - first.1);
-        self.illuminate_part(first, (TILE.0.min(rows), STRIP.min(columns)), memory)
+        let width = strip_columns(self.beams.samples());
+        self.illuminate_part(first, (TILE.0.min(rows), width.min(columns)), memory, progress);
     }
 
     /// Casts the pulses of so many rows and columns of the image, at most those of a strip, as a strip of their own.
@@ -238,14 +243,16 @@ impl<'a, C: Cast> Scanner<'a, C> {
         first: (usize, usize),
         (rows, columns): (usize, usize),
         memory: &mut Memory,
-    ) -> usize {
+        progress: &Progress,
+    ) {
         let Memory { wave, next, lights, lit, .. } = memory;
         (lit.first, lit.rows, lit.columns) = (first, rows, columns);
         self.send(lit, wave);
         lights.clear();
-        let rays = self.paths.follow(wave, next, &lit.pulses, lights, &mut lit.ideal);
+        let samples = self.paths.follow(wave, next, &lit.pulses, lights, &mut lit.ideal);
         sort_by_pulse(lights, lit.pulses.len(), &mut lit.lights, &mut lit.first_light);
-        rays
+        progress.rays_done.fetch_add(lit.pulses.len() as u64, Relaxed);
+        progress.samples_done.fetch_add(samples as u64, Relaxed);
     }
 
     /// The light of a strip that pulses beside it may see.
@@ -263,7 +270,7 @@ impl<'a, C: Cast> Scanner<'a, C> {
     }
 
     /// Receives the light of a strip.
-    fn receive_all(&self, lit: &Lit, halo: Option<&Halo>, desk: &mut Desk) -> Strip {
+    fn receive_all(&self, lit: &mut Lit, halo: Option<&Halo>, desk: &mut Desk) -> Strip {
         let (rows, columns) = (lit.rows, lit.columns);
         // A pixel without a pulse stays without light.
         let mut of_pixel = vec![None; rows * columns];
@@ -366,28 +373,37 @@ impl<'a, C: Cast> Scanner<'a, C> {
     /// Receives the light of pulse number `number` of a strip.
     fn receive(
         &self,
-        lit: &Lit,
+        lit: &mut Lit,
         number: usize,
         halo: Option<&Halo>,
         desk: &mut Desk,
         watch: &mut impl Watch,
     ) {
-        let Desk { lights, scratch, received } = desk;
-        let (pulse, pose) = (&lit.pulses[number], &lit.poses[number]);
+        let Desk { lights: more, scratch, received } = desk;
         let pixel = lit.pixel(number, self.capture.columns());
-        lights.clear();
-        lights.extend_from_slice(lit.lights(number));
-        if self.air.extinction_per_m > 0.0 {
-            let nearest_m = lights.iter().map(|light| light.length_m).fold(f64::INFINITY, f64::min);
-            let origin = pose.world_from_sensor.point(pulse.origin);
-            let direction = pose.world_from_sensor.direction(pulse.direction);
-            let ray = AirRay { pixel, number: number as u32, pulse, origin, direction, nearest_m };
-            self.air.add(&self.beams.streams, &ray, self.detector.white_at_1_m, lights);
+        let Lit { pulses, poses, lights, first_light, .. } = lit;
+        let (pulse, pose) = (&pulses[number], &poses[number]);
+        let mut lights = &mut lights[first_light[number]..first_light[number + 1]];
+        if self.air.extinction_per_m > 0.0 || halo.is_some() {
+            more.clear();
+            more.extend_from_slice(lights);
+            if self.air.extinction_per_m > 0.0 {
+                let nearest_m = lights.iter().map(|light| light.length_m).fold(f64::INFINITY, f64::min);
+                let origin = pose.world_from_sensor.point(pulse.origin);
+                let direction = pose.world_from_sensor.direction(pulse.direction);
+                let ray = AirRay { pixel, number: number as u32, pulse, origin, direction, nearest_m };
+                self.air.add(&self.beams.streams, &ray, self.detector.white_at_1_m, more);
+            }
+            if let Some(halo) = halo {
+                halo.add(pixel, number as u32, pulse, more);
+            }
+            lights = more;
         }
-        if let Some(halo) = halo {
-            halo.add(pixel, number as u32, pulse, lights);
+        let by_range = |a: &Light, b: &Light| a.range_m.total_cmp(&b.range_m).then(a.path.cmp(&b.path));
+        // The lights of a plane come sorted often.
+        if !lights.is_sorted_by(|a, b| by_range(a, b).is_le()) {
+            lights.sort_unstable_by(by_range);
         }
-        lights.sort_by(|a, b| a.range_m.total_cmp(&b.range_m).then(a.path.cmp(&b.path)));
         let at = Reception {
             pixel,
             pulse,
@@ -400,14 +416,24 @@ impl<'a, C: Cast> Scanner<'a, C> {
 }
 
 /// Sorts light by its pulse, in the order in which it was found. Pulse i has the lights from entry i to entry i + 1 of `first`.
-fn sort_by_pulse(lights: &[Light], pulses: usize, sorted: &mut Vec<Light>, first: &mut Vec<usize>) {
+fn sort_by_pulse(lights: &mut Vec<Light>, pulses: usize, sorted: &mut Vec<Light>, first: &mut Vec<usize>) {
     first.clear();
     first.resize(pulses + 2, 0);
-    for light in lights {
+    let mut is_sorted = true;
+    let mut last = 0;
+    for light in lights.iter() {
+        is_sorted &= light.pulse >= last;
+        last = light.pulse;
         first[light.pulse as usize + 2] += 1;
     }
     for pulse in 2..first.len() {
         first[pulse] += first[pulse - 1];
+    }
+    // Without mirrors, panes and holes, light is found pulse by pulse.
+    if is_sorted {
+        std::mem::swap(lights, sorted);
+        first.remove(0);
+        return;
     }
     sorted.clear();
     let Some(any) = lights.first() else {
@@ -415,7 +441,7 @@ fn sort_by_pulse(lights: &[Light], pulses: usize, sorted: &mut Vec<Light>, first
         return;
     };
     sorted.resize(lights.len(), *any);
-    for light in lights {
+    for light in lights.iter() {
         let place = &mut first[light.pulse as usize + 1];
         sorted[*place] = *light;
         *place += 1;

@@ -61,6 +61,8 @@ pub(super) struct Meeting {
     pub length_m: f64,
     /// The distance between transmitter and receiver, in metres.
     pub spacing_m: f64,
+    /// The wavelength in metres.
+    pub wavelength_m: f64,
     /// The roughness below which a lobe is narrower than the beam, so that it is a mirror's.
     pub mirror_roughness: f64,
 }
@@ -69,7 +71,7 @@ pub(super) struct Meeting {
 /// says. The cover of a texture's alpha is the caller's.
 pub(super) fn split(appearance: &Appearance, optics: Option<&Optics>, at: Meeting) -> Split {
     let Meeting { cosine, .. } = at;
-    let reflectance = optics.and_then(|o| o.reflectance);
+    let reflectance = optics.and_then(|o| o.reflectance_at(at.wavelength_m));
     let of_colour = || f64::from(appearance.reflectivity());
     let rho = reflectance.unwrap_or_else(of_colour);
     let wetness = optics.map_or(0.0, |o| o.wetness);
@@ -131,7 +133,7 @@ fn of_file(appearance: &Appearance, reflectivity: f64) -> MetallicRoughness {
 /// A lobe over a diffuse base. A lobe narrower than the beam is a mirror.
 fn glossy(material: &MetallicRoughness, at: Meeting) -> Split {
     let Meeting { cosine, .. } = at;
-    let passed = material.passed(cosine);
+    let passed = if material.transmission > 0.0 { material.passed(cosine) } else { 0.0 };
     let mut split = match material.roughness < at.mirror_roughness {
         false => Split::opaque(material.power_factor(cosine)),
         true => {

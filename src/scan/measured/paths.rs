@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::light::{IDEAL_SAMPLE, Light, PATHS_A_SAMPLE, Target};
 use super::optics::{Meeting, Split, split};
 use super::receive::fall;
-use crate::scan::{Cause, surface::SeenTriangle};
-use crate::scene::{Appearance, Optics, Scene};
+use crate::scan::{Cause, surface::SeenTriangle, through::is_same_depth};
+use crate::scene::{Appearance, Optics, Scene, Surface};
 use crate::sensor::{Pulse, Receiver};
 use crate::trace::{Cast, Hit, Origins, Rays};
 
@@ -27,6 +27,7 @@ pub(super) struct Wave {
     origins: Vec<DVec3>,
     directions: Vec<DVec3>,
     times_s: Vec<f64>,
+    /// The hit that each ray goes on behind. It is empty if no ray does.
     after: Vec<Option<Hit>>,
     ways: Vec<Way>,
     hits: Vec<Option<Hit>>,
@@ -48,13 +49,15 @@ pub(super) struct Way {
     share: f64,
     /// The length of the way to the ray's origin, in metres.
     length_m: f64,
+    /// The depth and the surface of the hit that the ray went through last.
+    through: Option<(f64, Surface)>,
 }
 
 impl Way {
     /// The way of a sub-ray that leaves the sensor.
     pub fn of(pulse: u32, sample: u16) -> Self {
         let (cause, share) = (Cause::Surface, 1.0);
-        Self { pulse, sample, met: 0, bounces: 0, passes: 0, cause, share, length_m: 0.0 }
+        Self { pulse, sample, met: 0, bounces: 0, passes: 0, cause, share, length_m: 0.0, through: None }
     }
 }
 
@@ -85,7 +88,10 @@ impl Wave {
         self.origins.push(origin);
         self.directions.push(direction);
         self.times_s.push(time_s);
-        self.after.push(after);
+        if after.is_some() || !self.after.is_empty() {
+            self.after.resize(self.ways.len() - 1, None);
+            self.after.push(after);
+        }
     }
 
     fn cast(&mut self, scene: &Scene, tracer: &impl Cast) {
@@ -98,7 +104,7 @@ impl Wave {
             directions: &self.directions,
             t_min: 0.0,
             t_max: f64::INFINITY,
-            after: self.after.iter().any(Option::is_some).then_some(&self.after[..]),
+            after: (!self.after.is_empty()).then_some(&self.after[..]),
             times_s: scene.arrangement.window.is_some().then_some(&self.times_s[..]),
         };
         tracer.cast(&rays, &mut self.hits);
@@ -177,6 +183,12 @@ impl<'a, C: Cast> Paths<'a, C> {
             last.appearance = None;
         }
         let Some(seen) = &last.triangle else { return };
+        let surface = seen.surface();
+        if way.through.is_some_and(|(depth, last)| last == surface && is_same_depth(depth, hit.t)) {
+            // The ray passes an edge of a surface, and meets the triangles on both of its sides. It went through it before.
+            next.add(way, origin, direction, wave.times_s[ray], Some(*hit));
+            return;
+        }
         let appearance = match last.appearance {
             Some(appearance) => appearance,
             None => {
@@ -193,6 +205,7 @@ impl<'a, C: Cast> Paths<'a, C> {
             cosine,
             length_m,
             spacing_m: self.receiver.spacing_m,
+            wavelength_m: self.receiver.wavelength_m,
             mirror_roughness: self.mirror_roughness,
         };
         let split = split(&appearance, last.optics, at);
@@ -223,13 +236,13 @@ impl<'a, C: Cast> Paths<'a, C> {
                     point,
                     normal,
                     reflectance: split.reflectance as f32,
-                    object: seen.surface().object,
+                    object: surface.object,
                     label: seen.label(),
                     triangle: seen.id(),
                 },
             });
         }
-        self.go_on(wave, ray, hit, &split, cover, normal, next);
+        self.go_on(wave, ray, hit, surface, &split, cover, normal, next);
     }
 
     /// Adds the rays that go on from a surface to the next wave.
@@ -239,6 +252,7 @@ impl<'a, C: Cast> Paths<'a, C> {
         wave: &Wave,
         ray: usize,
         hit: &Hit,
+        surface: Surface,
         split: &Split,
         cover: f64,
         normal: DVec3,
@@ -247,11 +261,12 @@ impl<'a, C: Cast> Paths<'a, C> {
         let way = wave.ways[ray];
         let (origin, direction, time_s) = (wave.origins[ray], wave.directions[ray], wave.times_s[ray]);
         let met = way.met.saturating_add(1);
+        let through = Some((hit.t, surface));
         let can_pass = way.passes < MOST_PASSES && way.met < u8::MAX - 1;
         // What is not covered lets light through as air does, both ways.
         let uncovered = (1.0 - cover) * (1.0 - cover);
         if uncovered > 0.0 && way.share * uncovered > LEAST_SHARE && can_pass {
-            let on = Way { met, share: way.share * uncovered, passes: way.passes + 1, ..way };
+            let on = Way { met, share: way.share * uncovered, passes: way.passes + 1, through, ..way };
             next.add(on, origin, direction, time_s, Some(*hit));
         }
         if way.sample == IDEAL_SAMPLE && cover > 0.0 && split.back > 0.0 {
@@ -265,6 +280,7 @@ impl<'a, C: Cast> Paths<'a, C> {
                 passes: way.passes + 1,
                 cause: split.passed_cause.unwrap_or(way.cause),
                 length_m: way.length_m + split.delay_m,
+                through,
                 ..way
             };
             // A pane moves the ray sideways, towards the normal that points away from the light.
@@ -286,6 +302,7 @@ impl<'a, C: Cast> Paths<'a, C> {
                 bounces: way.bounces + 1,
                 cause: split.mirrored_cause,
                 length_m: way.length_m + hit.t + start_m,
+                through: None,
                 ..way
             };
             let point = origin + direction * hit.t;

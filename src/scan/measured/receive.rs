@@ -37,10 +37,15 @@ pub(super) struct Scratch {
     peaks: Vec<Peak>,
     candidates: Vec<Candidate>,
     by_object: Vec<(u32, f64)>,
+    shares: Vec<f64>,
 }
 
-/// What is told of the fates of peaks. The frames of a scan need none of it, so that `()` is told it in vain, which costs nothing.
+/// What is told of light and of the fates of peaks. The frames of a scan need none of it, so that `()` is told it in vain, which
+/// costs nothing.
 pub(super) trait Watch {
+    /// The light of a pulse arrives, sorted by range.
+    fn light(&mut self, _lights: &[Light]) {}
+
     /// A peak is not detected, or lies outside of the limits of the sensor's range.
     fn lose(&mut self, _candidate: &Candidate, _cause: Cause) {}
 
@@ -133,9 +138,10 @@ impl<'a> Detector<'a> {
         received: &mut Received,
         watch: &mut impl Watch,
     ) {
+        watch.light(lights);
         received.returns.clear();
         received.targets.clear();
-        let Scratch { parts, peaks, candidates, by_object } = scratch;
+        let Scratch { parts, peaks, candidates, by_object, shares } = scratch;
         parts.clear();
         parts.extend(
             lights.iter().map(|light| Part { range_m: light.range_m, energy: light.energy * at.beam.gain }),
@@ -145,7 +151,7 @@ impl<'a> Detector<'a> {
         candidates.clear();
         let mut fate = Fate::default();
         for peak in peaks.iter() {
-            let candidate = self.candidate(at, peak, lights, parts, &waveform, by_object);
+            let candidate = self.candidate(at, peak, lights, parts, &waveform, by_object, shares);
             match self.judge(at, &candidate, lights) {
                 Ok(()) => candidates.push(candidate),
                 Err(cause) => {
@@ -175,6 +181,7 @@ impl<'a> Detector<'a> {
         }
     }
 
+    #[expect(clippy::too_many_arguments, reason = "a pulse's light in several forms, and memory")]
     fn candidate(
         &self,
         at: &Reception,
@@ -183,15 +190,16 @@ impl<'a> Detector<'a> {
         parts: &[Part],
         waveform: &Waveform,
         by_object: &mut Vec<(u32, f64)>,
+        shares: &mut Vec<f64>,
     ) -> Candidate {
         let near = waveform.parts_near(peak.range_m);
         let first = (near.as_ptr() as usize - parts.as_ptr() as usize) / size_of::<Part>();
-        let shares = || {
-            near.iter().zip(&lights[first..]).map(|(part, light)| (waveform.share(part, peak.range_m), light))
-        };
+        let lights = &lights[first..first + near.len()];
+        shares.clear();
+        shares.extend(near.iter().map(|part| waveform.share(part, peak.range_m)));
         // The object with the most light, and its brightest part.
         by_object.clear();
-        for (share, light) in shares() {
+        for (&share, light) in shares.iter().zip(lights) {
             match by_object.iter_mut().find(|(object, _)| *object == light.target.object) {
                 Some((_, sum)) => *sum += share,
                 None => by_object.push((light.target.object, share)),
@@ -204,23 +212,18 @@ impl<'a> Detector<'a> {
             }
         });
         let mut main: Option<(f64, &Light)> = None;
-        for (share, light) in shares().filter(|(_, light)| light.target.object == most.0) {
-            if main.is_none_or(|(best, _)| share > best) {
+        for (&share, light) in shares.iter().zip(lights) {
+            if light.target.object == most.0 && main.is_none_or(|(best, _)| share > best) {
                 main = Some((share, light));
             }
         }
-        let main = main.map_or(&lights[first], |(_, light)| light);
-        let others: f64 =
-            shares().filter(|(_, light)| !is_of_one_surface(main, light)).map(|(share, _)| share).sum();
+        let main = main.map_or(&lights[0], |(_, light)| light);
+        let is_other = |(share, light): (&f64, &Light)| (!is_of_one_surface(main, light)).then_some(*share);
+        let others: f64 = shares.iter().zip(lights).filter_map(is_other).sum();
         let cause = if others >= MIXED_SHARE * peak.height { Cause::Mixed } else { main.cause };
         // Light far out on the pulse's flank is no part of the return.
         let is_part = |light: &&Light| (light.range_m - peak.range_m).abs() <= 2.0 * self.sigma_m;
-        let axis = near
-            .iter()
-            .zip(&lights[first..])
-            .map(|(_, light)| light)
-            .filter(|light| light.is_of_axis())
-            .find(is_part);
+        let axis = lights.iter().filter(|light| light.is_of_axis()).find(is_part);
         let ideal_m = axis.map_or(main.range_m, |light| light.range_m);
         let noise = match self.threshold {
             Some(_) => self.stream(at, main.path, Effect::Detection).normal(),

@@ -155,7 +155,7 @@ fn store(named: &Path, real: &Path) -> Option<PathBuf> {
     Some(real.components().take(shared + 1).collect())
 }
 
-/// What the `uri` of a buffer or an image leads to.
+/// The bytes or the file that the `uri` of a buffer or an image leads to.
 pub(super) enum Resolved {
     /// The bytes that a data: URI holds.
     Data(Vec<u8>),
@@ -163,7 +163,7 @@ pub(super) enum Resolved {
     File(PathBuf),
 }
 
-/// What the `uri` of a buffer or an image leads to. Nothing is opened.
+/// Follows the `uri` of a buffer or an image. No file is opened.
 pub(super) fn resolve(uri: &str, folders: &Folders) -> Result<Resolved, Fault> {
     let shown = quoted(uri);
     let fault = |problem: String| Fault::new("", problem);

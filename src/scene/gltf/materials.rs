@@ -1,4 +1,4 @@
-//! Materials, and the notes on what else a file says that changes nothing here.
+//! Materials, and the notes on the parts of a file that are not read.
 
 use std::collections::BTreeSet;
 

@@ -319,8 +319,8 @@ impl<'d, 'a> MeshReader<'d, 'a> {
         self.data.elements(accessor, layout, count)
     }
 
-    /// The texture coordinates and colours of the corners of `triangles`, as far as the material needs them. What can't be read of
-    /// them keeps no geometry from being read.
+    /// The texture coordinates and colours of the corners of `triangles`, as far as the material needs them. Those that can't be
+    /// read are missing, with a warning, and the geometry is read in spite of it.
     fn corners(
         &self,
         source: &Source<'_, 'd>,

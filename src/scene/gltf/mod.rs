@@ -18,7 +18,7 @@
 //! nodes      the nodes of a scene to instances and labels
 //! places     nodes and cameras by their names
 //! actors     files of their own, merged into the scene
-//! materials  what surfaces are like, and notes on what is not read
+//! materials  the optical properties of surfaces, and notes on what is not read
 //! textures   the images of materials, and how they lie on surfaces; images: decoding them
 //! outline    what a file holds, by name
 //! fault      errors

@@ -34,6 +34,7 @@ pub struct Target {
 /// Every target.
 pub const TARGETS: &[Target] = &[
     Target { name: "gltf", run: gltf, seeds: gltf_seeds },
+    Target { name: "image", run: image, seeds: image_seeds },
     Target { name: "toml", run: toml, seeds: toml_seeds },
     Target { name: "rays", run: rays, seeds: || vec![repository("tests/import/rays.csv")] },
     Target { name: "import", run: import, seeds: import_seeds },
@@ -160,6 +161,39 @@ fn gltf_seeds() -> Vec<Vec<u8>> {
         "samplers":[{"input":1,"output":2},{"input":1,"output":3,"interpolation":"CUBICSPLINE"},{"input":1,"output":4},{"input":1,"output":7,"interpolation":"STEP"}]}]}"#;
     let [room, walker] = ["scenes/room.glb", "scenes/actors/walker.glb"].map(repository);
     vec![json.as_bytes().to_vec(), animated.as_bytes().to_vec(), room, walker]
+}
+
+/// A triangle with the image as its texture. An image that can't be read is white, and no more.
+fn image(bytes: &[u8]) {
+    file("image", bytes);
+    let json = r#"{"asset":{"version":"2.0"},"buffers":[{"byteLength":60,"uri":"data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAAAAAAAAAIA/"}],
+        "bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":24}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},{"bufferView":1,"componentType":5126,"count":3,"type":"VEC2"}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"material":0}]}],"nodes":[{"mesh":0}],
+        "materials":[{"alphaMode":"BLEND","pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}],
+        "textures":[{"source":0}],"images":[{"uri":"image"}]}"#;
+    let path = file("scene.gltf", json.as_bytes());
+    let scene = gltf::load(&path, "scene.gltf", &gltf::Options::default()).unwrap().scene;
+    for (u, v) in [(0.0, 0.0), (0.3, 0.3), (1.0, 0.0), (0.0, 1.0)] {
+        let look = scene.appearance(0, 0, u, v);
+        let values = [look.opacity, look.reflectivity(), look.metallic, look.roughness, look.transmission];
+        assert!(values.iter().chain(&look.base_color).all(|value| (0.0..=1.0).contains(value)), "{look:?}");
+    }
+}
+
+/// A PNG, and a JPEG and a WebP of one colour.
+fn image_seeds() -> Vec<Vec<u8>> {
+    let code = |class: u8, symbol: u8| [&[0xff, 0xc4, 0, 20, class, 1][..], &[0; 15], &[symbol]].concat();
+    let jpeg = [
+        b"\xff\xd8\xff\xdb\0\x43\0",
+        &[8; 64][..],
+        b"\xff\xc0\0\x0b\x08\0\x08\0\x08\x01\x01\x11\0",
+        &code(0x00, 7),
+        &code(0x10, 0),
+        b"\xff\xda\0\x08\x01\x01\0\0\x3f\0\x40\x7f\xff\xd9",
+    ];
+    let webp = b"RIFF\x14\0\0\0WEBPVP8L\x08\0\0\0\x2f\x01\0\0\x10\x88\x88\x08";
+    vec![frame_as(Format::PNG), jpeg.concat(), webp.to_vec()]
 }
 
 fn preview(bytes: &[u8]) {
