@@ -5,48 +5,31 @@ mod alone;
 mod explain;
 mod frame;
 mod measured;
+mod progress;
 mod story;
+mod strips;
 mod surface;
 mod through;
 
 use std::cmp::Ordering;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::frame::Pose;
 use crate::scene::Scene;
 use crate::sensor::{Capture, Pulse};
-use crate::trace::{Cast, Hit, Origins, PACKET_RAYS, Rays};
+use crate::trace::{Cast, Hit, Origins, Rays};
 
 pub use alone::alone;
 pub use explain::explain;
 use frame::ReturnsMut;
 pub use frame::{Cause, Echo, Frame, NO_OBJECT, Return, Returns, Terms};
+pub use progress::Progress;
 pub use story::{Fate, Met, Sent, Signal, SignalPeak, Story};
+use strips::{STRIP, SensorPose, TILE};
 use surface::SeenTriangle;
 use through::Through;
-
-/// The progress of a scan, which another thread can read, and the means to stop it.
-#[derive(Debug, Default)]
-pub struct Progress {
-    /// The number of pulses that were cast since the progress was created: one a pixel that has one.
-    pub rays_done: AtomicU64,
-    /// The number of samples that were cast for them: all rays, with those of footprints and those that mirrors, panes and holes
-    /// make. Of an ideal sensor each pulse is one sample, which is not counted here.
-    pub samples_done: AtomicU64,
-    /// A flag that stops scanning within a few milliseconds once it is set.
-    pub cancelled: AtomicBool,
-}
-
-/// The rows and columns of a tile of the image. Its rays are as many as a packet of the tracer takes, and they are neighbours
-/// so that they span a narrow pyramid.
-const TILE: (usize, usize) = (8, 16);
-const _: () = assert!(TILE.0 * TILE.1 == PACKET_RAYS);
-
-/// The number of columns of a strip, which is cast as one batch, tile by tile.
-const STRIP: usize = 16 * TILE.1;
 
 /// Casts every pulse of a capture, each from the sensor's pose at the pulse's own time. What moves in the scene is hit where it is at
 /// that time, if the scene is arranged for the capture ([`Scene::during`](crate::scene::Scene::during) its
@@ -136,19 +119,6 @@ struct Batch {
     hits: Vec<Option<Hit>>,
     /// The surfaces that are seen through holes and panes.
     through: Through,
-}
-
-/// A sensor's pose and its inverse.
-#[derive(Clone, Copy)]
-struct SensorPose {
-    world_from_sensor: Pose,
-    sensor_from_world: Pose,
-}
-
-impl SensorPose {
-    fn new(world_from_sensor: Pose) -> Self {
-        Self { world_from_sensor, sensor_from_world: world_from_sensor.inverse() }
-    }
 }
 
 struct Scanner<'a, C> {

@@ -54,8 +54,7 @@ pub(super) fn scan_into(
     let receiver = measurement.receiver.as_ref().unwrap_or(&default_receiver);
     let scanner = Scanner::new(scene, tracer, capture, receiver);
     let (rows, columns) = (capture.rows(), capture.columns());
-    let width = scanner.strip_columns();
-    let strips = scanner.strips();
+    let (strips, width) = (scanner.strips(), strip_columns(scanner.beams.samples()));
     let is_cancelled = || progress.cancelled.load(Relaxed);
     let received: Vec<Strip> = match &measurement.blooming {
         None => strips
@@ -110,6 +109,11 @@ pub(super) fn scan_into(
         }
     }
     true
+}
+
+/// The columns of a strip whose pulses have so many samples: as many tiles as keep the rays of a strip in a processor's cache.
+fn strip_columns(samples: usize) -> usize {
+    (STRIP / samples).next_multiple_of(TILE.1)
 }
 
 /// The pixels of a strip, row by row.
@@ -221,40 +225,34 @@ impl<'a, C: Cast> Scanner<'a, C> {
 
     /// The row and the column of the first pixel of each strip of the image.
     fn strips(&self) -> Vec<(usize, usize)> {
-        let width = self.strip_columns();
+        let width = strip_columns(self.beams.samples());
         let (bands, strips) = (self.capture.rows().div_ceil(TILE.0), self.capture.columns().div_ceil(width));
         (0..bands).flat_map(|band| (0..strips).map(move |strip| (band * TILE.0, strip * width))).collect()
-    }
-
-    /// The columns of a strip: as many tiles as keep the rays of a strip in a processor's cache.
-    fn strip_columns(&self) -> usize {
-        (STRIP / self.beams.samples()).next_multiple_of(TILE.1)
     }
 
     /// Casts the pulses of a strip, and finds the light that comes back.
     fn illuminate(&self, first: (usize, usize), memory: &mut Memory, progress: &Progress) {
         let (rows, columns) = (self.capture.rows() - first.0, self.capture.columns() - first.1);
-        let size = (TILE.0.min(rows), self.strip_columns().min(columns));
-        let samples = self.illuminate_part(first, size, memory);
-        progress.rays_done.fetch_add(memory.lit.pulses.len() as u64, Relaxed);
-        progress.samples_done.fetch_add(samples as u64, Relaxed);
+        let width = strip_columns(self.beams.samples());
+        self.illuminate_part(first, (TILE.0.min(rows), width.min(columns)), memory, progress);
     }
 
-    /// Casts the pulses of so many rows and columns of the image, at most those of a strip, as a strip of their own. Returns
-    /// the number of rays.
+    /// Casts the pulses of so many rows and columns of the image, at most those of a strip, as a strip of their own.
     fn illuminate_part(
         &self,
         first: (usize, usize),
         (rows, columns): (usize, usize),
         memory: &mut Memory,
-    ) -> usize {
+        progress: &Progress,
+    ) {
         let Memory { wave, next, lights, lit, .. } = memory;
         (lit.first, lit.rows, lit.columns) = (first, rows, columns);
         self.send(lit, wave);
         lights.clear();
         let samples = self.paths.follow(wave, next, &lit.pulses, lights, &mut lit.ideal);
         sort_by_pulse(lights, lit.pulses.len(), &mut lit.lights, &mut lit.first_light);
-        samples
+        progress.rays_done.fetch_add(lit.pulses.len() as u64, Relaxed);
+        progress.samples_done.fetch_add(samples as u64, Relaxed);
     }
 
     /// The light of a strip that pulses beside it may see.
@@ -372,11 +370,6 @@ impl<'a, C: Cast> Scanner<'a, C> {
         ideal.resize(pulses.len(), f64::INFINITY);
     }
 
-    /// Whether pulses get more light than that of the surfaces they meet: then it is in [`Desk::lights`].
-    fn adds_light(&self, halo: Option<&Halo>) -> bool {
-        self.air.extinction_per_m > 0.0 || halo.is_some()
-    }
-
     /// Receives the light of pulse number `number` of a strip.
     fn receive(
         &self,
@@ -391,7 +384,7 @@ impl<'a, C: Cast> Scanner<'a, C> {
         let Lit { pulses, poses, lights, first_light, .. } = lit;
         let (pulse, pose) = (&pulses[number], &poses[number]);
         let mut lights = &mut lights[first_light[number]..first_light[number + 1]];
-        if self.adds_light(halo) {
+        if self.air.extinction_per_m > 0.0 || halo.is_some() {
             more.clear();
             more.extend_from_slice(lights);
             if self.air.extinction_per_m > 0.0 {

@@ -40,8 +40,12 @@ pub(super) struct Scratch {
     shares: Vec<f64>,
 }
 
-/// What is told of the fates of peaks. The frames of a scan need none of it, so that `()` is told it in vain, which costs nothing.
+/// What is told of light and of the fates of peaks. The frames of a scan need none of it, so that `()` is told it in vain, which
+/// costs nothing.
 pub(super) trait Watch {
+    /// The light of a pulse arrives, sorted by range.
+    fn light(&mut self, _lights: &[Light]) {}
+
     /// A peak is not detected, or lies outside of the limits of the sensor's range.
     fn lose(&mut self, _candidate: &Candidate, _cause: Cause) {}
 
@@ -134,6 +138,7 @@ impl<'a> Detector<'a> {
         received: &mut Received,
         watch: &mut impl Watch,
     ) {
+        watch.light(lights);
         received.returns.clear();
         received.targets.clear();
         let Scratch { parts, peaks, candidates, by_object, shares } = scratch;

@@ -30,7 +30,7 @@ pub(in crate::scan) fn explain(
     let halo =
         measurement.blooming.as_ref().map(|blooming| Halo::new(blooming, scanner.sources_of_frame(blooming)));
     let mut memory = Memory::default();
-    scanner.illuminate_part((row, column), (1, 1), &mut memory);
+    scanner.illuminate_part((row, column), (1, 1), &mut memory, &Progress::default());
     let Memory { lit, desk, .. } = &mut memory;
     let strip = scanner.receive_all(lit, halo.as_ref(), desk);
 
@@ -48,19 +48,16 @@ pub(in crate::scan) fn explain(
 
     let mut record = Record::default();
     scanner.receive(lit, 0, halo.as_ref(), desk, &mut record);
-    if !scanner.adds_light(halo.as_ref()) {
-        desk.lights = lit.lights(0).to_vec();
-    }
     let gain = scanner.beams.beam(row).gain;
-    let (met, group_of) = groups(scene, &desk.lights, scanner.beams.samples(), gain);
+    let (met, group_of) = groups(scene, &record.lights, scanner.beams.samples(), gain);
     story.met = met;
     story.sub_rays = scanner.beams.samples();
-    story.lost_rays = story.sub_rays - samples(desk.lights.iter(), story.sub_rays).len();
+    story.lost_rays = story.sub_rays - samples(record.lights.iter(), story.sub_rays).len();
     let part = |light: &Light| Part { range_m: light.range_m, energy: light.energy * gain };
     let mut signal = Signal {
         sigma_m: scanner.detector.sigma_m(),
         threshold: scanner.detector.threshold(),
-        parts: desk.lights.iter().map(part).collect(),
+        parts: record.lights.iter().map(part).collect(),
         peaks: Vec::new(),
     };
     signal.peaks = record.peaks(&signal, &group_of);
@@ -134,15 +131,20 @@ fn groups(scene: &Scene, lights: &[Light], sub_rays: usize, gain: f64) -> (Vec<M
     (met, group_of)
 }
 
-/// The fates of the peaks of one pulse.
+/// The light of one pulse, and the fates of its peaks.
 #[derive(Default)]
 struct Record {
+    lights: Vec<Light>,
     lost: Vec<(Candidate, Cause)>,
     detected: Vec<Candidate>,
     chosen: Vec<Candidate>,
 }
 
 impl Watch for Record {
+    fn light(&mut self, lights: &[Light]) {
+        self.lights = lights.to_vec();
+    }
+
     fn lose(&mut self, candidate: &Candidate, cause: Cause) {
         self.lost.push((*candidate, cause));
     }
