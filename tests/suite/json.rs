@@ -126,7 +126,10 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
                 info("a/top/000000.ply"),
             ],
         ),
-        ("bench", vec![json(&["bench", "a.toml", "--repeat", "1", "--json"])]),
+        (
+            "bench",
+            ["a.toml", "measured.toml"].map(|job| json(&["bench", job, "--repeat", "1", "--json"])).to_vec(),
+        ),
         ("presets", vec![json(&["presets", "--json"])]),
         ("selftest", vec![json(&["selftest", "leaky.toml", "--json"])]),
         ("selftest --datasheet", vec![json(&["selftest", "--datasheet", "measured.toml", "--json"])]),
