@@ -239,6 +239,7 @@ impl Piece<'_> {
 mod tests {
     use super::*;
     use crate::angle::Angle;
+    use crate::frame::Pose;
     use crate::motion::Trajectory;
     use crate::scene::{Material, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
     use crate::sensor::{Camera, Pattern, RangeLimits, RingOrder, Sensor};

@@ -13,6 +13,9 @@ use crate::trace::{Cast, Hit, Origins, Rays};
 /// The share of light, both ways, below which a path is not followed.
 const LEAST_SHARE: f64 = 1e-9;
 
+/// The length of a way from which on power falls with its square, in metres. Nearer surfaces send back what one there does.
+const LEAST_LENGTH_M: f64 = 1e-3;
+
 /// The most surfaces that a path goes through.
 const MOST_PASSES: u8 = 64;
 
@@ -217,13 +220,16 @@ impl<'a, C: Cast> Paths<'a, C> {
                 ideal[way.pulse as usize] = pulses[way.pulse as usize].range_m(length_m);
             }
         } else if back > 0.0 {
-            let fall = fall(self.receiver, length_m);
+            let fall = fall(self.receiver, length_m.max(LEAST_LENGTH_M));
             let clear_air = match self.extinction_per_m > 0.0 {
                 true => libm::exp(2.0 * self.extinction_per_m * length_m),
                 false => 1.0,
             };
-            // A surface at the very origin of a ray sends back everything.
-            let energy = (way.share * back * self.white_at_1_m / (fall * clear_air)).min(f64::MAX);
+            let energy = way.share * back * self.white_at_1_m / (fall * clear_air);
+            // Through kilometres of fog no number is left of it.
+            if energy == 0.0 {
+                return self.go_on(wave, ray, hit, surface, &split, cover, normal, next);
+            }
             lights.push(Light {
                 pulse: way.pulse,
                 path: u32::from(way.sample) * PATHS_A_SAMPLE + u32::from(way.met),
