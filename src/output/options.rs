@@ -145,7 +145,7 @@ mod tests {
         assert!(
             names(Channels::USUAL).iter().all(|name| !name.contains("velocity") && !name.contains("track"))
         );
-        assert_eq!(names(Channels::USUAL).len(), 11);
+        assert_eq!(names(Channels::USUAL).len(), 13);
         assert_eq!(names(Channels::named(["range", "Z"])), ["Z", "range"]);
         assert_eq!(names(Channels::named(["nothing"])), [""; 0]);
     }

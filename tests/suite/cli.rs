@@ -397,6 +397,7 @@ fn bench_tells_its_numbers() {
         "cast_s",
         "rays",
         "rays_per_s",
+        "samples",
         "threads",
         "triangles",
         "bytes_per_triangle",

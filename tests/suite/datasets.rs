@@ -346,7 +346,10 @@ fn a_thousand_frames_take_the_memory_of_ten() {
         let args = ["-q", "--threads", "2", "--set", "output.formats=[\"labels\"]"];
         super::guards::peak(work.command("scan", &args))
     });
-    assert!(many < 1.05 * few, "10 frames take {few} bytes at most, 1000 take {many}");
+    // A longer run finds the worst moment of casting a frame beside writing another, which is worth less than a frame. If each frame left
+    // a hundredth of its memory behind, a thousand would take ten frames more.
+    let frame = (64 * 1024 * beamcast::Frame::BYTES_A_PIXEL) as f64;
+    assert!(many < few + frame, "10 frames take {few} bytes at most, 1000 take {many}");
 }
 
 #[test]
