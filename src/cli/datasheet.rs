@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
+use super::job::load_sensor_or_job;
 use super::json;
 use super::terminal::Terminal;
 use crate::config::presets::BUILT_IN;
@@ -66,11 +67,7 @@ fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Erro
     }
     let (mut subjects, mut problems, mut silent) = (Vec::new(), Vec::new(), Vec::new());
     for path in paths {
-        let read = match path.to_str().filter(|_| path.extension().is_none() && !path.exists()) {
-            Some(name) => config::load_preset(name).map(|file| Config::Sensor(Box::new(file))),
-            None => config::load(path, &[]),
-        };
-        match read {
+        match load_sensor_or_job(path) {
             Ok(Config::Sensor(file)) => {
                 terminal.warn_of(&file.warnings);
                 match of_file(path.to_string_lossy().into_owned(), *file) {

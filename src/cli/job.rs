@@ -4,11 +4,22 @@ use std::path::{Path, PathBuf};
 
 use super::terminal::Terminal;
 use super::threads;
-use crate::config::{self, Job};
+use crate::config::{self, Config, Job};
 use crate::error::Error;
 use crate::run::{self, Bytes};
 use crate::scene::gltf;
 use crate::source::{Diagnostic, Severity};
+
+/// Reads what a user names as a sensor or a job: a file, or else a built-in sensor, whose name has no ending.
+///
+/// # Errors
+/// [`Error::Config`] with everything that is wrong with it.
+pub fn load_sensor_or_job(path: &Path) -> Result<Config, Error> {
+    match path.to_str().filter(|_| path.extension().is_none() && !path.exists()) {
+        Some(name) => config::load_preset(name).map(|file| Config::Sensor(Box::new(file))),
+        None => config::load(path, &[]),
+    }
+}
 
 /// The flags of every subcommand that reads scenes.
 #[derive(Clone, Debug, Default, clap::Args)]

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::datasheet;
 use super::interrupt::Interrupt;
+use super::job::load_sensor_or_job;
 use super::json;
 use super::shell::presets_or;
 use super::terminal::Terminal;
@@ -106,11 +107,7 @@ fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Erro
     let mut subjects = Vec::new();
     let mut problems = Vec::new();
     for path in paths {
-        let read = match path.to_str().filter(|_| path.extension().is_none() && !path.exists()) {
-            Some(name) => config::load_preset(name).map(|file| Config::Sensor(Box::new(file))),
-            None => config::load(path, &[]),
-        };
-        match read {
+        match load_sensor_or_job(path) {
             Ok(Config::Sensor(file)) => {
                 terminal.warn_of(&file.warnings);
                 subjects.push(of_sensor(path.to_string_lossy().into_owned(), file.sensor));

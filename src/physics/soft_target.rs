@@ -79,16 +79,21 @@ pub struct Peak {
     pub echo: f64,
 }
 
+/// The share of the beam that the receiver sees at a range: it grows evenly from 0 to 1 over an interval of ranges.
+pub fn overlap([from_m, to_m]: [f64; 2], range_m: f64) -> f64 {
+    if range_m >= to_m {
+        1.0
+    } else if range_m <= from_m {
+        0.0
+    } else {
+        (range_m - from_m) / (to_m - from_m)
+    }
+}
+
 impl SoftTarget {
     /// The share of the beam that the receiver sees at a range: ξ(r).
     pub fn overlap(&self, range_m: f64) -> f64 {
-        if range_m >= self.overlap_to_m {
-            1.0
-        } else if range_m <= self.overlap_from_m {
-            0.0
-        } else {
-            (range_m - self.overlap_from_m) / (self.overlap_to_m - self.overlap_from_m)
-        }
+        overlap([self.overlap_from_m, self.overlap_to_m], range_m)
     }
 
     /// π·β, the power factor per metre.

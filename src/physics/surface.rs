@@ -136,7 +136,7 @@ impl MetallicRoughness {
 }
 
 /// Schlick's approximation of Fresnel's reflectance: F0 + (1 − F0)·(1 − cosθ)⁵.
-fn schlick(f0: f64, cosine: f64) -> f64 {
+pub fn schlick(f0: f64, cosine: f64) -> f64 {
     let rest = 1.0 - cosine.clamp(0.0, 1.0);
     let squared = rest * rest;
     f0 + (1.0 - f0) * squared * squared * rest

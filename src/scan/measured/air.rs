@@ -8,6 +8,7 @@ use crate::physics::particles::{
     LEAST_DIAMETER_M, cone_volume_m3, drop_face_reflectance, particle_echo, range_in_cone_m,
     share_of_gaussian_beam,
 };
+use crate::physics::soft_target::overlap;
 use crate::physics::{PulseShape, SizeDistribution, SoftTarget, two_way_transmission};
 use crate::rng::{FrameStreams, Rng};
 use crate::scan::Cause;
@@ -174,7 +175,7 @@ impl Air {
                     let offset = [radii[0] * radius * cos, radii[1] * radius * sin];
                     let share = share_of_gaussian_beam(diameter_m, radii, offset);
                     let echo = particle_echo(swarm.reflectance, share, self.extinction_per_m, length_m);
-                    let energy = white_at_1_m * echo * self.overlap(length_m);
+                    let energy = white_at_1_m * echo * overlap(self.overlap_m, length_m);
                     if energy > 0.0 {
                         light(path, length_m, energy, swarm.cause);
                     }
@@ -182,12 +183,6 @@ impl Air {
             }
             path = PARTICLES + (path - PARTICLES).next_multiple_of(1 << 12);
         }
-    }
-
-    /// The share of the light from a distance that the receiver sees: it grows evenly over the interval of overlap.
-    fn overlap(&self, length_m: f64) -> f64 {
-        let [from, to] = self.overlap_m;
-        ((length_m - from) / (to - from)).clamp(0.0, 1.0)
     }
 }
 

@@ -4,7 +4,7 @@ use crate::physics::film::WetDiffuse;
 use crate::physics::fresnel::dielectric_reflectance;
 use crate::physics::pane::Pane;
 use crate::physics::retro;
-use crate::physics::surface::{MetallicRoughness, dielectric_f0, lambert};
+use crate::physics::surface::{MetallicRoughness, dielectric_f0, lambert, schlick};
 use crate::scan::Cause;
 use crate::scene::{Appearance, Optics, SurfaceKind};
 
@@ -138,13 +138,8 @@ fn glossy(material: &MetallicRoughness, at: Meeting) -> Split {
         false => Split::opaque(material.power_factor(cosine)),
         true => {
             let coat = material.coat_transmission(cosine);
-            let mirrored = if material.metallic >= 1.0 {
-                material.normal_reflectance()
-            } else {
-                // Schlick's approximation, as glTF's own.
-                let f0 = material.normal_reflectance();
-                f0 + (1.0 - f0) * libm::pow(1.0 - cosine, 5.0)
-            };
+            let f0 = material.normal_reflectance();
+            let mirrored = if material.metallic >= 1.0 { f0 } else { schlick(f0, cosine) };
             Split { mirrored: mirrored * mirrored, ..Split::opaque(coat * coat * material.diffuse(cosine)) }
         }
     };
