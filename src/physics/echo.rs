@@ -8,6 +8,8 @@
 //! Two parts of equal energy have one peak up to a distance of 2σ and two beyond it. (The second derivative of the sum at the
 //! middle changes its sign there.)
 
+use std::ops::Range;
+
 use libm::exp;
 
 use super::SPEED_OF_LIGHT_M_S;
@@ -85,12 +87,12 @@ impl<'p> Waveform<'p> {
         self.value(range_m).sum
     }
 
-    /// The parts whose pulses reach a range.
-    pub fn parts_near(&self, range_m: f64) -> &'p [Part] {
+    /// The indices of the parts whose pulses reach a range.
+    pub fn near(&self, range_m: f64) -> Range<usize> {
         let reach = REACH * self.sigma_m;
         let first = self.parts.partition_point(|part| part.range_m < range_m - reach);
         let end = self.parts.partition_point(|part| part.range_m <= range_m + reach);
-        &self.parts[first..end.max(first)]
+        first..end.max(first)
     }
 
     /// The share of a part in the height of the waveform at a range: its energy × exp(−(r − r₀)²/2σ²).
@@ -102,7 +104,7 @@ impl<'p> Waveform<'p> {
     /// The derivatives are by the range in units of σ.
     fn value(&self, range_m: f64) -> Value {
         let mut value = Value { sum: 0.0, slope: 0.0, curvature: 0.0 };
-        for part in self.parts_near(range_m) {
+        for part in &self.parts[self.near(range_m)] {
             let z = (range_m - part.range_m) / self.sigma_m;
             let pulse = part.energy * pulse_height(z);
             value.sum += pulse;

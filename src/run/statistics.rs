@@ -37,16 +37,19 @@ pub struct Statistics {
 impl Statistics {
     /// Sums up a frame.
     pub fn of(frame: &Frame) -> Self {
-        let ranges = frame.iter().map(|(_, hit)| hit.range_m);
-        let (mut returns, mut low, mut sum, mut high) = (0, f64::INFINITY, 0.0, 0.0_f64);
-        for range in ranges {
-            (returns, low, sum, high) = (returns + 1, low.min(range), sum + range, high.max(range));
+        let (mut hits, mut returns) = (0, 0);
+        let (mut low, mut sum, mut high) = (f64::INFINITY, 0.0, 0.0_f64);
+        for pixel in 0..frame.pixels() {
+            let slots = frame.slots(pixel);
+            hits += usize::from(!slots.is_empty());
+            for &range in &frame.returns().range_m[slots] {
+                (returns, low, sum, high) = (returns + 1, low.min(range), sum + range, high.max(range));
+            }
         }
         let range_m = (returns > 0).then(|| [low, sum / returns as f64, high]);
         let blind = frame.blind_pixels();
         let [too_near, out_of_range, nothing] =
             [Cause::TooNear, Cause::OutOfRange, Cause::Nothing].map(|cause| frame.pixels_of(cause));
-        let hits = (0..frame.pixels()).filter(|&pixel| !frame.slots(pixel).is_empty()).count();
         let mut statistics = Self {
             frames: 1,
             rays: frame.pixels() - blind,

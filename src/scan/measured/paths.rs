@@ -227,26 +227,25 @@ impl<'a, C: Cast> Paths<'a, C> {
             };
             let energy = way.share * back * self.white_at_1_m / (fall * clear_air);
             // Through kilometres of fog no number is left of it.
-            if energy == 0.0 {
-                return self.go_on(wave, ray, hit, surface, &split, cover, normal, next);
+            if energy > 0.0 {
+                lights.push(Light {
+                    pulse: way.pulse,
+                    path: u32::from(way.sample) * PATHS_A_SAMPLE + u32::from(way.met),
+                    range_m: pulses[way.pulse as usize].range_m(length_m),
+                    length_m,
+                    energy,
+                    clear_air,
+                    cause: way.cause,
+                    target: Target {
+                        point,
+                        normal,
+                        reflectance: split.reflectance as f32,
+                        object: surface.object,
+                        label: seen.label(),
+                        triangle: seen.id(),
+                    },
+                });
             }
-            lights.push(Light {
-                pulse: way.pulse,
-                path: u32::from(way.sample) * PATHS_A_SAMPLE + u32::from(way.met),
-                range_m: pulses[way.pulse as usize].range_m(length_m),
-                length_m,
-                energy,
-                clear_air,
-                cause: way.cause,
-                target: Target {
-                    point,
-                    normal,
-                    reflectance: split.reflectance as f32,
-                    object: surface.object,
-                    label: seen.label(),
-                    triangle: seen.id(),
-                },
-            });
         }
         self.go_on(wave, ray, hit, surface, &split, cover, normal, next);
     }

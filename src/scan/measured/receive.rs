@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use super::beams::Beam;
 use super::effects::Effect;
 use super::light::{Light, Target};
-use crate::physics::detection::{range_sigma_m, walk_m};
+use crate::physics::detection::walk_m;
 use crate::physics::echo::{Part, Peak, Waveform, pulse_sigma_m};
 use crate::physics::{IntensityScale, SPEED_OF_LIGHT_M_S};
 use crate::rng::FrameStreams;
@@ -192,11 +192,10 @@ impl<'a> Detector<'a> {
         by_object: &mut Vec<(u32, f64)>,
         shares: &mut Vec<f64>,
     ) -> Candidate {
-        let near = waveform.parts_near(peak.range_m);
-        let first = (near.as_ptr() as usize - parts.as_ptr() as usize) / size_of::<Part>();
-        let lights = &lights[first..first + near.len()];
+        let near = waveform.near(peak.range_m);
+        let lights = &lights[near.clone()];
         shares.clear();
-        shares.extend(near.iter().map(|part| waveform.share(part, peak.range_m)));
+        shares.extend(parts[near].iter().map(|part| waveform.share(part, peak.range_m)));
         // The object with the most light, and its brightest part.
         by_object.clear();
         for (&share, light) in shares.iter().zip(lights) {
@@ -389,8 +388,7 @@ impl<'a> Detector<'a> {
                 let over = candidate.snr.min(self.receiver.saturation_snr) / threshold;
                 terms.walk_m = -self.receiver.walk_residual * walk_m(candidate.sigma_m, over);
             }
-            let Noise { range_floor_m, range_a_m, range_b, .. } = self.noise;
-            let sigma = range_sigma_m(range_floor_m, range_a_m, range_b, candidate.snr);
+            let sigma = self.noise.range_sigma_m(candidate.snr);
             if sigma > 0.0 {
                 terms.noise_m = sigma * self.stream(at, candidate.path, Effect::RangeNoise).normal();
             }
