@@ -37,7 +37,7 @@ pub fn picture() -> Result<Vec<u8>, Box<dyn Error>> {
         let shown = session.sensor_frame(&item, &frame);
         let mut view = Picture::new(SIDE, SIDE, NO_RETURN_COLOUR);
         let most = frame.iter().map(|(_, one)| one.intensity).fold(0.0_f32, f32::max).min(100.0);
-        // What is no surface is drawn last.
+        // Returns that no surface makes are drawn last.
         for is_surface in [true, false] {
             for pixel in 0..frame.pixels() {
                 for slot in frame.slots(pixel) {

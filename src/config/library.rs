@@ -5,7 +5,7 @@
 
 use crate::scene::{Spectrum, SurfaceKind};
 
-/// What was measured of a surface.
+/// The figures that were measured of a surface.
 #[derive(Clone, Copy)]
 pub(crate) enum Measured {
     /// The diffuse reflectance at 850, 905 and 1550 nm.

@@ -155,7 +155,7 @@ mod tests {
         assert!((t - 4.8114).abs() < 1e-3, "{t}");
         let at = |pd: f64| t - normal_exceeded(pd);
         assert!((at(0.9) - 6.09).abs() < 5e-3 && (at(0.99) - 7.14).abs() < 5e-3, "{} {}", at(0.9), at(0.99));
-        // What it means: M chances pass with the probability p.
+        // By its meaning, M chances pass with the probability p.
         let chances = 2.0 * 120.0 / (299_792_458.0 * 6e-9);
         assert!((1.0 - pow(normal_below(t), chances) - 1e-4).abs() < 1e-12);
     }

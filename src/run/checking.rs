@@ -257,7 +257,7 @@ pub struct CastFrame<'s> {
     pub session: Cow<'s, Session>,
     /// What the sensor saw.
     pub frame: Frame,
-    /// What it would have seen if it were ideal, where [`Run::needs_ideal`] says so.
+    /// The frame that it would have seen if it were ideal, where [`Run::needs_ideal`] says so.
     pub ideal: Option<Frame>,
 }
 

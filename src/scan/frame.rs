@@ -88,7 +88,7 @@ impl Cause {
 /// 0 for it.
 pub const NO_OBJECT: u32 = u32::MAX;
 
-/// What is known of a return of a sensor that is not ideal, beside the columns of [`Returns`].
+/// The measurement of a return by a sensor that is not ideal, beside the columns of [`Returns`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Echo {
     /// The origin of the return.

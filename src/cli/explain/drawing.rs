@@ -126,7 +126,7 @@ pub fn svg(told: &Told, signal: &Signal) -> String {
     svg
 }
 
-/// What is shown of a peak under the pointer.
+/// The text of a peak under the pointer.
 fn about(peak: &SignalPeak) -> String {
     let fate = match peak.fate {
         Fate::Returned(number) => format!("return {}", number + 1),

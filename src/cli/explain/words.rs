@@ -75,7 +75,7 @@ pub fn angles_deg(sent: &Sent) -> [f64; 2] {
     [libm::atan2(y, x), libm::atan2(z, libm::hypot(x, y))].map(|rad| Angle::rad(rad).degrees())
 }
 
-/// What sends light back, and how much.
+/// The targets that send light back, and their parts of it.
 fn meeting(told: &Told, met: &Met) -> String {
     let (name, place) = (named(told, met), span(met.range_m));
     let Some(signal) = &told.story.signal else {
@@ -126,7 +126,7 @@ fn losing(lost: usize, all: usize) -> String {
     }
 }
 
-/// What the air takes.
+/// The light that the air takes.
 fn air(told: &Told) -> Option<String> {
     let story = told.story;
     if story.extinction_per_m <= 0.0 {
@@ -363,7 +363,7 @@ fn named(told: &Told, met: &Met) -> String {
     if known.is_empty() { name } else { format!("{name} ({})", known.join(", ")) }
 }
 
-/// What sends light back, by its name: `` `parked_car` ``, or `rain`. The material tells parts of one object apart, and light that
+/// The target that sends light back, by its name: `` `parked_car` ``, or `rain`. The material tells parts of one object apart, and light that
 /// does not come straight back says so.
 fn short_name(told: &Told, met: &Met) -> String {
     let is_other_part = |other: &Met| {
