@@ -12,6 +12,7 @@
 //! | `intensity` | the scales of intensity of LiDAR makers |
 //! | `pane` | a pane of two faces: transmission, reflectance, delay and shift |
 //! | `particles` | sizes, numbers, places and echoes of drops and flakes |
+//! | `phasor` | continuous-wave time of flight: phasors, taps, their noise, and light that bounces once |
 //! | `retro` | retroreflective sheeting and prisms |
 //! | `soft_target` | the echo of fog and dust |
 //! | `spad` | the first count of a single-photon detector, and pile-up |
@@ -35,6 +36,7 @@ pub mod fresnel;
 pub mod intensity;
 pub mod pane;
 pub mod particles;
+pub mod phasor;
 pub mod retro;
 pub mod soft_target;
 pub mod spad;
