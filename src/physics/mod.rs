@@ -19,6 +19,7 @@
 //! | `sun` | sunlight, background power and the ambient channel |
 //! | `sun_spectrum` | the sun's spectrum, as a table |
 //! | `surface` | Lambert's law and the materials of glTF, seen from where they are lit |
+//! | `unwrap` | ranges from phases at several frequencies, and whether they can be relied upon |
 //!
 //! Lengths are in metres, wavelengths too; angles are in radians, extinction is per metre, and the other units are named where
 //! they occur. A *power factor* is the power that comes back from a surface which takes the whole beam, relative to the power
@@ -43,6 +44,7 @@ pub mod spad;
 pub mod sun;
 mod sun_spectrum;
 pub mod surface;
+pub mod unwrap;
 
 pub use air::{Haze, two_way_transmission};
 pub use film::WetDiffuse;
