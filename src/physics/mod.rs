@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `air` | extinction by haze, fog, rain and dust; the way there and back through them |
 //! | `detection` | thresholds, false alarms, the sensitivity that range limits of data sheets imply, and the noise of a range |
+//! | `disparity` | triangulation: depth and disparity, its steps, and how a projector's dots are found |
 //! | `echo` | pulses that add up to a waveform, and its peaks |
 //! | `film` | diffuse ground under a film of water |
 //! | `footprint` | where the light of a beam goes: fixed sets of sub-rays of equal energy |
@@ -30,6 +31,7 @@
 
 pub mod air;
 pub mod detection;
+pub mod disparity;
 pub mod echo;
 pub mod film;
 pub mod footprint;
