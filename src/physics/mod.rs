@@ -4,6 +4,7 @@
 //! | file | topic |
 //! |---|---|
 //! | `air` | extinction by haze, fog, rain and dust; the way there and back through them |
+//! | `depth_quality` | the measures of depth on a flat target that RealSense's tool has |
 //! | `detection` | thresholds, false alarms, the sensitivity that range limits of data sheets imply, and the noise of a range |
 //! | `disparity` | triangulation: depth and disparity, its steps, and how a projector's dots are found |
 //! | `echo` | pulses that add up to a waveform, and its peaks |
@@ -30,6 +31,7 @@
 //! Angles of incidence are given by their cosines, 1 at normal incidence and 0 at grazing incidence.
 
 pub mod air;
+pub mod depth_quality;
 pub mod detection;
 pub mod disparity;
 pub mod echo;
