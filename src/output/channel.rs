@@ -5,7 +5,7 @@ use super::id::id_of;
 use super::sensor_frame::SensorFrame;
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::scan::{Cause, Echo, Returns};
-use crate::sensor::Sensor;
+use crate::sensor::{DepthSensing, Sensor};
 use glam::DVec3;
 
 /// The range and the depth of a pixel without a return, in metres. All other channels of such a pixel are 0, except for its
@@ -66,6 +66,12 @@ pub enum Sensors {
     Cameras,
     /// Sensors that are not ideal.
     Measured,
+    /// Sensors that measure the echoes of pulses.
+    Pulsed,
+    /// Depth cameras of two viewpoints.
+    Stereo,
+    /// Depth cameras of modulated light.
+    TimeOfFlight,
 }
 
 /// The rule by which a channel's value follows from a return, with its type in files. Each value takes 4 bytes.
@@ -75,6 +81,8 @@ pub enum Values {
     F32(fn(&SensorFrame, Place) -> f64),
     /// Integer ids.
     U32(fn(&SensorFrame, Place) -> u32),
+    /// Measurements that every pixel has, by the pixel's number, whether something came back or not.
+    Image(fn(&SensorFrame, usize) -> f64),
     /// Numbers that stand for words, which every pixel has, whether something came back or not.
     OfPixel {
         /// The number of a pixel's return number k, by the pixel's own number and k. There need not be such a return.
@@ -108,19 +116,30 @@ const PLAIN: ChannelSpec = ChannelSpec {
     is_chosen: false,
 };
 
-/// A channel of sensors that are not ideal.
-const fn measured(
+/// A channel of sensors that measure echoes.
+const fn echo(
     name: &'static str,
     unit: &'static str,
     about: &'static str,
     value: fn(&SensorFrame, Place) -> f64,
 ) -> ChannelSpec {
-    ChannelSpec { name, unit, about, sensors: Sensors::Measured, values: Values::F32(value), ..PLAIN }
+    ChannelSpec { name, unit, about, sensors: Sensors::Pulsed, values: Values::F32(value), ..PLAIN }
 }
 
 /// A term of the error budget of ranges, which a job has to ask for.
 const fn term(name: &'static str, about: &'static str, value: fn(&SensorFrame, Place) -> f64) -> ChannelSpec {
-    ChannelSpec { is_chosen: true, ..measured(name, "m", about, value) }
+    ChannelSpec { is_chosen: true, sensors: Sensors::Measured, ..echo(name, "m", about, value) }
+}
+
+/// An image that depth cameras make beside their returns.
+const fn image(
+    name: &'static str,
+    unit: &'static str,
+    about: &'static str,
+    sensors: Sensors,
+    value: fn(&SensorFrame, usize) -> f64,
+) -> ChannelSpec {
+    ChannelSpec { name, unit, about, sensors, values: Values::Image(value), is_chosen: true, ..PLAIN }
 }
 
 /// An axis of the displacement of a surface's point.
@@ -138,7 +157,7 @@ const fn velocity(
 }
 
 /// Every channel, sorted by name. [`DEPTH_FOR_OPENCV`] is not among them, because it repeats one of them.
-pub static CHANNELS: [ChannelSpec; 28] = [
+pub static CHANNELS: [ChannelSpec; 37] = [
     ChannelSpec {
         name: "Z",
         unit: "m",
@@ -152,6 +171,20 @@ pub static CHANNELS: [ChannelSpec; 28] = [
         shown: Some(Shown { rank: 1, label: "depth", scale: Scale::Log }),
         ..PLAIN
     },
+    image(
+        "ambient",
+        "e-",
+        "The light that is not modulated, in electrons of all taps: the mean of the frequencies.",
+        Sensors::TimeOfFlight,
+        |f, pixel| of_pixel(&f.frame.images().ambient, pixel),
+    ),
+    image(
+        "amplitude",
+        "e-",
+        "The amplitude of a tap by the modulated light, in electrons: the mean of the frequencies.",
+        Sensors::TimeOfFlight,
+        |f, pixel| of_pixel(&f.frame.images().amplitude, pixel),
+    ),
     ChannelSpec {
         name: "cause",
         unit: "",
@@ -166,7 +199,21 @@ pub static CHANNELS: [ChannelSpec; 28] = [
         shown: Some(Shown { rank: 7, label: "cause", scale: Scale::Id }),
         ..PLAIN
     },
-    measured(
+    image(
+        "confidence",
+        "",
+        "How much better the best match is than the second best, 0 to 1.",
+        Sensors::Stereo,
+        |f, pixel| of_pixel(&f.frame.images().confidence, pixel),
+    ),
+    image(
+        "disparity",
+        "px",
+        "The disparity that the camera finds; 0 is none.",
+        Sensors::Stereo,
+        |f, pixel| of_pixel(&f.frame.images().disparity, pixel),
+    ),
+    echo(
         "echo_width",
         "m",
         "The standard deviation of the echo in range: that of the pulse, widened by the spread of the ranges in the footprint.",
@@ -231,9 +278,23 @@ pub static CHANNELS: [ChannelSpec; 28] = [
         shown: Some(Shown { rank: 2, label: "intensity", scale: Scale::Linear }),
         ..PLAIN
     },
+    image(
+        "ir.left",
+        "",
+        "What the camera's own imager sees, in grey values from 0 to 255.",
+        Sensors::Stereo,
+        |f, pixel| of_pixel(&f.frame.images().ir_left, pixel),
+    ),
+    image(
+        "ir.right",
+        "",
+        "What the second imager sees, in grey values from 0 to 255.",
+        Sensors::Stereo,
+        |f, pixel| of_pixel(&f.frame.images().ir_right, pixel),
+    ),
     ChannelSpec {
         is_chosen: true,
-        ..measured(
+        ..echo(
             "near_ir",
             "",
             "The sunlight that the surface scatters to the sensor, relative to a white plane that faces a sun of 100 klx.",
@@ -270,6 +331,27 @@ pub static CHANNELS: [ChannelSpec; 28] = [
         shown: None, // it is shown with the first axis
         ..PLAIN
     },
+    image(
+        "phase.1",
+        "rad",
+        "The phase of the first frequency of modulation, 0 to 2π.",
+        Sensors::TimeOfFlight,
+        |f, pixel| of_pixel(&f.frame.images().phase_1, pixel),
+    ),
+    image(
+        "phase.2",
+        "rad",
+        "The phase of the second frequency of modulation, 0 to 2π.",
+        Sensors::TimeOfFlight,
+        |f, pixel| of_pixel(&f.frame.images().phase_2, pixel),
+    ),
+    image(
+        "phase.3",
+        "rad",
+        "The phase of the third frequency of modulation, 0 to 2π.",
+        Sensors::TimeOfFlight,
+        |f, pixel| of_pixel(&f.frame.images().phase_3, pixel),
+    ),
     ChannelSpec {
         name: "range",
         unit: "m",
@@ -280,7 +362,7 @@ pub static CHANNELS: [ChannelSpec; 28] = [
         shown: Some(Shown { rank: 0, label: "range", scale: Scale::Log }),
         ..PLAIN
     },
-    measured(
+    echo(
         "snr",
         "",
         "The height of the echo's peak over the standard deviation of the noise. Without range pairs the noise is unknown, and the \
@@ -295,7 +377,8 @@ pub static CHANNELS: [ChannelSpec; 28] = [
     term("term.bias", "The bias of the beam.", |f, at| f.echo(at).terms.bias_m),
     term(
         "term.footprint",
-        "The peak of all the light of the beam together, less the range on its axis.",
+        "The peak of all the light of the beam together, less the range on its axis. Of a depth camera, what other depths in the \
+         pixel or its window and indirect light add, and all that matching two images does.",
         |f, at| f.echo(at).terms.footprint_m,
     ),
     term("term.noise", "The noise of this pulse.", |f, at| f.echo(at).terms.noise_m),
@@ -381,6 +464,11 @@ impl SensorFrame<'_> {
     }
 }
 
+/// The value of a pixel in an image of a depth camera. An image that the camera does not make is 0.
+fn of_pixel(image: &[f32], pixel: usize) -> f64 {
+    image.get(pixel).copied().unwrap_or(0.0).into()
+}
+
 /// A return's normal in the frame to which the image refers.
 fn normal(f: &SensorFrame, at: Place) -> DVec3 {
     let [x, y, z] = f.returns().normal[at.slot].map(f64::from);
@@ -411,10 +499,14 @@ impl ChannelSpec {
 
     /// Whether a sensor has the channel.
     pub fn is_of(&self, sensor: &Sensor) -> bool {
+        let depth = &sensor.measurement.depth;
         match self.sensors {
             Sensors::All => true,
             Sensors::Cameras => sensor.pattern.is_camera(),
             Sensors::Measured => !sensor.measurement.is_ideal(),
+            Sensors::Pulsed => !sensor.measurement.is_ideal() && depth.is_none(),
+            Sensors::Stereo => matches!(depth, Some(DepthSensing::Stereo(_))),
+            Sensors::TimeOfFlight => matches!(depth, Some(DepthSensing::TimeOfFlight(_))),
         }
     }
 }
@@ -426,7 +518,7 @@ pub fn channel(name: &str) -> Option<&'static ChannelSpec> {
 
 /// Whether a channel has a value of its own in every pixel, whether something came back or not.
 pub fn is_of_all_pixels(name: &str) -> bool {
-    channel(name).is_some_and(|channel| matches!(channel.values, Values::OfPixel { .. }))
+    channel(name).is_some_and(|channel| matches!(channel.values, Values::OfPixel { .. } | Values::Image(_)))
 }
 
 /// The value of a channel at a pixel without a return.

@@ -77,6 +77,7 @@ impl Image {
             Values::U32(id) => Samples::U32(
                 pixels.clone().map(|i| place(i).map_or(spec.no_return as u32, |at| id(frame, at))).collect(),
             ),
+            Values::Image(value) => Samples::F32(pixels.clone().map(|i| value(frame, i) as f32).collect()),
             Values::OfPixel { number, .. } => {
                 Samples::U32(pixels.clone().map(|i| number(frame, i, of_return)).collect())
             }

@@ -100,14 +100,14 @@ impl Options {
 
 /// Some of [`CHANNELS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Channels(u32);
+pub struct Channels(u64);
 
 impl Channels {
     /// The channels of a job that chooses none: all but those that have to be chosen by name.
     pub const USUAL: Self = {
         let (mut usual, mut index) = (0, 0);
         while index < CHANNELS.len() {
-            usual |= (!CHANNELS[index].is_chosen as u32) << index;
+            usual |= (!CHANNELS[index].is_chosen as u64) << index;
             index += 1;
         }
         Self(usual)

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::channel::{CHANNELS, Sensors, Values};
+use super::channel::{CHANNELS, Sensors, Values, is_of_all_pixels};
 use super::format::{Content, Field};
 use super::registry::Format;
 
@@ -69,15 +69,18 @@ pub fn formats_page() -> String {
     }
     page.push_str(CHANNELS_INTRODUCTION);
     for channel in &CHANNELS {
-        let kind = if matches!(channel.values, Values::F32(_)) { "float32" } else { "uint32" };
+        let kind =
+            if matches!(channel.values, Values::F32(_) | Values::Image(_)) { "float32" } else { "uint32" };
         let sensors = match channel.sensors {
             Sensors::All => "all",
             Sensors::Cameras => "cameras",
             Sensors::Measured => "those that are not ideal",
+            Sensors::Pulsed => "LiDARs that are not ideal",
+            Sensors::Stereo => "stereo cameras",
+            Sensors::TimeOfFlight => "time-of-flight cameras",
         };
         let (name, unit, none, about) = (channel.name, channel.unit, channel.no_return, channel.about);
-        let none =
-            if matches!(channel.values, Values::OfPixel { .. }) { String::new() } else { none.to_string() };
+        let none = if is_of_all_pixels(channel.name) { String::new() } else { none.to_string() };
         let _ = writeln!(page, "| `{name}` | {kind} | {unit} | {none} | {sensors} | {about} |");
     }
     for format in Format::all() {

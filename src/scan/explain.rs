@@ -1,7 +1,7 @@
 //! One pixel, cast by the code that casts its frame, with the story of its pulse.
 
 use super::story::{Met, Sent, Story};
-use super::{Batch, Cause, Frame, Piece, Scanner, SensorPose, Strip, measured};
+use super::{Batch, Cause, Frame, Piece, Scanner, SensorPose, Strip, depth, measured};
 use crate::scene::Scene;
 use crate::sensor::Capture;
 use crate::trace::Cast;
@@ -9,7 +9,7 @@ use crate::trace::Cast;
 /// Casts one pixel as [`scan`](super::scan) casts it in its frame, and tells the story of its pulse. `None` if the image has no
 /// such pixel.
 ///
-/// If bright returns bloom, the light of the whole frame is cast, because other pixels' light may be part of this one's.
+/// If bright returns bloom, or a depth camera's pixels depend on each other, the light of the whole frame is cast, because other pixels' light may be part of this one's.
 pub fn explain(
     scene: &Scene,
     tracer: &impl Cast,
@@ -20,9 +20,11 @@ pub fn explain(
     if row >= capture.rows() || column >= capture.columns() {
         return None;
     }
-    Some(match capture.sensor.measurement.is_ideal() {
-        true => explain_ideal(scene, tracer, capture, row, column),
-        false => measured::explain(scene, tracer, capture, row, column),
+    let measurement = &capture.sensor.measurement;
+    Some(match &measurement.depth {
+        Some(_) => depth::explain(scene, tracer, capture, explain_ideal(scene, tracer, capture, row, column)),
+        None if measurement.is_ideal() => explain_ideal(scene, tracer, capture, row, column),
+        None => measured::explain(scene, tracer, capture, row, column),
     })
 }
 

@@ -67,6 +67,14 @@ causes! {
     Dust "dust",
     /// The return is the halo of a bright return of another beam.
     Blooming "blooming",
+    /// A surface that the second viewpoint of a depth camera does not see, or does not light.
+    Occluded "occluded",
+    /// The window of a stereo camera has too little texture to be matched.
+    NoTexture "no_texture",
+    /// Several depths fit what a depth camera measures, or its neighbours contradict it.
+    Ambiguous "ambiguous",
+    /// The light of a depth camera fills its pixel.
+    Saturated "saturated",
 }
 
 impl Cause {
@@ -111,7 +119,8 @@ pub struct Terms {
     pub ideal_m: f64,
     /// The error of the pulse's direction.
     pub angle_m: f64,
-    /// The beam's width: the peak of all the light together.
+    /// The beam's width: the peak of all the light together. Of a depth camera, what other depths in the pixel or its window and
+    /// indirect light add, and all that matching two images does.
     pub footprint_m: f64,
     /// What is left of the walk of a fixed threshold.
     pub walk_m: f64,
@@ -119,7 +128,7 @@ pub struct Terms {
     pub noise_m: f64,
     /// The bias of the beam.
     pub bias_m: f64,
-    /// The rounding to the unit of ranges.
+    /// The rounding to the unit of ranges, or of a stereo camera's disparities.
     pub rounding_m: f64,
 }
 
@@ -135,6 +144,59 @@ impl Terms {
     /// The range before it is rounded to the sensor's unit.
     pub fn unrounded_m(&self) -> f64 {
         self.ideal_m + self.angle_m + self.footprint_m + self.walk_m + self.noise_m + self.bias_m
+    }
+}
+
+/// Declares the images of [`Images`] once.
+macro_rules! images {
+    ($($(#[$doc:meta])* $name:ident,)*) => {
+        /// What a depth camera makes beside its returns: a value for each pixel, whether it has a return or not, row by row. An image
+        /// that the camera does not make is empty.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Images {
+            $($(#[$doc])* pub $name: Vec<f32>,)*
+        }
+
+        impl Images {
+            /// The number of images that the largest depth camera makes.
+            const COUNT: usize = [$(stringify!($name)),*].len();
+        }
+    };
+}
+
+images! {
+    /// What the camera's own imager sees: grey values, 0 to 255.
+    ir_left,
+    /// What the second imager sees.
+    ir_right,
+    /// The disparity in pixels, before ranges that are too near or too far are left out; 0 where none is found.
+    disparity,
+    /// How much better the best match is than the second best, 0 to 1.
+    confidence,
+    /// The amplitude of a tap by the modulated light, in electrons: the mean of the frequencies.
+    amplitude,
+    /// The light that is not modulated, in electrons of all taps: the mean of the frequencies.
+    ambient,
+    /// The phase of the first frequency in radians, 0 to 2π.
+    phase_1,
+    /// The phase of the second frequency.
+    phase_2,
+    /// The phase of the third frequency.
+    phase_3,
+}
+
+impl Images {
+    /// Images of a time-of-flight camera with so many pixels and frequencies, all of them dark.
+    pub(super) fn of_time_of_flight(pixels: usize, frequencies: usize) -> Self {
+        let phase = |number: usize| vec![0.0; if number <= frequencies { pixels } else { 0 }];
+        Self {
+            amplitude: vec![0.0; pixels],
+            ambient: vec![0.0; pixels],
+            phase_1: phase(1),
+            phase_2: phase(2),
+            phase_3: phase(3),
+            ..Self::default()
+        }
     }
 }
 
@@ -241,6 +303,7 @@ pub struct Frame {
     is_measured: bool,
     /// Of each slot, if the sensor is not ideal.
     echoes: Vec<Echo>,
+    images: Images,
 }
 
 /// The rule that assigns slots to pixels.
@@ -266,7 +329,8 @@ impl Frame {
             return Self::BYTES_A_PIXEL;
         }
         let of_returns = sensor.most_returns() * (BYTES_A_RETURN + size_of::<Echo>());
-        2 * (of_returns + size_of::<Cause>() + size_of::<usize>())
+        let of_images = sensor.measurement.depth.as_ref().map_or(0, |_| Images::COUNT * size_of::<f32>());
+        2 * (of_returns + size_of::<Cause>() + size_of::<usize>()) + of_images
     }
 
     /// Makes this a frame of so many pixels, with room for one return each. The values of all slots and causes are
@@ -277,6 +341,7 @@ impl Frame {
         self.causes.resize(rows * columns, Cause::NoPulse);
         self.is_measured = false;
         self.echoes.clear();
+        self.images = Images::default();
     }
 
     /// Makes this an empty frame of a sensor that is not ideal, to which pixels are added row by row.
@@ -298,6 +363,16 @@ impl Frame {
         if let Layout::From(first) = &mut self.layout {
             first.push(self.echoes.len());
         }
+    }
+
+    /// Gives the frame the images of a depth camera.
+    pub(super) fn set_images(&mut self, images: Images) {
+        self.images = images;
+    }
+
+    /// The images that a depth camera makes beside the returns.
+    pub fn images(&self) -> &Images {
+        &self.images
     }
 
     /// A frame from pixels, row by row. Each pixel has its cause and its returns. A pixel whose cause is [`Cause::TooNear`] has

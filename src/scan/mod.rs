@@ -2,9 +2,12 @@
 //! threads.
 
 mod alone;
+mod depth;
+mod effects;
 mod explain;
 mod frame;
 mod measured;
+mod optics;
 mod progress;
 mod story;
 mod strips;
@@ -24,7 +27,7 @@ use crate::trace::{Cast, Hit, Origins, Rays};
 pub use alone::alone;
 pub use explain::explain;
 use frame::ReturnsMut;
-pub use frame::{Cause, Echo, Frame, NO_OBJECT, Return, Returns, Terms};
+pub use frame::{Cause, Echo, Frame, Images, NO_OBJECT, Return, Returns, Terms};
 pub use progress::Progress;
 pub use story::{Fate, Met, Sent, Signal, SignalPeak, Story};
 use strips::{STRIP, SensorPose, TILE};
@@ -53,19 +56,36 @@ pub fn scan_into(
     progress: &Progress,
 ) -> bool {
     capture.prepare();
-    if !capture.sensor.measurement.is_ideal() {
-        return measured::scan_into(frame, scene, tracer, capture, progress);
+    let measurement = &capture.sensor.measurement;
+    match &measurement.depth {
+        Some(sensing) => depth::scan_into(frame, scene, tracer, capture, sensing, progress),
+        None if !measurement.is_ideal() => measured::scan_into(frame, scene, tracer, capture, progress),
+        None => scan_ideal(frame, scene, tracer, capture, progress, |_, _| ()).is_some(),
     }
+}
+
+/// Casts every pulse of a capture as an ideal sensor does. `also` is asked of each strip, with its rays and hits, and its answers
+/// come back strip by strip. `None` if `progress.cancelled` was set before the end.
+fn scan_ideal<T: Send>(
+    frame: &mut Frame,
+    scene: &Scene,
+    tracer: &impl Cast,
+    capture: &Capture,
+    progress: &Progress,
+    also: impl Fn(&Strip, &Batch) -> T + Sync,
+) -> Option<Vec<T>> {
     frame.set_size(capture.rows(), capture.columns());
     let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
     let scanner = Scanner { scene, tracer, capture, fixed, is_see_through: scene.is_see_through() };
-    strips(frame).into_par_iter().for_each_init(Batch::default, |batch, mut strip| {
-        if !progress.cancelled.load(Relaxed) {
-            let rays = scanner.fill(&mut strip, batch);
-            progress.rays_done.fetch_add(rays as u64, Relaxed);
+    let fill = |batch: &mut Batch, mut strip: Strip| {
+        if progress.cancelled.load(Relaxed) {
+            return None;
         }
-    });
-    !progress.cancelled.load(Relaxed)
+        let rays = scanner.fill(&mut strip, batch);
+        progress.rays_done.fetch_add(rays as u64, Relaxed);
+        Some(also(&strip, batch))
+    };
+    strips(frame).into_par_iter().map_init(Batch::default, fill).collect()
 }
 
 /// A part of the image that is cast as one batch.

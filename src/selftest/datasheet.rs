@@ -259,7 +259,7 @@ impl<'a> Bench<'a> {
         Self {
             sensor: Sensor {
                 range: limits,
-                measurement: Measurement { footprint, receiver, noise, blooming: None },
+                measurement: Measurement { footprint, receiver, noise, ..Measurement::default() },
                 ..sensor.clone()
             },
             stated,

@@ -1,9 +1,10 @@
 //! The capture of one frame of one sensor, before any ray is cast. It is the only door to pulses and their times.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Lens, Pattern, Pulse, Sensor};
-use crate::frame::Pose;
+use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::motion::{AT_ORIGIN, Trajectory, Window};
 
 /// One frame of a sensor that is mounted on a moving body. It says which pulses go out, at what time, and from which pose.
@@ -86,6 +87,18 @@ impl<'a> Capture<'a> {
     #[inline]
     pub fn pulse(&self, row: usize, column: usize) -> Option<Pulse> {
         self.sensor.pattern.pulse(row, column, self.start_s)
+    }
+
+    /// The unit direction of a camera's ray through a place (u, v) of a pixel, in pixels from its centre to the right and down, in the
+    /// sensor's body frame. `None` if the sensor is no camera, or if the pixel has no ray.
+    pub fn direction_in_pixel(&self, row: usize, column: usize, place: [f64; 2]) -> Option<DVec3> {
+        match &self.sensor.pattern {
+            Pattern::Camera(camera) => {
+                let optical = camera.optical_direction_in_pixel(row, column, place)?;
+                Some(BODY_FROM_OPTICAL.direction(optical))
+            }
+            _ => None,
+        }
     }
 
     /// The time of a pixel's pulse, in seconds from the frame's start. `None` as for [`Self::pulse`].

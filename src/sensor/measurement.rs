@@ -1,5 +1,6 @@
 //! How a sensor measures: the width of its beams, its receiver, its noise. A sensor without any of it is ideal.
 
+use super::DepthSensing;
 use crate::angle::Angle;
 use crate::physics::IntensityScale;
 use crate::physics::detection::{RangePair, Sensitivity, normal_exceeded, range_sigma_m, threshold};
@@ -16,6 +17,8 @@ pub struct Measurement {
     pub noise: Option<Noise>,
     /// The light that bright returns spread over neighbouring beams; `None`: there is none.
     pub blooming: Option<Blooming>,
+    /// How a depth camera finds depth; `None`: its depth is exact. It excludes the other parts, which are a LiDAR's.
+    pub depth: Option<DepthSensing>,
 }
 
 impl Measurement {

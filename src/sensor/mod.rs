@@ -12,6 +12,7 @@
 
 mod camera;
 mod capture;
+mod depth;
 pub mod facts;
 mod lens;
 mod measurement;
@@ -32,6 +33,7 @@ use crate::angle::Angle;
 
 pub use camera::{Camera, CameraError};
 pub use capture::{Capture, NumberProblem};
+pub use depth::{AnalyticDisparity, DepthSensing, SecondViewpoint, Stereo, StereoMethod, TimeOfFlight};
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
 pub use measurement::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};

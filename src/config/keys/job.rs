@@ -5,6 +5,7 @@ use super::super::kinds::{
     Tables, Text,
 };
 use super::super::table::{Key, TableKeys, key, table};
+use super::depth::{STEREO, STRUCTURED_LIGHT, TOF};
 use super::expect::EXPECT;
 use super::limits::MAX_FRAMES;
 use super::measurement::{BLOOMING, FOOTPRINT, IS_NOMINAL, NOISE, RECEIVER};
@@ -127,6 +128,9 @@ pub(crate) static SENSOR: TableKeys = table(
         &RECEIVER,
         &NOISE,
         &BLOOMING,
+        &STEREO,
+        &STRUCTURED_LIGHT,
+        &TOF,
     ],
 )
 .one_of(sensor::PATTERNS)

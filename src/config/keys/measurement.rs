@@ -6,12 +6,14 @@ use super::super::kinds::{
     Choice, Flag, Integer, List, Nested, Number, NumberChoice, Text, Vector, WordOrCount,
 };
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
+use super::depth::{STEREO, STRUCTURED_LIGHT, TOF};
 use crate::physics::footprint::Samples;
 use crate::physics::intensity::IntensityScale;
 use crate::sensor::ReturnMode;
 
 /// The tables by which a sensor measures.
-pub(crate) const PARTS: [&dyn AnyKey; 4] = [&FOOTPRINT, &RECEIVER, &NOISE, &BLOOMING];
+pub(crate) const PARTS: [&dyn AnyKey; 7] =
+    [&FOOTPRINT, &RECEIVER, &NOISE, &BLOOMING, &STEREO, &STRUCTURED_LIGHT, &TOF];
 
 pub(crate) static FOOTPRINT: Key<Nested> =
     key("footprint", Nested(&footprint::KEYS), "The width of the beams; left out: rays without width.");
@@ -40,8 +42,11 @@ pub(crate) static IS_NOMINAL: Key<Flag> = key(
 )
 .or("false");
 
-pub(crate) static NOMINAL_KEYS: TableKeys =
-    table("`[nominal]`", &[&SOURCE, &FOOTPRINT, &RECEIVER, &NOISE, &BLOOMING]).partial();
+pub(crate) static NOMINAL_KEYS: TableKeys = table(
+    "`[nominal]`",
+    &[&SOURCE, &FOOTPRINT, &RECEIVER, &NOISE, &BLOOMING, &STEREO, &STRUCTURED_LIGHT, &TOF],
+)
+.partial();
 pub(crate) static SOURCE: Key<Text> = key("source", Text, "The publication that the figures are from.")
     .required("`source = \"…\"`, the publication that the figures are from");
 

@@ -5,6 +5,7 @@
 //! a test in `read/tests.rs`.
 
 mod angles;
+pub(crate) mod depth;
 pub(crate) mod expect;
 pub(crate) mod job;
 pub(crate) mod limits;

@@ -7,6 +7,7 @@ use super::super::kinds::{
 };
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
 use super::angles::{Angles, MAX_SIDE};
+use super::depth::{STEREO, STRUCTURED_LIGHT, TOF};
 use super::measurement::{BLOOMING, FOOTPRINT, NOISE, NOMINAL, RECEIVER};
 use crate::sensor::{Limited, Motion, Order, RingOrder, RowOrder, Tilted};
 
@@ -29,6 +30,9 @@ pub(crate) static SENSOR_FILE: TableKeys = table(
         &RECEIVER,
         &NOISE,
         &BLOOMING,
+        &STEREO,
+        &STRUCTURED_LIGHT,
+        &TOF,
         &NOMINAL,
         &MODES,
     ],
@@ -50,6 +54,9 @@ pub(crate) static MODE_KEYS: TableKeys = table(
         &RECEIVER,
         &NOISE,
         &BLOOMING,
+        &STEREO,
+        &STRUCTURED_LIGHT,
+        &TOF,
         &NOMINAL,
     ],
 );

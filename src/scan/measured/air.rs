@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 
-use super::effects::Effect;
 use super::light::{Light, PARTICLES, Target};
 use crate::physics::particles::{
     LEAST_DIAMETER_M, cone_volume_m3, drop_face_reflectance, particle_echo, range_in_cone_m,
@@ -12,6 +11,7 @@ use crate::physics::soft_target::overlap;
 use crate::physics::{PulseShape, SizeDistribution, SoftTarget, two_way_transmission};
 use crate::rng::{FrameStreams, Rng};
 use crate::scan::Cause;
+use crate::scan::effects::Effect;
 use crate::scene::Weather;
 use crate::sensor::{Footprint, Pulse, Receiver};
 

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::effects::{EVERY_FRAME, Effect};
 use crate::rng::FrameStreams;
+use crate::scan::effects::{EVERY_FRAME, Effect};
 use crate::sensor::{Capture, Footprint, Pulse};
 
 /// The constants of one beam.

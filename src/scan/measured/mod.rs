@@ -2,12 +2,11 @@
 //!
 //! ```text
 //! beams    the sub-rays of each pulse, in the direction that it really takes
-//! paths    the ways of their light through the scene; optics: where light goes at a surface
+//! paths    the ways of their light through the scene
 //! air      what fog, dust, rain and snow send back
 //! halo     how other beams see bright returns
 //! light    what comes back, path by path
 //! receive  the receiver: from light to returns, each with its cause and its error budget
-//! effects  the numbers of random effects
 //! story    one pulse on all of this way, and what became of each peak
 //! ```
 //!
@@ -16,10 +15,9 @@
 
 mod air;
 mod beams;
-mod effects;
 mod halo;
 mod light;
-mod optics;
+
 mod paths;
 mod receive;
 mod story;

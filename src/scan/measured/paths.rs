@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::light::{IDEAL_SAMPLE, Light, PATHS_A_SAMPLE, Target};
-use super::optics::{Meeting, Split, split};
 use super::receive::fall;
+use crate::scan::optics::{Meeting, Split, split};
 use crate::scan::{Cause, surface::SeenTriangle, through::is_same_depth};
 use crate::scene::{Appearance, Optics, Scene, Surface};
 use crate::sensor::{Pulse, Receiver};

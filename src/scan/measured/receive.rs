@@ -3,12 +3,12 @@
 use std::cmp::Ordering;
 
 use super::beams::Beam;
-use super::effects::Effect;
 use super::light::{Light, Target};
 use crate::physics::detection::walk_m;
 use crate::physics::echo::{Part, Peak, Waveform, pulse_sigma_m};
 use crate::physics::{IntensityScale, SPEED_OF_LIGHT_M_S};
 use crate::rng::FrameStreams;
+use crate::scan::effects::Effect;
 use crate::scan::{Cause, Echo, Return, Terms};
 use crate::sensor::{Noise, Pulse, RangeLimits, Receiver, ReturnMode};
 

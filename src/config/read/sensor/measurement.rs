@@ -21,6 +21,7 @@ pub(in super::super) fn measurement(t: &Table<'_>, range: RangeLimits, max_at: S
         receiver,
         noise,
         blooming: t.read(&keys::BLOOMING).and_then(|t| blooming(&t.value)),
+        depth: super::depth::sensing(t),
     }
 }
 

@@ -1,6 +1,7 @@
 //! A sensor file's tables → [`Sensor`].
 
 mod camera;
+mod depth;
 mod limit;
 mod measurement;
 mod rotating;
@@ -61,6 +62,7 @@ pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> 
     let patterns: Vec<_> = given.iter().map(read).collect();
     let [Some(pattern)] = <[Option<Pattern>; 1]>::try_from(patterns).ok()? else { return None };
     check_limits(t, &pattern, range)?;
+    depth::check(t, &pattern, &measurement)?;
     check_least_range(t, &pattern, range)?;
     warn_of_ambiguity(t, &pattern, range);
     let sensor = Sensor { pattern, range, ring, measurement };

@@ -24,6 +24,16 @@ pub(super) enum Effect {
     Rain = 9,
     /// Flakes of snow, by pulse.
     Snow = 10,
+    /// The noise of a disparity, by pixel.
+    Disparity = 20,
+    /// The noise of a stereo camera's own image, by pixel.
+    LeftImage = 21,
+    /// The noise of the second imager's image, by pixel.
+    RightImage = 22,
+    /// The electrons of a time-of-flight pixel, by pixel and frequency.
+    Electrons = 23,
+    /// The directions of indirect light, by pixel and sub-ray.
+    Indirect = 24,
 }
 
 /// The frame number of streams that are the same in every frame.

@@ -1,0 +1,125 @@
+//! How surfaces look in the light of a depth camera and of the sun.
+
+use glam::DVec3;
+
+use crate::physics::sun::ambient;
+use crate::scan::Return;
+use crate::scan::optics::{Meeting, split};
+use crate::scan::surface::SeenTriangle;
+use crate::scene::{Appearance, Optics, Scene, Sun, Surface};
+use crate::trace::{Cast, Hit, Origins, Rays};
+
+/// The roughness below which a lobe is a mirror's: a pixel is some milliradians wide, and so is such a lobe.
+const MIRROR_ROUGHNESS: f64 = 0.05;
+
+/// The distance from a surface at which a ray from it begins, in metres along the surface's normal. The error of a hit is some
+/// 10⁻¹⁵ of its depth, and seams of meshes are wider than that by far.
+pub(super) const CLEARANCE_M: f64 = 1e-5;
+
+/// A point of a surface, as it looks from one side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lit {
+    /// The point in the world, in metres.
+    pub point: DVec3,
+    /// The unit normal towards the viewer.
+    pub normal: DVec3,
+    /// The object and the material.
+    pub surface: Surface,
+    /// The share of light that the surface scatters in all directions, 0 to 1.
+    pub diffuse: f64,
+    /// The light that comes back to a source beside the viewer, relative to a white Lambertian plane at a right angle.
+    pub back: f64,
+}
+
+/// The surfaces of a scene, with the last triangle that was asked for.
+pub(super) struct Shader<'a> {
+    scene: &'a Scene,
+    wavelength_m: f64,
+    last: Option<Last<'a>>,
+}
+
+struct Last<'a> {
+    seen: SeenTriangle,
+    optics: Option<&'a Optics>,
+    /// The appearance, if it is the same all over the triangle.
+    appearance: Option<Appearance>,
+}
+
+impl<'a> Shader<'a> {
+    pub fn new(scene: &'a Scene, wavelength_m: f64) -> Self {
+        Self { scene, wavelength_m, last: None }
+    }
+
+    fn triangle(&mut self, hit: &Hit) -> &Last<'a> {
+        if !self.last.as_ref().is_some_and(|last| last.seen.is_of(hit)) {
+            let seen = SeenTriangle::of(hit, self.scene);
+            let optics = self.scene.optics(seen.surface());
+            let appearance =
+                (!seen.varies()).then(|| self.scene.appearance(hit.placement, hit.triangle, hit.u, hit.v));
+            self.last = Some(Last { seen, optics, appearance });
+        }
+        self.last.as_ref().expect("it was just set")
+    }
+
+    /// The surface that a ray from `origin` hits, seen along the ray. `towards` is where the light comes from, or `None` if that is
+    /// the viewer.
+    pub fn light(&mut self, origin: DVec3, direction: DVec3, hit: &Hit, towards: Option<DVec3>) -> Lit {
+        let (scene, wavelength_m) = (self.scene, self.wavelength_m);
+        let last = self.triangle(hit);
+        let appearance =
+            last.appearance.unwrap_or_else(|| scene.appearance(hit.placement, hit.triangle, hit.u, hit.v));
+        let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
+        let point = origin + direction * hit.t;
+        let cosine = match towards {
+            None => -normal.dot(direction),
+            Some(source) => normal.dot((source - point).normalize_or_zero()),
+        };
+        let cosine = cosine.clamp(0.0, 1.0);
+        let split = split(
+            &appearance,
+            last.optics,
+            Meeting {
+                cosine,
+                length_m: hit.t,
+                spacing_m: 0.0,
+                wavelength_m,
+                mirror_roughness: MIRROR_ROUGHNESS,
+            },
+        );
+        // A mirror and a pane have a reflectance, and scatter nothing.
+        let diffuse =
+            if cosine > 0.0 { split.reflectance.min(split.back / cosine) } else { split.reflectance };
+        Lit {
+            point,
+            normal,
+            surface: last.seen.surface(),
+            diffuse: diffuse.clamp(0.0, 1.0),
+            back: split.back,
+        }
+    }
+
+    /// The return of a hit as an ideal camera has it.
+    pub fn receive(&mut self, sensor_from_world: &crate::frame::Pose, direction: DVec3, hit: &Hit) -> Return {
+        self.triangle(hit).seen.receive(sensor_from_world, direction, hit, hit.t)
+    }
+}
+
+/// The sunlight that each surface scatters to a viewer, relative to a white plane that faces a sun of 100 klx. `times_s` is empty if
+/// nothing in the scene moves.
+pub(super) fn sunlight(tracer: &impl Cast, sun: &Sun, lit: &[Lit], times_s: &[f64]) -> Vec<f64> {
+    let origins: Vec<DVec3> = lit.iter().map(|lit| lit.point + lit.normal * CLEARANCE_M).collect();
+    let directions = vec![sun.direction; lit.len()];
+    let rays = Rays {
+        times_s: (!times_s.is_empty()).then_some(times_s),
+        ..Rays::unlimited(Origins::Each(&origins), &directions)
+    };
+    let mut is_shaded = vec![false; lit.len()];
+    tracer.blocked(&rays, &mut is_shaded);
+    lit.iter()
+        .zip(is_shaded)
+        .map(|(lit, is_shaded)| match is_shaded {
+            true => 0.0,
+            false => ambient(lit.diffuse, lit.normal.dot(sun.direction)) * sun.klx / 100.0,
+        })
+        .collect()
+}

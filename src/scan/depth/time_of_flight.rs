@@ -1,0 +1,504 @@
+//! Time-of-flight cameras: the light of all paths adds up as phasors in each pixel, and its phases tell the depth.
+//!
+//! A pixel is a square of sub-rays. Each adds the light that its surface sends straight back. Rays from these surfaces, whose density
+//! goes with the cosine of their angle to the normal, find what else lights them: light that comes by way of one other surface. The
+//! source lies at the camera, and lights all directions alike.
+
+use std::cmp::Ordering;
+use std::f64::consts::TAU;
+use std::sync::atomic::Ordering::Relaxed;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::shade::{CLEARANCE_M, Lit, Shader, sunlight};
+use super::{Pixel, TAPS};
+use crate::physics::phasor::{Demodulated, ModulatedLight, TofPixel};
+use crate::physics::unwrap::{Reliable, Unreliable, Unwrapped, Unwrapper};
+use crate::rng::FrameStreams;
+use crate::scan::effects::Effect;
+use crate::scan::frame::{Cause, Echo, Frame, Images, Return, Terms};
+use crate::scan::through::Through;
+use crate::scan::{Progress, STRIP, SensorPose, TILE, scan_ideal};
+use crate::scene::Scene;
+use crate::sensor::{Capture, TimeOfFlight};
+use crate::trace::{Cast, Hit, Origins, Rays};
+
+/// Casts a capture of a time-of-flight camera. `None` if `progress.cancelled` was set before the end.
+pub(super) fn scan(
+    scene: &Scene,
+    tracer: &impl Cast,
+    capture: &Capture,
+    sensing: &TimeOfFlight,
+    progress: &Progress,
+) -> Option<(Vec<Pixel>, Images)> {
+    let mut ideal = Frame::default();
+    scan_ideal(&mut ideal, scene, tracer, capture, progress, |_, _| ())?;
+    let camera = Camera {
+        scene,
+        tracer,
+        capture,
+        sensing,
+        ideal: &ideal,
+        fixed: capture.fixed_world_from_sensor().map(SensorPose::new),
+        streams: FrameStreams::new(capture.seed, capture.index, capture.frame),
+        pixel: TofPixel {
+            contrast: sensing.contrast,
+            third_harmonic: sensing.third_harmonic,
+            read_noise: sensing.read_noise,
+            full_well: sensing.full_well,
+        },
+        unwrapper: Unwrapper::new(&sensing.frequencies_hz)?,
+    };
+    let (rows, columns) = (capture.rows(), capture.columns());
+    let width = (STRIP / (sensing.samples * sensing.samples) as usize).max(TILE.1);
+    let parts: Vec<(usize, usize)> = (0..rows.div_ceil(TILE.0))
+        .flat_map(|band| (0..columns.div_ceil(width)).map(move |part| (band * TILE.0, part * width)))
+        .collect();
+    let measured = parts
+        .par_iter()
+        .map_init(Memory::default, |memory, &(first_row, first_column)| {
+            if progress.cancelled.load(Relaxed) {
+                return None;
+            }
+            let size = (TILE.0.min(rows - first_row), width.min(columns - first_column));
+            let part = camera.part((first_row, first_column), size, memory);
+            progress.samples_done.fetch_add(memory.rays.len() as u64, Relaxed);
+            Some(part)
+        })
+        .collect::<Option<Vec<Vec<Measured>>>>()?;
+    let mut pixels = vec![Pixel::without(Cause::NoPulse); rows * columns];
+    let mut images = Images::of_time_of_flight(rows * columns, sensing.frequencies_hz.len());
+    for one in measured.into_iter().flatten() {
+        pixels[one.number] = one.pixel;
+        images.amplitude[one.number] = one.amplitude;
+        images.ambient[one.number] = one.ambient;
+        let phases = [&mut images.phase_1, &mut images.phase_2, &mut images.phase_3];
+        for (image, phase) in phases.into_iter().zip(one.phases) {
+            if let Some(value) = image.get_mut(one.number) {
+                *value = phase;
+            }
+        }
+    }
+    Some((pixels, images))
+}
+
+/// What the camera measures in a pixel.
+struct Measured {
+    /// The number of the pixel.
+    number: usize,
+    pixel: Pixel,
+    amplitude: f32,
+    ambient: f32,
+    phases: [f32; 3],
+}
+
+/// The rays of a part of the image. The memory is kept from part to part.
+#[derive(Default)]
+struct Memory {
+    /// The number of the pixel in the part of each ray.
+    of_pixel: Vec<u32>,
+    rays: Bundle,
+    indirect: Bundle,
+    /// The sub-ray from whose hit each indirect ray starts.
+    of_ray: Vec<u32>,
+    through: Through,
+}
+
+/// Rays that are cast together.
+#[derive(Default)]
+struct Bundle {
+    origins: Vec<DVec3>,
+    directions: Vec<DVec3>,
+    times_s: Vec<f64>,
+    hits: Vec<Option<Hit>>,
+}
+
+impl Bundle {
+    fn clear(&mut self) {
+        self.origins.clear();
+        self.directions.clear();
+        self.times_s.clear();
+    }
+
+    fn len(&self) -> usize {
+        self.directions.len()
+    }
+
+    fn push(&mut self, origin: DVec3, direction: DVec3, time_s: Option<f64>) {
+        self.origins.push(origin);
+        self.directions.push(direction);
+        self.times_s.extend(time_s);
+    }
+
+    /// Casts the rays, and looks through holes and panes.
+    fn cast(&mut self, scene: &Scene, tracer: &impl Cast, through: &mut Through) {
+        let Self { origins, directions, times_s, hits } = self;
+        hits.clear();
+        hits.resize(directions.len(), None);
+        let common = origins.first().copied().filter(|first| origins.iter().all(|o| o == first));
+        let rays = Rays {
+            times_s: (!times_s.is_empty()).then_some(&times_s[..]),
+            ..Rays::unlimited(common.map_or(Origins::Each(origins), Origins::Common), directions)
+        };
+        tracer.cast(&rays, hits);
+        through.clear();
+        if scene.is_see_through() {
+            through.look(scene, tracer, &rays, hits, |_, _| Ordering::Equal);
+        }
+    }
+
+    /// Whether something lies on the way of each ray before its end, which its direction reaches.
+    fn are_blocked(&self, tracer: &impl Cast) -> Vec<bool> {
+        let rays = Rays {
+            times_s: (!self.times_s.is_empty()).then_some(&self.times_s[..]),
+            t_max: 1.0,
+            ..Rays::unlimited(Origins::Each(&self.origins), &self.directions)
+        };
+        let mut blocked = vec![false; self.len()];
+        tracer.blocked(&rays, &mut blocked);
+        blocked
+    }
+}
+
+/// The light of one path, by one sub-ray.
+#[derive(Clone, Copy)]
+struct Path {
+    /// The number of the pixel in the part.
+    pixel: u32,
+    /// The electrons of one frequency.
+    electrons: f64,
+    /// The full length there and back, in metres.
+    length_m: f64,
+}
+
+struct Camera<'a, C> {
+    scene: &'a Scene,
+    tracer: &'a C,
+    capture: &'a Capture<'a>,
+    sensing: &'a TimeOfFlight,
+    ideal: &'a Frame,
+    /// The sensor's pose, if it stands still.
+    fixed: Option<SensorPose>,
+    streams: FrameStreams,
+    pixel: TofPixel,
+    unwrapper: Unwrapper,
+}
+
+impl<C: Cast> Camera<'_, C> {
+    /// The sub-rays of a pixel.
+    fn samples(&self) -> usize {
+        (self.sensing.samples * self.sensing.samples) as usize
+    }
+
+    /// The centre of a sub-ray's part of a pixel, in pixels from the pixel's centre.
+    fn place(&self, sample: usize) -> [f64; 2] {
+        let side = self.sensing.samples as usize;
+        [sample % side, sample / side].map(|i| (i as f64 + 0.5) / side as f64 - 0.5)
+    }
+
+    fn pose(&self, row: usize) -> SensorPose {
+        let time_s = |column| self.capture.time_s(row, column);
+        self.fixed.unwrap_or_else(|| {
+            let time_s = (0..self.capture.columns()).find_map(time_s).unwrap_or(0.0);
+            SensorPose::new(self.capture.world_from_sensor(time_s))
+        })
+    }
+
+    /// Measures the pixels of a part of the image, so many rows and columns from its first pixel on.
+    fn part(
+        &self,
+        (first_row, first_column): (usize, usize),
+        (rows, columns): (usize, usize),
+        memory: &mut Memory,
+    ) -> Vec<Measured> {
+        let poses: Vec<SensorPose> = (0..rows).map(|row| self.pose(first_row + row)).collect();
+        let number_of = |pixel: usize| {
+            (first_row + pixel / columns) * self.capture.columns() + first_column + pixel % columns
+        };
+        self.send(&poses, (first_row, first_column), (rows, columns), memory);
+        let Memory { of_pixel, rays, indirect, of_ray, through } = memory;
+        rays.cast(self.scene, self.tracer, through);
+
+        let mut shader = Shader::new(self.scene, self.sensing.wavelength_m);
+        let white = self.sensing.electrons_at_1_m / self.samples() as f64;
+        let mut paths: Vec<Path> = Vec::with_capacity(rays.len());
+        let mut direct: Vec<Direct> = vec![Direct::default(); rows * columns];
+        let mut lit: Vec<Option<Lit>> = Vec::with_capacity(rays.len());
+        for (ray, hit) in rays.hits.iter().enumerate() {
+            let Some(hit) = hit else {
+                lit.push(None);
+                continue;
+            };
+            let one = shader.light(rays.origins[ray], rays.directions[ray], hit, None);
+            let electrons = white * one.back * through.share(ray) / (hit.t * hit.t);
+            lit.push(Some(one));
+            if electrons > 0.0 {
+                let pixel = of_pixel[ray];
+                paths.push(Path { pixel, electrons, length_m: 2.0 * hit.t });
+                direct[pixel as usize].add(electrons, ray, one.surface.object);
+            }
+        }
+        let mut ambient = vec![0.0; rows * columns];
+        if let Some(sun) = self.scene.environment.sun.filter(|_| self.sensing.sun_electrons > 0.0) {
+            let rays_lit: Vec<usize> = (0..lit.len()).filter(|&ray| lit[ray].is_some()).collect();
+            let surfaces: Vec<Lit> = lit.iter().flatten().copied().collect();
+            let times_s: Vec<f64> =
+                rays_lit.iter().filter_map(|&ray| rays.times_s.get(ray).copied()).collect();
+            let of_sun = sunlight(self.tracer, &sun, &surfaces, &times_s);
+            for (&ray, share) in rays_lit.iter().zip(of_sun) {
+                ambient[of_pixel[ray] as usize] += share * self.sensing.sun_electrons / self.samples() as f64;
+            }
+        }
+        if self.sensing.indirect_rays > 0 {
+            self.add_indirect(&number_of, of_pixel, rays, &lit, indirect, of_ray, &mut paths, &mut shader);
+        }
+        paths.sort_by_key(|path| path.pixel);
+        let mut first = 0;
+        (0..rows * columns)
+            .map(|pixel| {
+                let end = first + paths[first..].partition_point(|path| path.pixel as usize <= pixel);
+                let of_pixel = &paths[first..end];
+                first = end;
+                let brightest = |ray: usize| {
+                    let hit = rays.hits[ray].as_ref()?;
+                    let pose = &poses[pixel / columns];
+                    Some(shader.receive(&pose.sensor_from_world, rays.directions[ray], hit))
+                };
+                self.measure(number_of(pixel), of_pixel, ambient[pixel], &direct[pixel], brightest)
+            })
+            .collect()
+    }
+
+    /// Fills the bundle of a part's sub-rays, tile by tile.
+    fn send(
+        &self,
+        poses: &[SensorPose],
+        (first_row, first_column): (usize, usize),
+        (rows, columns): (usize, usize),
+        memory: &mut Memory,
+    ) {
+        let Memory { of_pixel, rays, .. } = memory;
+        rays.clear();
+        of_pixel.clear();
+        let moves = self.scene.arrangement.window.is_some();
+        for first in (0..columns).step_by(TILE.1) {
+            for row in 0..rows {
+                let world_from_sensor = poses[row].world_from_sensor;
+                let origin = world_from_sensor.point(DVec3::ZERO);
+                for column in first..columns.min(first + TILE.1) {
+                    let (image_row, image_column) = (first_row + row, first_column + column);
+                    let time_s = match moves {
+                        true => {
+                            self.capture.time_s(image_row, image_column).map(|t| self.capture.cast_at_s(t))
+                        }
+                        false => None,
+                    };
+                    for sample in 0..self.samples() {
+                        let direction =
+                            self.capture.direction_in_pixel(image_row, image_column, self.place(sample));
+                        if let Some(direction) = direction {
+                            of_pixel.push((row * columns + column) as u32);
+                            rays.push(origin, world_from_sensor.direction(direction), time_s);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds the light that comes to the surfaces of the sub-rays by way of one other surface.
+    ///
+    /// A patch of the reflectance ρ under the irradiance E lights a point by (ρ/π)·E·cos α·cos β/d²·dA, which is ρ·E·(cos β/π) for
+    /// each solid angle that it takes. So with directions of the density cos β/π the irradiance of the point is the mean of the ρ·E
+    /// that they meet.
+    #[expect(clippy::too_many_arguments, reason = "they are the parts of one memory")]
+    fn add_indirect(
+        &self,
+        number_of: &impl Fn(usize) -> usize,
+        of_pixel: &[u32],
+        rays: &Bundle,
+        lit: &[Option<Lit>],
+        indirect: &mut Bundle,
+        of_ray: &mut Vec<u32>,
+        paths: &mut Vec<Path>,
+        shader: &mut Shader,
+    ) {
+        indirect.clear();
+        of_ray.clear();
+        let count = self.sensing.indirect_rays as usize;
+        let samples = self.samples();
+        for first in (0..of_pixel.len()).step_by(samples) {
+            let number = number_of(of_pixel[first] as usize);
+            let mut stream = self.streams.stream(number as u32, 0, Effect::Indirect as u32);
+            let turn = stream.unit();
+            // Where the rays can't be spread evenly over the sub-rays, chance decides which have one more.
+            let shift = if count % samples == 0 { 0 } else { (stream.unit() * samples as f64) as usize };
+            for k in 0..count {
+                let ray = first + (k + shift) % samples;
+                let share = (k as f64 + stream.unit()) / count as f64;
+                let Some(lit) = &lit[ray] else { continue };
+                let direction = cosine_weighted(lit.normal, share, turn + k as f64 * GOLDEN_TURN);
+                if lit.diffuse > 0.0 {
+                    of_ray.push(ray as u32);
+                    let origin = lit.point + lit.normal * CLEARANCE_M;
+                    indirect.push(origin, direction, rays.times_s.get(ray).copied());
+                }
+            }
+        }
+        indirect.cast(self.scene, self.tracer, &mut Through::default());
+        let mut shadows = Bundle::default();
+        let mut found = Vec::new();
+        for (number, hit) in indirect.hits.iter().enumerate() {
+            let Some(hit) = hit else { continue };
+            let ray = of_ray[number] as usize;
+            let (Some(near), source) = (&lit[ray], rays.origins[ray]) else { continue };
+            let far = shader.light(indirect.origins[number], indirect.directions[number], hit, Some(source));
+            let to_source = source - far.point;
+            let range_m = to_source.length();
+            let cosine = far.normal.dot(to_source) / range_m;
+            if cosine <= 0.0 {
+                continue;
+            }
+            let irradiance = far.diffuse * cosine / (range_m * range_m);
+            let electrons = self.sensing.electrons_at_1_m / count as f64 * near.diffuse * irradiance;
+            let own_m = (near.point - source).length();
+            found.push(Path { pixel: of_pixel[ray], electrons, length_m: range_m + hit.t + own_m });
+            let origin = far.point + far.normal * CLEARANCE_M;
+            shadows.push(origin, source - origin, indirect.times_s.get(number).copied());
+        }
+        let blocked = shadows.are_blocked(self.tracer);
+        paths.extend(found.into_iter().zip(blocked).filter(|(_, blocked)| !blocked).map(|(path, _)| path));
+    }
+
+    /// What the camera measures of the light of a pixel. `brightest` gives the return of one of its sub-rays.
+    fn measure(
+        &self,
+        number: usize,
+        paths: &[Path],
+        ambient: f64,
+        direct: &Direct,
+        brightest: impl FnMut(usize) -> Option<Return>,
+    ) -> Measured {
+        let frequencies = self.unwrapper.frequencies_hz();
+        let mut noisy = [None; 3];
+        let mut quiet = [None; 3];
+        for (k, &frequency_hz) in frequencies.iter().enumerate() {
+            let mut light = ModulatedLight { ambient, ..ModulatedLight::default() };
+            for path in paths {
+                light.add_path(path.electrons, path.length_m, frequency_hz);
+            }
+            let mut stream = self.streams.stream(number as u32, k as u32, Effect::Electrons as u32);
+            let taps: [f64; TAPS] =
+                std::array::from_fn(|tap| self.pixel.tap(tap, TAPS, &light, || stream.normal()));
+            let mean: [f64; TAPS] = std::array::from_fn(|tap| self.pixel.mean_tap(tap, TAPS, &light));
+            noisy[k] = Some(self.pixel.demodulate(&taps));
+            quiet[k] = Some(self.pixel.demodulate(&mean));
+        }
+        let noisy: Vec<Demodulated> = noisy.into_iter().flatten().collect();
+        let quiet: Vec<Demodulated> = quiet.into_iter().flatten().collect();
+        let count = frequencies.len() as f64;
+        let phase = |k: usize| noisy.get(k).map_or(0.0, |measured| measured.phasor.phase() as f32);
+        Measured {
+            number,
+            pixel: self.judge(number, &noisy, &quiet, direct, brightest),
+            amplitude: (noisy.iter().map(|measured| measured.phasor.amplitude()).sum::<f64>() / count) as f32,
+            ambient: (noisy.iter().map(|measured| measured.ambient(self.sensing.contrast)).sum::<f64>()
+                / count) as f32,
+            phases: std::array::from_fn(phase),
+        }
+    }
+
+    /// What the camera reports of a pixel with these phases.
+    fn judge(
+        &self,
+        number: usize,
+        noisy: &[Demodulated],
+        quiet: &[Demodulated],
+        direct: &Direct,
+        mut brightest: impl FnMut(usize) -> Option<Return>,
+    ) -> Pixel {
+        let reliable = Reliable {
+            least_amplitude: self.sensing.least_amplitude,
+            most_spread_m: self.sensing.disagreement_m,
+            least_margin: 0.0,
+        };
+        let unwrapped = self.unwrap(noisy);
+        let ideal = self.ideal.causes()[number];
+        let Some(brightest) = direct.brightest.and_then(&mut brightest) else {
+            // Without any light the pixel says what the ideal camera says; a surface that scatters none is below the threshold.
+            let is_seen = matches!(ideal, Cause::Surface | Cause::TooNear);
+            return Pixel::without(if is_seen { Cause::BelowThreshold } else { ideal });
+        };
+        let reason = reliable.judge(noisy, unwrapped.as_ref()).map(|reason| match reason {
+            Unreliable::Saturated => Cause::Saturated,
+            Unreliable::LowSignal => Cause::BelowThreshold,
+            Unreliable::Disagreement | Unreliable::Ambiguous => Cause::Ambiguous,
+        });
+        let (None, Some(unwrapped)) = (reason, unwrapped) else {
+            return Pixel::without(reason.unwrap_or(Cause::BelowThreshold));
+        };
+        let is_ideal = matches!(ideal, Cause::Surface | Cause::TooNear);
+        let surface = if is_ideal { self.ideal.returns().get(number) } else { brightest };
+        let quiet_m = self.unwrap(quiet).map_or(surface.range_m, |quiet| quiet.range_m);
+        let range_m = unwrapped.range_m;
+        let footprint_m = quiet_m - surface.range_m;
+        let terms = Terms {
+            ideal_m: surface.range_m,
+            footprint_m,
+            noise_m: range_m - surface.range_m - footprint_m,
+            ..Terms::default()
+        };
+        let (row, column) = (number / self.capture.columns(), number % self.capture.columns());
+        let Some(pulse) = self.capture.pulse(row, column) else { return Pixel::without(Cause::NoPulse) };
+        let cause = match self.capture.sensor.range.place_of(&pulse, range_m) {
+            Ordering::Less => Cause::TooNear,
+            Ordering::Equal if direct.is_mixed => Cause::Mixed,
+            Ordering::Equal => Cause::Surface,
+            Ordering::Greater => return Pixel::without(Cause::OutOfRange),
+        };
+        let snr = range_m / unwrapped.sigma_m;
+        let echo = Echo { cause, snr: snr as f32, terms, ..Echo::default() };
+        Pixel { cause, one: Some((Return { range_m, ..surface }, echo)) }
+    }
+
+    fn unwrap(&self, measured: &[Demodulated]) -> Option<Unwrapped> {
+        let phases: Vec<f64> = measured.iter().map(|one| one.phasor.phase()).collect();
+        let sigmas: Vec<f64> = measured.iter().map(|one| one.phase_sigma(self.sensing.read_noise)).collect();
+        self.unwrapper.unwrap(&phases, &sigmas, 0.0)
+    }
+}
+
+/// The light that comes straight back to a pixel.
+#[derive(Clone, Copy, Default)]
+struct Direct {
+    /// The sub-ray with the most light, the first of equal ones.
+    brightest: Option<usize>,
+    most: f64,
+    object: Option<u32>,
+    /// Whether it comes from more than one object.
+    is_mixed: bool,
+}
+
+impl Direct {
+    fn add(&mut self, electrons: f64, ray: usize, object: u32) {
+        self.is_mixed |= self.object.is_some_and(|known| known != object);
+        self.object = Some(object);
+        if electrons > self.most {
+            (self.brightest, self.most) = (Some(ray), electrons);
+        }
+    }
+}
+
+/// The golden section of a turn. Multiples of it spread evenly over the circle, however many there are.
+const GOLDEN_TURN: f64 = 0.618_033_988_749_894_8;
+
+/// The direction of the density cos β/π about a normal that belongs to two numbers: `share` is uniform in [0, 1), and `turn` is
+/// uniform in whole turns.
+fn cosine_weighted(normal: DVec3, share: f64, turn: f64) -> DVec3 {
+    // Its projection onto the plane is uniform over the unit disc (Malley's method).
+    let (sin, cos) = libm::sincos(TAU * (turn - turn.floor()));
+    let radius = share.sqrt();
+    let (x, y) = normal.any_orthonormal_pair();
+    (radius * cos * x + radius * sin * y + (1.0 - share).sqrt() * normal).normalize()
+}
