@@ -30,6 +30,7 @@ mod open3d;
 mod outputs;
 mod patterns;
 mod places;
+mod plates;
 mod plausibility;
 mod presets;
 mod random;

@@ -10,7 +10,7 @@ use beamcast::scene::{Environment, Haze, Surface, SurfaceKind, Weather};
 use beamcast::sensor::{Measurement, ReturnMode};
 use beamcast::source::Severity;
 
-use super::{JOB, SENSOR, diagnostics, folder, load, told};
+use super::{JOB, SENSOR, are_told, changed, diagnostics, folder, load, told};
 
 /// Mistakes and the messages about them, as [`MISTAKES`](super::MISTAKES) has them.
 const MISTAKES: &[(&str, &str, &str)] = &[
@@ -308,24 +308,14 @@ const DOUBTS: &[(&str, &str, &str)] = &[
 
 #[test]
 fn each_mistake_is_told_at_its_place() {
-    let mut wrong = String::new();
-    for &(from, to, expected) in MISTAKES {
-        let (job, sensor) = (JOB.replacen(from, to, 1), SENSOR.replacen(from, to, 1));
-        let found = match load(&job, &sensor, &[]) {
-            Ok(_) => "nothing is wrong".to_owned(),
-            Err(found) => told(&found[0]),
-        };
-        if found != expected {
-            wrong += &format!("{to}\n  expected {expected}\n  found    {found}\n");
-        }
-    }
-    assert!(wrong.is_empty(), "{wrong}");
+    are_told(MISTAKES);
 }
 
 #[test]
 fn what_is_probably_not_meant_is_a_warning() {
     for &(from, to, expected) in DOUBTS {
-        let job = load(&JOB.replacen(from, to, 1), &SENSOR.replacen(from, to, 1), &[]).unwrap();
+        let (job, sensor) = changed(from, to);
+        let job = load(&job, &sensor, &[]).unwrap();
         let found: Vec<String> = job.warnings.iter().map(told).collect();
         assert_eq!(found, [expected]);
         assert_eq!(job.warnings[0].severity, Severity::Warning);
