@@ -162,15 +162,20 @@ fn a_camera_has_a_field_of_view_or_intrinsics() {
     }
 }
 
-#[test]
-fn each_mistake_is_told_at_its_place() {
+/// The job and the sensor file with a text of one of them replaced, where it comes first.
+fn changed(from: &str, to: &str) -> (String, String) {
+    assert!(JOB.contains(from) || SENSOR.contains(from), "{from}");
+    match JOB.contains(from) {
+        true => (JOB.replacen(from, to, 1), SENSOR.to_owned()),
+        false => (JOB.to_owned(), SENSOR.replacen(from, to, 1)),
+    }
+}
+
+/// Checks that each change of the job or the sensor file, from one text to another, is told with its message.
+fn are_told(mistakes: &[(&str, &str, &str)]) {
     let mut wrong = String::new();
-    for &(from, to, expected) in MISTAKES {
-        assert!(JOB.contains(from) || SENSOR.contains(from), "{from}");
-        let (job, sensor) = match JOB.contains(from) {
-            true => (JOB.replacen(from, to, 1), SENSOR.to_owned()),
-            false => (JOB.to_owned(), SENSOR.replacen(from, to, 1)),
-        };
+    for &(from, to, expected) in mistakes {
+        let (job, sensor) = changed(from, to);
         let found = match load(&job, &sensor, &[]) {
             Ok(_) => "nothing is wrong".to_owned(),
             Err(found) => told(&found[0]),
@@ -180,6 +185,11 @@ fn each_mistake_is_told_at_its_place() {
         }
     }
     assert!(wrong.is_empty(), "{wrong}");
+}
+
+#[test]
+fn each_mistake_is_told_at_its_place() {
+    are_told(MISTAKES);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use beamcast::glam::{DAffine3, DVec3};
+use beamcast::glam::DVec3;
 use beamcast::motion::Trajectory;
 use beamcast::physics::detection::{RangePair, Sensitivity};
 use beamcast::physics::footprint::Samples;
@@ -12,48 +12,22 @@ use beamcast::scene::{Sun, Weather};
 use beamcast::sensor::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
 use beamcast::trace::Tracer;
 use beamcast::{
-    Angle, Camera, Capture, Cause, Frame, Material, Pattern, Pose, Progress, RangeLimits, Scene,
-    SceneBuilder, Sensor, SourceInstance, SourceMesh, SourcePart, scan,
+    Angle, Camera, Capture, Cause, Frame, Pattern, Pose, Progress, RangeLimits, Scene, Sensor, scan,
 };
 use serde_json::Value;
 
-const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+use super::plates::{Plate, scene};
 
-/// Squares across x: their middle, half of their edge, and their reflectivity. Each is an object and has a material of its own.
-fn scene(squares: &[(DVec3, f64, f32)]) -> Scene {
-    let meshes = (0..)
-        .zip(squares)
-        .map(|(material, &(middle, half, _))| {
-            let corner = |y: f64, z: f64| (middle + DVec3::new(0.0, y, z) * half).as_vec3().to_array();
-            SourceMesh {
-                positions: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
-                parts: vec![SourcePart {
-                    triangles: vec![[0, 1, 2], [0, 2, 3]],
-                    material,
-                    ..SourcePart::default()
-                }],
-            }
-        })
-        .collect();
-    let instances = (0..squares.len())
-        .map(|mesh| SourceInstance { mesh, world_from_mesh: DAffine3::IDENTITY, ..SourceInstance::default() })
-        .collect();
-    let material = |&(_, _, rho): &(DVec3, f64, f32)| Material {
-        base_color: [rho, rho, rho, 1.0],
-        metallic: 0.0,
-        ..Material::default()
-    };
-    let materials = squares.iter().map(material).collect();
-    SceneBuilder { meshes, instances, materials, files: vec![], groups: vec![] }.build().unwrap()
-}
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// A post before a wall, something very near and something very far, and gaps between them.
 fn street() -> Scene {
+    let square = |middle, half, rho| Plate(middle, DVec3::Y * half, DVec3::Z * half, rho);
     scene(&[
-        (DVec3::new(20.0, 0.0, 0.0), 5.0, 0.5),
-        (DVec3::new(8.0, 0.6, 0.2), 0.8, 0.1),
-        (DVec3::new(0.3, -0.13, 0.05), 0.03, 0.4),
-        (DVec3::new(300.0, 60.0, 0.0), 40.0, 0.9),
+        square(DVec3::new(20.0, 0.0, 0.0), 5.0, 0.5),
+        square(DVec3::new(8.0, 0.6, 0.2), 0.8, 0.1),
+        square(DVec3::new(0.3, -0.13, 0.05), 0.03, 0.4),
+        square(DVec3::new(300.0, 60.0, 0.0), 40.0, 0.9),
     ])
 }
 

@@ -1,128 +1,16 @@
 //! Scans of sensors that are not ideal, against closed forms. Each random check states its rate of error and has a fixed seed.
 
-use std::sync::Arc;
-
-use beamcast::glam::{DAffine3, DVec3};
-use beamcast::motion::Trajectory;
-use beamcast::physics::detection::{RangePair, Sensitivity, normal_below};
+use beamcast::glam::DVec3;
+use beamcast::physics::detection::normal_below;
 use beamcast::physics::footprint::{Samples, beyond_edge};
-use beamcast::physics::surface::MetallicRoughness;
-use beamcast::scan::Echo;
-use beamcast::scene::{Optics, Sun, SurfaceKind, Weather};
-use beamcast::sensor::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
-use beamcast::trace::Tracer;
-use beamcast::{
-    Angle, Capture, Cause, Frame, Material, Pattern, Pose, Progress, Pulse, RangeLimits, RayTable, Return,
-    Scene, SceneBuilder, Sensor, SourceInstance, SourceMesh, SourcePart, scan,
+use beamcast::scene::{Optics, Scene, Sun, SurfaceKind, Weather};
+use beamcast::sensor::{Blooming, Measurement, Noise, Receiver, ReturnMode};
+use beamcast::{Angle, Cause, Frame, Pattern, Pulse, RangeLimits, RayTable, Sensor};
+
+use super::plates::{
+    Plate, cast, factor, kind, lambert, one_return, optics, power, receiver, returns, round, scene, sensor,
+    wall, with,
 };
-
-/// A square plate: its middle, half of its edges as vectors, and its reflectivity.
-struct Plate(DVec3, DVec3, DVec3, f32);
-
-fn scene(plates: &[Plate]) -> Scene {
-    let meshes: Vec<_> = (0..)
-        .zip(plates)
-        .map(|(material, &Plate(middle, a, b, _))| {
-            let corner = |s: f64, t: f64| (middle + a * s + b * t).as_vec3().to_array();
-            SourceMesh {
-                positions: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
-                parts: vec![SourcePart {
-                    triangles: vec![[0, 1, 2], [0, 2, 3]],
-                    material,
-                    ..SourcePart::default()
-                }],
-            }
-        })
-        .collect();
-    let instances = (0..plates.len())
-        .map(|mesh| SourceInstance { mesh, world_from_mesh: DAffine3::IDENTITY, ..SourceInstance::default() })
-        .collect();
-    let materials = plates
-        .iter()
-        .map(|&Plate(.., rho)| Material {
-            base_color: [rho, rho, rho, 1.0],
-            metallic: 0.0,
-            ..Material::default()
-        })
-        .collect();
-    SceneBuilder { meshes, instances, materials, files: vec![], groups: vec![] }.build().unwrap()
-}
-
-/// A wall across x.
-fn wall(x: f64, rho: f32) -> Plate {
-    Plate(DVec3::new(x, 0.0, 0.0), DVec3::Y * 50.0, DVec3::Z * 50.0, rho)
-}
-
-/// The power of a plate relative to a white one, as the file's material has it.
-fn factor(rho: f32, cosine: f64) -> f64 {
-    MetallicRoughness::rough(f64::from(rho)).power_factor(cosine)
-}
-
-/// A sensor of so many pulses along x, a microsecond apart.
-fn sensor(pulses: usize, measurement: Measurement) -> Sensor {
-    let pulse = |i: usize| Pulse::new(DVec3::ZERO, DVec3::X, i as f64 * 1e-6);
-    let pattern = Pattern::Rays(RayTable::new((0..pulses).map(pulse).collect(), None).unwrap());
-    let range = RangeLimits { max_m: 120.0, ..RangeLimits::default() };
-    Sensor { range, measurement, ..Sensor::new(pattern) }
-}
-
-fn cast(scene: &Scene, sensor: &Sensor, frame: u64) -> Frame {
-    let trajectory = Trajectory::Fixed(Pose::IDENTITY);
-    let capture = Capture::new(sensor, Pose::IDENTITY, &trajectory, frame, 7);
-    scan(scene, &Tracer::build(scene), &capture, &Progress::default()).unwrap()
-}
-
-/// A receiver that detects a plane of 10 % at 90 m half of the time.
-fn receiver() -> Receiver {
-    let range_pairs = vec![RangePair { reflectivity: 0.1, range_m: 90.0 }];
-    let sensitivity = Sensitivity::fit(&range_pairs);
-    Receiver { range_pairs, sensitivity, false_alarm: 1e-4, pulse_fwhm_s: 6e-9, ..Receiver::default() }
-}
-
-fn with(receiver: Receiver) -> Measurement {
-    Measurement { receiver: Some(receiver), ..Measurement::default() }
-}
-
-fn round(divergence_rad: f64, samples: Samples) -> Option<Footprint> {
-    Some(Footprint { half_divergence: [Angle::rad(0.5 * divergence_rad); 2], exit_radius_m: 0.0, samples })
-}
-
-fn returns(frame: &Frame) -> Vec<(Return, Echo)> {
-    (0..frame.pixels())
-        .flat_map(|pixel| frame.slots(pixel))
-        .map(|slot| (frame.returns().get(slot), *frame.echo(slot).unwrap()))
-        .collect()
-}
-
-/// Says how the plates of a scene send light back, plate by plate.
-fn optics(mut scene: Scene, of_plates: &[Optics]) -> Scene {
-    let geometry = Arc::make_mut(&mut scene.geometry);
-    geometry.optics = of_plates.to_vec();
-    for (index, material) in (0..).zip(&mut geometry.materials) {
-        material.optics = Some(index);
-    }
-    scene
-}
-
-fn kind(kind: SurfaceKind) -> Optics {
-    Optics { kind: Some(kind), ..Optics::default() }
-}
-
-fn lambert(rho: f64) -> Optics {
-    Optics { reflectance: Some(rho), ..kind(SurfaceKind::Lambert) }
-}
-
-/// The only return of a pulse along x, by a receiver without false alarms.
-fn one_return(scene: &Scene, receiver: Receiver) -> (Return, Echo) {
-    let found = returns(&cast(scene, &sensor(1, with(Receiver { false_alarm: 0.0, ..receiver })), 0));
-    assert_eq!(found.len(), 1, "{found:?}");
-    found[0]
-}
-
-/// The power of a return, relative to that of a white plane at 1 m.
-fn power(echo: &Echo) -> f64 {
-    f64::from(echo.snr) / receiver().snr(1.0, 1.0, 120.0)
-}
 
 /// A mirror of 90 % at 3 m, at 45°, shows a wall that is 4 m beside it: the point is at (7, 0, 0), with .81·ρ/49 of the power.
 #[test]
