@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::run::Bytes;
 use crate::run::facts::{
-    FileFacts, MeasurementFacts, RangeSigma, SceneFacts, SensorSizes, SequenceFacts, WayFacts,
+    DepthFacts, FileFacts, MeasurementFacts, RangeSigma, SceneFacts, SensorSizes, SequenceFacts, WayFacts,
 };
 use crate::source::words::{on_one_line, quoted};
 
@@ -92,6 +92,21 @@ fn write_measurement(text: &mut String, facts: &MeasurementFacts) {
     }
 }
 
+fn write_depth(text: &mut String, facts: &DepthFacts) {
+    let nominal = if facts.is_nominal { ", nominal" } else { "" };
+    let least = facts.least_depth_m.map_or(String::new(), |m| format!(", from {} m on", tidy(m)));
+    let repeats =
+        facts.unambiguous_range_m.map_or(String::new(), |m| format!(", repeats after {} m", tidy(m)));
+    fact!(text, "depth by", "{}{least}{repeats}{nominal}", facts.method);
+    if facts.depth_sigmas.iter().any(|sigma| sigma.sigma_m > 0.0) {
+        let sigma = |sigma: &RangeSigma| {
+            format!("{} mm at {} m", tidy((sigma.sigma_m * 1e4).round() / 10.0), sigma.range_m)
+        };
+        let sigmas: Vec<String> = facts.depth_sigmas.iter().map(sigma).collect();
+        fact!(text, "depth noise", "{} on 80 % (1σ){nominal}", sigmas.join(", "));
+    }
+}
+
 fn write_sensor(text: &mut String, sensor: &SensorSizes) {
     let facts = &sensor.facts;
     let name = sensor.name.as_deref().map_or(String::new(), |name| format!(" {name}"));
@@ -143,6 +158,9 @@ fn write_sensor(text: &mut String, sensor: &SensorSizes) {
     }
     if let Some(measurement) = &sensor.measurement {
         write_measurement(text, measurement);
+    }
+    if let Some(depth) = &sensor.depth {
+        write_depth(text, depth);
     }
     if let (Some(rate), Some(points)) = (facts.rate_hz, facts.points_per_second) {
         fact!(text, "rate", "{} Hz, at most {} points a second", tidy(rate), grouped(points.round() as u64));
@@ -234,6 +252,7 @@ mod tests {
                 false_alarms_per_frame: 0.108,
                 range_sigmas: vec![RangeSigma { range_m: 10.0, sigma_m: 0.0123 }],
             }),
+            depth: None,
             name: Some("top".to_owned()),
             stance: None,
             facts,

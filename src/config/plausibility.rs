@@ -36,6 +36,13 @@ fn is_turn_in_radians(value: f64) -> bool {
     TURNS.iter().any(|(turn, tolerance)| (value.abs() - turn).abs() < *tolerance)
 }
 
+/// A key of a stereo camera that its method does not use.
+pub(super) fn key_of_other_method(key: &str, is_matched: bool) -> Doubt {
+    let (method, other) = if is_matched { ("match", "analytic") } else { ("analytic", "match") };
+    let message = format!("`{key}` is of the method \"{other}\", and the camera's is \"{method}\"");
+    Doubt::new("key-of-other-method", key, message).label("does nothing")
+}
+
 /// Roll, pitch and yaw that are a part of a turn in radians.
 pub(super) fn rpy(key: &str, rpy: [f64; 3]) -> Option<Doubt> {
     let turn = rpy.into_iter().find(|angle| is_turn_in_radians(*angle))?;

@@ -45,6 +45,9 @@ pub struct SensorSizes {
     /// How far and how precisely it measures, if it has a receiver with range pairs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measurement: Option<MeasurementFacts>,
+    /// How a depth camera finds depth, if it is not ideal.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth: Option<DepthFacts>,
     /// Where the sensor of a job stands and looks at first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stance: Option<Stance>,
@@ -67,6 +70,7 @@ impl SensorSizes {
             name: name.map(str::to_owned),
             stance: None,
             measurement: MeasurementFacts::of(&sensor.measurement, sensor.range, rays, false),
+            depth: DepthFacts::of(sensor, false),
             frame_bytes: memory::frame_bytes_a_pixel(sensor).saturating_mul(rays),
             output_bytes: formats.iter().map(size).collect(),
             facts,
@@ -80,7 +84,15 @@ impl SensorSizes {
         let rays = sizes.facts.rays_per_frame as u64;
         let nominal = file.nominal.as_ref();
         let of_nominal = || MeasurementFacts::of(&nominal?.measurement, file.sensor.range, rays, true);
-        Self { measurement: sizes.measurement.clone().or_else(of_nominal), ..sizes }
+        let depth_of_nominal = || {
+            let measurement = nominal?.measurement.clone();
+            DepthFacts::of(&Sensor { measurement, ..file.sensor.clone() }, true)
+        };
+        Self {
+            measurement: sizes.measurement.clone().or_else(of_nominal),
+            depth: sizes.depth.clone().or_else(depth_of_nominal),
+            ..sizes
+        }
     }
 
     /// The facts about a sensor of a job.
@@ -90,6 +102,9 @@ impl SensorSizes {
         sizes.stance = Some(Stance::of(job, index));
         if let Some(measurement) = &mut sizes.measurement {
             measurement.is_nominal = mounted.is_nominal;
+        }
+        if let Some(depth) = &mut sizes.depth {
+            depth.is_nominal = mounted.is_nominal;
         }
         sizes
     }
@@ -335,10 +350,12 @@ impl SceneFacts {
     }
 }
 
+mod depth;
 mod measurement;
 mod sequence;
 #[cfg(test)]
 mod tests;
 
+pub use depth::DepthFacts;
 pub use measurement::{MeasurementFacts, RangeSigma};
 pub use sequence::{SequenceFacts, WayFacts};

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::output::Format;
 use crate::scan::Frame;
 use crate::scene::Scene;
-use crate::sensor::{Pattern, Pulse, RayTable, Sensor};
+use crate::sensor::{DepthSensing, Pattern, Pulse, RayTable, Sensor, StereoMethod};
 use crate::source::memory::kilobytes_of;
 pub use crate::source::memory::of_machine;
 use crate::truth::SurfaceMotion;
@@ -69,7 +69,18 @@ pub fn of_frame(sensor: &Sensor) -> u64 {
         Pattern::Camera(camera) => camera.table_bytes(),
         _ => 0,
     };
-    pixels(sensor).saturating_mul(frame_bytes_a_pixel(sensor)).saturating_add(directions)
+    let frame = pixels(sensor).saturating_mul(frame_bytes_a_pixel(sensor));
+    frame.saturating_add(directions).saturating_add(matching_bytes(sensor))
+}
+
+/// Bytes that a camera which matches images takes while it does: its matcher and an ideal frame of each imager. 0 for other
+/// sensors.
+fn matching_bytes(sensor: &Sensor) -> u64 {
+    let Some(DepthSensing::Stereo(stereo)) = &sensor.measurement.depth else { return 0 };
+    let StereoMethod::Match(matching) = &stereo.method else { return 0 };
+    let matcher = matching.settings.memory_bytes(sensor.pattern.columns(), sensor.pattern.rows());
+    let frames = pixels(sensor).saturating_mul(2 * Frame::BYTES_A_PIXEL as u64);
+    matcher.saturating_add(frames)
 }
 
 /// An upper estimate of the memory that the frames of a rig take, so many of each sensor, with everything that is made of them,
@@ -104,7 +115,7 @@ pub fn of_frames(sensors: &[MountedSensor], frames: &[u64], formats: &[Format], 
             }
         };
         let rays = pixels(sensor);
-        largest = largest.max(rays.saturating_mul(once));
+        largest = largest.max(rays.saturating_mul(once).saturating_add(matching_bytes(sensor)));
         all = all.saturating_add(rays.saturating_mul(kept).saturating_mul(frames));
     }
     all.saturating_add(largest)

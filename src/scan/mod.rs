@@ -96,6 +96,14 @@ struct Strip<'f> {
     rows: Vec<Piece<'f>>,
 }
 
+impl Strip<'_> {
+    /// The number of a ray's pixel in an image of so many columns.
+    fn pixel(&self, batch: &Batch, ray: usize, columns: usize) -> u32 {
+        let (row, column) = batch.pixels[ray];
+        ((self.first_row + usize::from(row)) * columns + self.first_column + usize::from(column)) as u32
+    }
+}
+
 /// A run of pixels of one row.
 struct Piece<'f> {
     returns: ReturnsMut<'f>,

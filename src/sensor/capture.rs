@@ -69,6 +69,14 @@ impl<'a> Capture<'a> {
         Self::new(self.sensor, self.body_from_sensor, self.trajectory, frame, self.seed).of_rig(self.index)
     }
 
+    /// The capture of a camera so many metres to the right along the rows of this one's image, with the same axes.
+    #[must_use]
+    pub fn to_the_right(self, right_m: f64) -> Self {
+        // The body frame's y is to the left.
+        let aside = Pose { translation: DVec3::new(0.0, -right_m, 0.0), ..Pose::IDENTITY };
+        Self { body_from_sensor: self.body_from_sensor * aside, ..self }
+    }
+
     /// Rows of the frame's image.
     pub fn rows(&self) -> usize {
         self.sensor.pattern.rows()

@@ -1,6 +1,9 @@
 //! How a depth camera finds the depth of its pixels: by the disparity of a second viewpoint, or by the time of flight of modulated
 //! light.
 
+use crate::angle::Angle;
+use crate::matching::Settings;
+
 /// How a depth camera finds depth. Without it a camera is ideal: its depth is exact.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DepthSensing {
@@ -43,6 +46,8 @@ pub enum SecondViewpoint {
 pub enum StereoMethod {
     /// From the exact depth, with noise, holes and rounding.
     Analytic(AnalyticDisparity),
+    /// By matching the images that the camera's two imagers see.
+    Match(Matching),
 }
 
 /// Disparities that are found from the exact depth.
@@ -58,6 +63,51 @@ pub struct AnalyticDisparity {
     pub inlier_share: f64,
 }
 
+/// The images of a stereo camera, and how they are matched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Matching {
+    /// The pattern projector; `None`: the camera is passive.
+    pub projector: Option<Projector>,
+    /// The imagers.
+    pub imager: Imager,
+    /// The settings of the matcher. The disparities that are searched are those of [`Stereo`].
+    pub settings: Settings,
+}
+
+/// A projector of dots at places that follow from a seed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Projector {
+    /// The distance from the camera to the projector along the image's rows to the right, in metres.
+    pub offset_m: f64,
+    /// The full angles of the pattern, horizontal and vertical.
+    pub field: [Angle; 2],
+    /// The number of dots.
+    pub dots: u32,
+    /// The full width of a dot at half of its maximum.
+    pub dot_width: Angle,
+    /// The seed of the dots' places.
+    pub seed: u64,
+    /// The share of the light that is spread evenly over the field, 0 to 1.
+    pub flood: f64,
+}
+
+/// The imagers of a stereo camera. Grey values are 0 to 255.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Imager {
+    /// The wavelength in metres.
+    pub wavelength_m: f64,
+    /// The mean grey value to which the exposure brings the image of the camera's own viewpoint. `None`: the exposure is fixed.
+    pub auto_level: Option<f64>,
+    /// The mean grey value that the projector's light gives a white plane at 1 m, before the exposure is set.
+    pub projected_at_1_m: f64,
+    /// The grey value that ambient light gives a white plane, before the exposure is set.
+    pub ambient: f64,
+    /// The grey value that sunlight of 100 klx gives a white plane that faces it, before the exposure is set.
+    pub sun: f64,
+    /// The factor on the noise of the images; 1 is that which was measured of the Kinect's imager.
+    pub noise: f64,
+}
+
 impl Stereo {
     /// The disparities that are searched, in pixels: from the first, which is among them, to the second, which is not.
     pub fn searched_px(&self) -> [f64; 2] {
@@ -70,6 +120,7 @@ impl Stereo {
     pub fn sigma_px(&self) -> Option<f64> {
         match &self.method {
             StereoMethod::Analytic(analytic) => Some(analytic.sigma_px),
+            StereoMethod::Match(_) => None,
         }
     }
 }
@@ -91,6 +142,8 @@ pub struct TimeOfFlight {
     pub read_noise: f64,
     /// The electrons that a tap holds; infinite if it never saturates.
     pub full_well: f64,
+    /// The taps of a pixel at each frequency, 3 or more, spread evenly over a period.
+    pub taps: u32,
     /// The side of the square of sub-rays of a pixel.
     pub samples: u32,
     /// The rays for indirect light of each sub-ray's hit; 0: there is only direct light.

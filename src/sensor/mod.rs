@@ -33,7 +33,10 @@ use crate::angle::Angle;
 
 pub use camera::{Camera, CameraError};
 pub use capture::{Capture, NumberProblem};
-pub use depth::{AnalyticDisparity, DepthSensing, SecondViewpoint, Stereo, StereoMethod, TimeOfFlight};
+pub use depth::{
+    AnalyticDisparity, DepthSensing, Imager, Matching, Projector, SecondViewpoint, Stereo, StereoMethod,
+    TimeOfFlight,
+};
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
 pub use measurement::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};

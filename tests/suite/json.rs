@@ -34,6 +34,11 @@ fn job(x: f64, columns: usize, kernel: &str) -> String {
     )
 }
 
+/// A sensor file of a depth camera that finds depth in this way.
+fn camera(method: &str) -> String {
+    format!("{method}\n[pinhole]\nwidth_px = 8\nheight_px = 6\nhfov_deg = 60.0\n")
+}
+
 /// A scene of a triangle and a camera, with an animation and a skin.
 const TRIANGLE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}],
     "nodes": [{"mesh": 0}, {"camera": 0}],
@@ -55,6 +60,8 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ("sequence.toml", job(0.0, 36, "exact") + "[sequence]\nframes = 2\n"),
         ("leaky.toml", job(0.0, 36, "moller-trumbore")),
         ("measured.toml", job(0.0, 36, "exact") + "[sensor.receiver]\nrange_pairs = [[0.8, 50.0]]\n"),
+        ("stereo.toml", camera("stereo = { baseline_m = 0.05 }")),
+        ("tof.toml", camera("tof = { frequencies_mhz = [20.0, 100.0], electrons_at_1_m = 1e5 }")),
         ("wrong.toml", "scene = 3\n".to_owned()),
         ("triangle.gltf", TRIANGLE.to_owned()),
     ] {
@@ -114,7 +121,19 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
             ],
         ),
         ("explain", vec![json(&["explain", "measured.toml", "1", "18", "--json"])]),
-        ("lint", vec![json(&["lint", "a.toml", "sequence.toml", "measured.toml", "wrong.toml", "--json"])]),
+        (
+            "lint",
+            vec![json(&[
+                "lint",
+                "a.toml",
+                "sequence.toml",
+                "measured.toml",
+                "stereo.toml",
+                "tof.toml",
+                "wrong.toml",
+                "--json",
+            ])],
+        ),
         (
             "info",
             vec![

@@ -9,6 +9,7 @@ mod cut_outs;
 mod datasets;
 mod datasheets;
 mod dead_zone;
+mod depth_cameras;
 mod docs;
 mod examples;
 mod explain;

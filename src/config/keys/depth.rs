@@ -2,7 +2,7 @@
 
 use std::ops::Bound::{Excluded, Included};
 
-use super::super::kinds::{Integer, List, Nested, Number};
+use super::super::kinds::{Choice, Integer, List, Nested, Number, NumberChoice, Vector};
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
 
 /// The tables of which a depth camera has at most one.
@@ -34,9 +34,38 @@ pub(crate) mod stereo {
 
     pub static KEYS: TableKeys = table(
         "`[stereo]`",
-        &[&BASELINE, &FIRST_DISPARITY, &DISPARITIES, &UNIT, &SIGMA, &WINDOW, &INLIER, &INLIER_SHARE],
+        &[
+            &BASELINE,
+            &METHOD,
+            &FIRST_DISPARITY,
+            &DISPARITIES,
+            &UNIT,
+            &SIGMA,
+            &WINDOW,
+            &INLIER,
+            &INLIER_SHARE,
+            &PROJECTOR,
+            &IMAGER,
+            &MATCHER,
+        ],
     )
     .partial();
+    /// Whether disparities are found by matching images.
+    pub static METHOD: Key<Choice<bool>> = key(
+        "method",
+        Choice(&[("analytic", false), ("match", true)]),
+        "How disparities are found: from the exact depth with `sigma_px` and the window, or by matching what both imagers see.",
+    )
+    .or("\"analytic\"");
+    pub static PROJECTOR: Key<Nested> = key(
+        "projector",
+        Nested(&projector::KEYS),
+        "The projector of a pattern, of a camera that matches; left out: the camera is passive.",
+    );
+    pub static IMAGER: Key<Nested> =
+        key("imager", Nested(&imager::KEYS), "The imagers of a camera that matches.");
+    pub static MATCHER: Key<Nested> =
+        key("matcher", Nested(&matcher::KEYS), "The settings of the matcher of a camera that matches.");
     pub static BASELINE: Key<Number> = key(
         "baseline_m",
         super::BASELINE,
@@ -85,6 +114,171 @@ pub(crate) mod stereo {
         "The share of the window's pixels that have to be of the same surface, else the pixel has no depth.",
     )
     .or("0.3");
+}
+
+/// `[stereo.projector]`.
+pub(crate) mod projector {
+    use super::*;
+
+    pub static KEYS: TableKeys =
+        table("`[stereo.projector]`", &[&OFFSET, &FIELD, &DOTS, &DOT_WIDTH, &SEED, &FLOOD]).partial();
+    pub static OFFSET: Key<Number> = key(
+        "offset_m",
+        super::BASELINE,
+        "The distance from the camera to the projector along the image's rows, to the right; negative: to the left.",
+    )
+    .required("`offset_m = 0.029`, the distance from the camera to the projector");
+    pub static FIELD: Key<Vector<2>> = key(
+        "field_deg",
+        Vector("the full angles, horizontal and vertical"),
+        "The full angles of the pattern, horizontal and vertical; each is greater than 0 and less than 180.",
+    )
+    .required("`field_deg = [87.0, 58.0]`, the full angles, horizontal and vertical");
+    pub static DOTS: Key<Integer<u32>> =
+        key("dots", Integer::within(1, 1_000_000), "The number of dots of the pattern.").or("5000");
+    pub static DOT_WIDTH: Key<Number> = key(
+        "dot_mrad",
+        Number::within(Excluded(0.0), Included(100.0)),
+        "The full width of a dot at half of its maximum.",
+    )
+    .or("2.0");
+    pub static SEED: Key<Integer<u64>> =
+        key("seed", Integer::within(0, u64::MAX), "What the places of the dots follow from.").or("1");
+    pub static FLOOD: Key<Number> = key(
+        "flood",
+        Number::SHARE,
+        "The share of the projector's light that is spread evenly over the field.",
+    )
+    .or("0.0");
+}
+
+/// `[stereo.imager]`.
+pub(crate) mod imager {
+    use super::*;
+
+    pub static KEYS: TableKeys =
+        table("`[stereo.imager]`", &[&WAVELENGTH, &AUTO_LEVEL, &PROJECTED, &AMBIENT, &SUN, &NOISE]).partial();
+    pub static WAVELENGTH: Key<Number> = key(
+        "wavelength_nm",
+        Number::within(Included(300.0), Included(2500.0)),
+        "The wavelength of the light, at which materials' reflectances are taken.",
+    )
+    .or("850.0");
+    pub static AUTO_LEVEL: Key<Number> = key(
+        "auto_level",
+        Number::within(Excluded(0.0), Included(255.0)),
+        "The mean grey value to which the exposure brings the camera's own image; left out: the exposure is fixed.",
+    );
+    pub static PROJECTED: Key<Number> = key(
+        "projected_at_1_m",
+        Number::NOT_NEGATIVE,
+        "The mean grey value that the projector's light gives a white plane at 1 m, before the exposure is set.",
+    )
+    .or("60.0");
+    pub static AMBIENT: Key<Number> = key(
+        "ambient",
+        Number::NOT_NEGATIVE,
+        "The grey value that ambient light gives a white plane, before the exposure is set.",
+    )
+    .or("40.0");
+    pub static SUN: Key<Number> = key(
+        "sun",
+        Number::NOT_NEGATIVE,
+        "The grey value that sunlight of 100 klx gives a white plane that faces it, before the exposure is set.",
+    )
+    .or("0.0");
+    pub static NOISE: Key<Number> = key(
+        "noise",
+        Number::NOT_NEGATIVE,
+        "The factor on the noise of the images; 1 is that which was measured of the Kinect's imager.",
+    )
+    .or("1.0");
+}
+
+/// `[stereo.matcher]`.
+pub(crate) mod matcher {
+    use super::*;
+
+    pub static KEYS: TableKeys = table(
+        "`[stereo.matcher]`",
+        &[
+            &CENSUS,
+            &BLOCK,
+            &PENALTIES,
+            &PATHS,
+            &UNIQUENESS,
+            &LEFT_RIGHT,
+            &TEXTURE,
+            &TEXTURE_DIFFERENCE,
+            &SPECKLE,
+            &SPECKLE_STEP,
+            &MEDIAN,
+        ],
+    )
+    .partial();
+    pub static CENSUS: Key<Vector<2>> = key(
+        "census_px",
+        Vector("the odd numbers of columns and rows"),
+        "The odd numbers of columns and rows of the census window; it has at most 65 pixels.",
+    )
+    .or("[7, 7]");
+    pub static BLOCK: Key<Integer<u32>> =
+        key("block_px", SIDE, "The odd side of the block over which costs are added; 1: they are not.")
+            .or("7");
+    pub static PENALTIES: Key<Vector<2>> = key(
+        "penalties",
+        Vector("for a step of one pixel and for a larger one"),
+        "The costs of a step of the disparity by one pixel and by more, in bits for each pixel of the block: whole numbers, the second \
+         at least the first and at most 1024.",
+    )
+    .or("[8, 32]");
+    pub static PATHS: Key<NumberChoice<bool>> = key(
+        "paths",
+        NumberChoice(&[(4, false), (8, true)]),
+        "The paths along which surfaces are taken for smooth.",
+    )
+    .or("4");
+    pub static UNIQUENESS: Key<Integer<u32>> = key(
+        "uniqueness_percent",
+        Integer::within(0, 99),
+        "By how many percent the best cost has to be lower than that of any other disparity but its neighbours.",
+    )
+    .or("10");
+    pub static LEFT_RIGHT: Key<Integer<u32>> = key(
+        "left_right_px",
+        Integer::within(0, 4096),
+        "The largest difference between the disparities that both images find; left out: it is not checked.",
+    );
+    pub static TEXTURE: Key<Integer<u32>> = key(
+        "texture",
+        Integer::within(0, 64),
+        "The number of pixels in the census window that have to differ from its middle; 0: none has to.",
+    )
+    .or("4");
+    pub static TEXTURE_DIFFERENCE: Key<Integer<u32>> = key(
+        "texture_difference",
+        Integer::within(0, 255),
+        "The difference from the window's middle that counts, in grey values.",
+    )
+    .or("4");
+    pub static SPECKLE: Key<Integer<u32>> = key(
+        "speckle_px",
+        Integer::within(0, u32::MAX as u64),
+        "The number of pixels from which on a patch of like disparities is a surface; 0: each is.",
+    )
+    .or("100");
+    pub static SPECKLE_STEP: Key<Number> = key(
+        "speckle_step_px",
+        Number::within(Included(0.0), Included(4096.0)),
+        "The difference of disparities between neighbours of a patch.",
+    )
+    .or("1.0");
+    pub static MEDIAN: Key<NumberChoice<u32>> = key(
+        "median_px",
+        NumberChoice(&[(1, 1), (3, 3), (5, 5), (7, 7)]),
+        "The side of the median filter over disparities; 1: there is none.",
+    )
+    .or("5");
 }
 
 /// `[structured_light]`. Its keys have the meanings of those of `[stereo]`.
@@ -148,6 +342,7 @@ pub(crate) mod tof {
             &SUN,
             &READ_NOISE,
             &FULL_WELL,
+            &TAPS,
             &SAMPLES,
             &INDIRECT,
             &THIRD_HARMONIC,
@@ -200,6 +395,12 @@ pub(crate) mod tof {
         "The electrons that a tap holds; more saturate the pixel, which then has no depth.",
     )
     .or("inf");
+    pub static TAPS: Key<Integer<u32>> = key(
+        "taps",
+        Integer::within(3, 8),
+        "The taps of a pixel at each frequency, spread evenly over a period.",
+    )
+    .or("4");
     pub static SAMPLES: Key<Integer<u32>> = key(
         "samples",
         Integer::within(1, 8),

@@ -6,7 +6,8 @@ use super::super::table::asked;
 use super::super::{load_job, load_sensor};
 
 /// Sensor files that have each table of a sensor between them.
-const SENSORS: [&str; 10] = [
+const SENSORS: [&str; 14] = [
+    "analytic",
     "equirectangular",
     "fisheye",
     "measured",
@@ -17,6 +18,9 @@ const SENSORS: [&str; 10] = [
     "risley",
     "rotating",
     "spaced",
+    "stereo",
+    "structured_light",
+    "tof",
 ];
 
 /// Jobs that have each table of a job between them, except for the patterns.

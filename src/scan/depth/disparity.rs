@@ -9,13 +9,13 @@ use super::second::Second;
 use crate::physics::disparity::StereoPair;
 use crate::rng::FrameStreams;
 use crate::scan::effects::Effect;
-use crate::scan::frame::{Cause, Echo, Frame, Images, Terms};
+use crate::scan::frame::{Cause, Echo, Frame, Images, NO_OBJECT, Return, Terms};
 use crate::scan::{Progress, scan_ideal};
 use crate::scene::Scene;
-use crate::sensor::{AnalyticDisparity, Capture, Pattern, SecondViewpoint, Stereo, StereoMethod};
+use crate::sensor::{AnalyticDisparity, Capture, Pattern, SecondViewpoint, Stereo};
 use crate::trace::Cast;
 
-/// Casts a capture of a camera of two viewpoints. `None` if `progress.cancelled` was set before the end.
+/// Casts a capture of a camera whose disparities follow from the exact depths. `None` if `progress.cancelled` was set before the end.
 ///
 /// # Panics
 /// If the sensor is no camera.
@@ -23,41 +23,50 @@ pub(super) fn scan(
     scene: &Scene,
     tracer: &impl Cast,
     capture: &Capture,
-    stereo: &Stereo,
+    (stereo, analytic): (&Stereo, &AnalyticDisparity),
     progress: &Progress,
 ) -> Option<(Vec<Pixel>, Images)> {
-    let view = View::of(scene, tracer, capture, stereo, progress)?;
-    match &stereo.method {
-        StereoMethod::Analytic(analytic) => Some(view.measure(analytic)),
-    }
+    let view = View::cast(scene, tracer, capture, stereo, progress)?;
+    Some(view.measure(analytic))
 }
 
-/// The camera's own view: the ideal frame, and the exact disparity of each pixel.
-struct View<'a> {
+/// The camera's own view.
+pub(super) struct View<'a> {
     capture: &'a Capture<'a>,
     stereo: &'a Stereo,
     rig: StereoPair,
     ideal: Frame,
-    /// The exact disparity of each pixel; 0 of a pixel whose surface the second viewpoint does not see, or that has none.
+    /// The exact disparity of each pixel, if the camera's disparities follow from them; 0 of a pixel whose surface the second viewpoint
+    /// does not see, or that has none.
     exact_px: Vec<f64>,
 }
 
 impl<'a> View<'a> {
-    fn of(
+    /// The view of a camera whose ideal frame was cast.
+    ///
+    /// # Panics
+    /// If the sensor is no camera.
+    pub fn new(capture: &'a Capture<'a>, stereo: &'a Stereo, ideal: Frame) -> Self {
+        let Pattern::Camera(camera) = &capture.sensor.pattern else { panic!("a stereo camera is a camera") };
+        let rig = StereoPair { focal_px: camera.focal_px().0, baseline_m: stereo.baseline_m.abs() };
+        Self { capture, stereo, rig, ideal, exact_px: Vec::new() }
+    }
+
+    fn cast(
         scene: &Scene,
         tracer: &impl Cast,
         capture: &'a Capture<'a>,
         stereo: &'a Stereo,
         progress: &Progress,
     ) -> Option<Self> {
-        let Pattern::Camera(camera) = &capture.sensor.pattern else { panic!("a stereo camera is a camera") };
-        let rig = StereoPair { focal_px: camera.focal_px().0, baseline_m: stereo.baseline_m.abs() };
         let second = Second::to_the_right(scene, tracer, capture, stereo.baseline_m);
         let columns = capture.columns();
         let mut ideal = Frame::default();
         let hidden = scan_ideal(&mut ideal, scene, tracer, capture, progress, |strip, batch| {
             second.hidden(strip, batch, columns)
         })?;
+        let view = Self::new(capture, stereo, ideal);
+        let (ideal, rig) = (&view.ideal, &view.rig);
         let mut exact_px: Vec<f64> = (0..ideal.pixels())
             .into_par_iter()
             .map(|pixel| {
@@ -80,7 +89,7 @@ impl<'a> View<'a> {
                 }
             });
         }
-        Some(Self { capture, stereo, rig, ideal, exact_px })
+        Some(Self { exact_px, ..view })
     }
 
     /// Finds disparities from the exact ones.
@@ -101,7 +110,8 @@ impl<'a> View<'a> {
                     return (Pixel::without(Cause::Ambiguous), 0.0);
                 }
                 let mut noise = streams.stream(pixel as u32, 0, Effect::Disparity as u32);
-                let found = Found { disparity_px: exact_px + analytic.sigma_px * noise.normal() };
+                let disparity_px = exact_px + analytic.sigma_px * noise.normal();
+                let found = Found { disparity_px, is_matched: false };
                 self.pixel(pixel, found)
             })
             .collect();
@@ -133,7 +143,7 @@ impl<'a> View<'a> {
     }
 
     /// What the camera reports of a pixel with a disparity, and the disparity as it reports it.
-    fn pixel(&self, pixel: usize, found: Found) -> (Pixel, f32) {
+    pub fn pixel(&self, pixel: usize, found: Found) -> (Pixel, f32) {
         let unit_px = self.stereo.unit_px;
         let reported_px = match unit_px > 0.0 {
             true => unit_px * libm::floor(found.disparity_px / unit_px + 0.5),
@@ -146,12 +156,21 @@ impl<'a> View<'a> {
         let ratio = ratio(self.capture, pixel);
         let range_of = |disparity_px: f64| self.rig.depth_m(disparity_px) / ratio;
         let range_m = range_of(reported_px);
-        let surface = self.ideal.returns().get(pixel);
-        let ideal_m = surface.range_m;
         let unrounded_m = range_of(found.disparity_px);
+        let is_seen = matches!(self.ideal.causes()[pixel], Cause::Surface | Cause::TooNear);
+        let surface = match is_seen {
+            true => self.ideal.returns().get(pixel),
+            // A match where there is no surface. Its budget has no exact range to begin with.
+            false => {
+                Return { range_m: unrounded_m, instance: NO_OBJECT, triangle: NO_OBJECT, ..Return::default() }
+            }
+        };
+        let error_m = unrounded_m - surface.range_m;
+        let [footprint_m, noise_m] = if found.is_matched { [error_m, 0.0] } else { [0.0, error_m] };
         let terms = Terms {
-            ideal_m,
-            noise_m: unrounded_m - ideal_m,
+            ideal_m: surface.range_m,
+            footprint_m,
+            noise_m,
             rounding_m: range_m - unrounded_m,
             ..Terms::default()
         };
@@ -164,17 +183,21 @@ impl<'a> View<'a> {
         };
         let cause = match place {
             Ordering::Less => Cause::TooNear,
-            Ordering::Equal => Cause::Surface,
+            Ordering::Equal if is_seen => Cause::Surface,
+            Ordering::Equal => Cause::FalseAlarm,
             Ordering::Greater => return (Pixel::without(Cause::OutOfRange), reported_px as f32),
         };
-        let one = crate::scan::Return { range_m, ..surface };
+        let one = Return { range_m, ..surface };
         (Pixel { cause, one: Some((one, Echo { cause, terms, ..Echo::default() })) }, reported_px as f32)
     }
 }
 
 /// A disparity that was found, before it is rounded.
-struct Found {
-    disparity_px: f64,
+pub(super) struct Found {
+    /// In pixels.
+    pub disparity_px: f64,
+    /// Whether images were matched, so that the error is not noise alone.
+    pub is_matched: bool,
 }
 
 /// The depth of a pixel over its range.

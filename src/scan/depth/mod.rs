@@ -1,15 +1,18 @@
 //! Scans of depth cameras that are not ideal.
 //!
 //! ```text
-//! second     the second viewpoint: which surfaces it sees
-//! disparity  disparities from exact depths, with noise, holes and rounding; from disparities to returns
-//! shade      how surfaces look in the light of the camera and of the sun
+//! second          the second viewpoint: which surfaces it sees
+//! disparity       disparities from exact depths, with noise, holes and rounding; from disparities to returns
+//! infrared        what the imagers see; matched: disparities by matching that
+//! shade           how surfaces look in the light of the camera and of the sun
 //! time_of_flight  the light of all paths as phasors; from phases to returns
 //! ```
 //!
 //! Each random number follows from the seed, the sensor, the frame, the pixel and the effect, so frames do not depend on threads.
 
 mod disparity;
+//mod infrared;
+//mod matched;
 mod second;
 mod shade;
 mod time_of_flight;
@@ -17,11 +20,8 @@ mod time_of_flight;
 use super::story::Story;
 use super::{Cause, Echo, Frame, Progress, Return};
 use crate::scene::Scene;
-use crate::sensor::{Capture, DepthSensing};
+use crate::sensor::{Capture, DepthSensing, StereoMethod};
 use crate::trace::Cast;
-
-/// The taps of a time-of-flight pixel: four, a quarter of a period apart, as in all cameras that the presets have.
-const TAPS: usize = 4;
 
 /// What a depth camera reports of a pixel.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +48,15 @@ pub(super) fn scan_into(
     progress: &Progress,
 ) -> bool {
     let measured = match sensing {
-        DepthSensing::Stereo(stereo) => disparity::scan(scene, tracer, capture, stereo, progress),
+        DepthSensing::Stereo(stereo) => match &stereo.method {
+            StereoMethod::Analytic(analytic) => {
+                disparity::scan(scene, tracer, capture, (stereo, analytic), progress)
+            }
+            StereoMethod::Match(matching) => {
+                let _ = matching;
+                None
+            }
+        },
         DepthSensing::TimeOfFlight(tof) => time_of_flight::scan(scene, tracer, capture, tof, progress),
     };
     let Some((pixels, images)) = measured else { return false };

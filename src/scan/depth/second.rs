@@ -56,17 +56,8 @@ impl<'a, C: Cast> Second<'a, C> {
             times_s: (!times_s.is_empty()).then_some(&times_s[..]),
         };
         let blocked = self.blocked(&sights);
-        let of_pixel = |ray: usize| {
-            let (row, column) = batch.pixels[ray];
-            let (row, column) =
-                (strip.first_row + usize::from(row), strip.first_column + usize::from(column));
-            (row * columns + column) as u32
-        };
-        rays.iter()
-            .zip(blocked)
-            .filter(|(_, is_blocked)| *is_blocked)
-            .map(|(&ray, _)| of_pixel(ray))
-            .collect()
+        let is_blocked = rays.iter().zip(blocked).filter(|(_, is_blocked)| *is_blocked);
+        is_blocked.map(|(&ray, _)| strip.pixel(batch, ray, columns)).collect()
     }
 
     /// Whether something blocks each line of sight. Holes and thin panes do not.

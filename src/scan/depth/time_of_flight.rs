@@ -11,8 +11,8 @@ use std::sync::atomic::Ordering::Relaxed;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::Pixel;
 use super::shade::{CLEARANCE_M, Lit, Shader, sunlight};
-use super::{Pixel, TAPS};
 use crate::physics::phasor::{Demodulated, ModulatedLight, TofPixel};
 use crate::physics::unwrap::{Reliable, Unreliable, Unwrapped, Unwrapper};
 use crate::rng::FrameStreams;
@@ -23,6 +23,9 @@ use crate::scan::{Progress, STRIP, SensorPose, TILE, scan_ideal};
 use crate::scene::Scene;
 use crate::sensor::{Capture, TimeOfFlight};
 use crate::trace::{Cast, Hit, Origins, Rays};
+
+/// The most taps of a pixel.
+const MOST_TAPS: usize = 8;
 
 /// Casts a capture of a time-of-flight camera. `None` if `progress.cancelled` was set before the end.
 pub(super) fn scan(
@@ -389,11 +392,14 @@ impl<C: Cast> Camera<'_, C> {
                 light.add_path(path.electrons, path.length_m, frequency_hz);
             }
             let mut stream = self.streams.stream(number as u32, k as u32, Effect::Electrons as u32);
-            let taps: [f64; TAPS] =
-                std::array::from_fn(|tap| self.pixel.tap(tap, TAPS, &light, || stream.normal()));
-            let mean: [f64; TAPS] = std::array::from_fn(|tap| self.pixel.mean_tap(tap, TAPS, &light));
-            noisy[k] = Some(self.pixel.demodulate(&taps));
-            quiet[k] = Some(self.pixel.demodulate(&mean));
+            let count = self.sensing.taps as usize;
+            let (mut taps, mut means) = ([0.0; MOST_TAPS], [0.0; MOST_TAPS]);
+            for tap in 0..count {
+                taps[tap] = self.pixel.tap(tap, count, &light, || stream.normal());
+                means[tap] = self.pixel.mean_tap(tap, count, &light);
+            }
+            noisy[k] = Some(self.pixel.demodulate(&taps[..count]));
+            quiet[k] = Some(self.pixel.demodulate(&means[..count]));
         }
         let noisy: Vec<Demodulated> = noisy.into_iter().flatten().collect();
         let quiet: Vec<Demodulated> = quiet.into_iter().flatten().collect();

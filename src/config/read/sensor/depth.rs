@@ -1,12 +1,19 @@
 //! The tables by which a depth camera finds depth → [`DepthSensing`].
 
-use super::super::super::keys::depth::{self as keys, stereo, structured_light, tof};
-use super::super::super::table::{AnyKey, Key, Table};
-use crate::config::kinds::{Integer, Nested, Number};
-use crate::sensor::{
-    AnalyticDisparity, DepthSensing, Lens, Measurement, Pattern, SecondViewpoint, Stereo, StereoMethod,
-    TimeOfFlight,
+use super::super::super::keys::depth::{
+    self as keys, imager, matcher, projector, stereo, structured_light, tof,
 };
+use super::super::super::kinds::{Integer, Nested, Number};
+use super::super::super::plausibility;
+use super::super::super::table::{AnyKey, Key, Table};
+use crate::angle::Angle;
+use crate::matching::{Paths, Settings, Speckle, Texture, UNITS_PER_PX};
+use crate::physics::unwrap::Unwrapper;
+use crate::sensor::{
+    AnalyticDisparity, DepthSensing, Imager, Lens, Matching, Measurement, Pattern, Projector,
+    SecondViewpoint, Stereo, StereoMethod, TimeOfFlight,
+};
+use crate::source::tree::Entries;
 
 /// How the depth camera of a table finds depth. A table that is wrong is reported, and counts as left out.
 pub(super) fn sensing(t: &Table<'_>) -> Option<DepthSensing> {
@@ -76,7 +83,7 @@ struct Keys {
 }
 
 fn stereo(t: &Table<'_>) -> Option<Stereo> {
-    two_viewpoints(
+    let stereo = two_viewpoints(
         t,
         &Keys {
             second: SecondViewpoint::Imager,
@@ -86,7 +93,115 @@ fn stereo(t: &Table<'_>) -> Option<Stereo> {
             sigma: &stereo::SIGMA,
             window: &stereo::WINDOW,
         },
-    )
+    );
+    let is_matched = t.value(&stereo::METHOD);
+    let searched = [t.value(&stereo::FIRST_DISPARITY), t.value(&stereo::DISPARITIES)];
+    let matching = matching(t, searched);
+    let others: [&dyn AnyKey; 3] = [&stereo::PROJECTOR, &stereo::IMAGER, &stereo::MATCHER];
+    let analytic: [&dyn AnyKey; 4] =
+        [&stereo::SIGMA, &stereo::WINDOW, &stereo::INLIER, &stereo::INLIER_SHARE];
+    let useless = if is_matched { &analytic[..] } else { &others[..] };
+    if let Some(key) = useless.iter().find(|key| t.has(**key)) {
+        let doubt = plausibility::key_of_other_method(key.name(), is_matched);
+        t.report().doubt(t.span_of(*key), doubt);
+    }
+    match is_matched {
+        true => Some(Stereo { method: StereoMethod::Match(matching?), ..stereo? }),
+        false => stereo,
+    }
+}
+
+/// The images of a stereo camera, and how they are matched. `None` if something is wrong.
+fn matching(t: &Table<'_>, searched_px: [u32; 2]) -> Option<Matching> {
+    let projector = match t.read(&stereo::PROJECTOR) {
+        Some(t) => Some(projector(&t.value)?),
+        None => None,
+    };
+    // A table that is left out has all of its defaults.
+    let empty = Entries::new();
+    let imager = t.read(&stereo::IMAGER).map(|t| t.value);
+    let imager = imager.unwrap_or_else(|| Table::new(t.reading(), &imager::KEYS, &empty, t.span));
+    let matcher = t.read(&stereo::MATCHER).map(|t| t.value);
+    let matcher = matcher.unwrap_or_else(|| Table::new(t.reading(), &matcher::KEYS, &empty, t.span));
+    let (imager, settings) = (imager_of(&imager), settings(&matcher, searched_px)?);
+    Some(Matching { projector, imager, settings })
+}
+
+fn projector(t: &Table<'_>) -> Option<Projector> {
+    let (offset, field) = (t.read(&projector::OFFSET), t.read(&projector::FIELD));
+    let dots = t.value(&projector::DOTS);
+    let dot_width = Angle::rad(t.value(&projector::DOT_WIDTH) * 1e-3);
+    let (seed, flood) = (t.value(&projector::SEED), t.value(&projector::FLOOD));
+    let field = field?;
+    if let Some(wrong) = field.value.iter().find(|degrees| !(**degrees > 0.0 && **degrees < 180.0)) {
+        let message = format!("a projector's pattern is {wrong} degrees wide");
+        let label = "expected angles greater than 0 and less than 180";
+        return t.report().fail(field.span, message, label.to_owned(), None);
+    }
+    Some(Projector {
+        offset_m: offset?.value,
+        field: field.value.map(Angle::deg),
+        dots,
+        dot_width,
+        seed,
+        flood,
+    })
+}
+
+fn imager_of(t: &Table<'_>) -> Imager {
+    Imager {
+        wavelength_m: t.value(&imager::WAVELENGTH) * 1e-9,
+        auto_level: t.read(&imager::AUTO_LEVEL).map(|level| level.value),
+        projected_at_1_m: t.value(&imager::PROJECTED),
+        ambient: t.value(&imager::AMBIENT),
+        sun: t.value(&imager::SUN),
+        noise: t.value(&imager::NOISE),
+    }
+}
+
+fn settings(t: &Table<'_>, [first_disparity_px, disparities]: [u32; 2]) -> Option<Settings> {
+    /// A whole number of a pair, which the rules of the matcher judge; what is none is one that they refuse.
+    fn whole(value: f64) -> usize {
+        if value >= 0.0 && value.fract() == 0.0 { value.min(1e6) as usize } else { usize::MAX >> 32 }
+    }
+    let [columns, rows] = t.value(&matcher::CENSUS).map(whole);
+    let [p1, p2] = t.value(&matcher::PENALTIES).map(|penalty| whole(penalty).min(u16::MAX.into()) as u16);
+    let speckle_px = t.value(&matcher::SPECKLE) as usize;
+    let step = libm::round(t.value(&matcher::SPECKLE_STEP) * f64::from(UNITS_PER_PX)) as i32;
+    let settings = Settings {
+        first_disparity: first_disparity_px as i32,
+        disparities: disparities as usize,
+        census: (columns, rows),
+        block: t.value(&matcher::BLOCK) as usize,
+        p1,
+        p2,
+        paths: if t.value(&matcher::PATHS) { Paths::Eight } else { Paths::Four },
+        uniqueness_percent: t.value(&matcher::UNIQUENESS) as u8,
+        left_right_px: t.read(&matcher::LEFT_RIGHT).map(|px| px.value as u16),
+        texture: Texture {
+            count: t.value(&matcher::TEXTURE) as u8,
+            difference: t.value(&matcher::TEXTURE_DIFFERENCE) as u8,
+        },
+        speckle: (speckle_px > 0).then_some(Speckle { pixels: speckle_px, step }),
+        median: t.value(&matcher::MEDIAN) as usize,
+        ..Settings::default()
+    };
+    match settings.unfit() {
+        None => Some(settings),
+        Some(unfit) => {
+            let keys: [(&str, &dyn AnyKey); 4] = [
+                ("census", &matcher::CENSUS),
+                ("block", &matcher::BLOCK),
+                ("p1", &matcher::PENALTIES),
+                ("p2", &matcher::PENALTIES),
+            ];
+            let key = keys.into_iter().find(|(setting, _)| *setting == unfit.setting).map(|(_, key)| key);
+            let span = key.map_or(t.span, |key| t.span_of(key));
+            let message =
+                format!("the matcher can't work with this `{}`", key.map_or(unfit.setting, AnyKey::name));
+            t.report().fail(span, message, format!("expected {}", unfit.rule), None)
+        }
+    }
 }
 
 fn structured_light(t: &Table<'_>) -> Option<Stereo> {
@@ -144,6 +259,7 @@ fn time_of_flight(t: &Table<'_>) -> Option<TimeOfFlight> {
         sun_electrons: t.value(&tof::SUN),
         read_noise: t.value(&tof::READ_NOISE),
         full_well: t.value(&tof::FULL_WELL),
+        taps: t.value(&tof::TAPS),
         samples: t.value(&tof::SAMPLES),
         indirect_rays: t.value(&tof::INDIRECT),
         third_harmonic: t.value(&tof::THIRD_HARMONIC),
@@ -151,7 +267,7 @@ fn time_of_flight(t: &Table<'_>) -> Option<TimeOfFlight> {
         disagreement_m: t.value(&tof::DISAGREEMENT),
     };
     let sensing = sensing(
-        frequencies.iter().flat_map(|list| &list.value).map(|mhz| mhz.value * 1e6).collect(),
+        frequencies.iter().flat_map(|list| &list.value).map(|mhz| libm::round(mhz.value * 1e6)).collect(),
         electrons.as_ref().map_or(1.0, |electrons| electrons.value),
     );
     let frequencies = frequencies?;
@@ -160,6 +276,13 @@ fn time_of_flight(t: &Table<'_>) -> Option<TimeOfFlight> {
         let message = format!("`frequencies_mhz` has {} numbers", frequencies.value.len());
         let label = format!("expected at most {}", tof::MOST_FREQUENCIES);
         return t.report().fail(frequencies.span, message, label, None);
+    }
+    if Unwrapper::new(&sensing.frequencies_hz).is_none() {
+        let message = "the frequencies have no common divisor that is large enough to unwrap their phases";
+        let help =
+            "give whole hertz, such as [16.0, 80.0, 120.0], of which 8 MHz is the greatest common divisor";
+        let label = "expected at most 10,000 periods of all together in the period of the divisor".to_owned();
+        return t.report().fail(frequencies.span, message.to_owned(), label, Some(help.into()));
     }
     Some(sensing)
 }
