@@ -111,58 +111,82 @@ impl Unwrapper {
                 cells += self.wraps[i];
             }
         }
+        if used == 0 {
+            return None;
+        }
         let ladders = &mut ladders[..used];
-        let mut best = Fit { mean: f64::NAN, residual: f64::INFINITY, spread: 0.0 };
-        let mut runner_up = f64::INFINITY;
-        for _ in 0..cells {
-            let fit = Fit::of(ladders);
+        let weight: f64 = ladders.iter().map(|ladder| ladder.weight).sum();
+        let (mut best, mut runner_up) = (Fit::of(ladders, weight), f64::INFINITY);
+        for _ in 1..cells {
+            Ladder::climb_next(ladders);
+            let fit = Fit::of(ladders, weight);
             if fit.residual < best.residual {
                 (best, runner_up) = (fit, best.residual);
             } else {
                 runner_up = runner_up.min(fit.residual);
             }
-            let next = ladders.iter_mut().min_by(|a, b| a.end().total_cmp(&b.end()))?;
-            next.wrap += 1.0;
-        }
-        if used == 0 {
-            return None;
         }
         // The first and the last cell reach beyond the ends, where ranges repeat.
         let periods = ((best.mean - from_m) / self.range_m).floor();
-        let weight: f64 = ladders.iter().map(|ladder| ladder.weight).sum();
+        let ranges = ladders.iter().map(|ladder| ladder.nearest(best.mean));
+        let (low, high) = ranges.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), r| (r.min(l), r.max(h)));
         Some(Unwrapped {
             range_m: best.mean - periods * self.range_m,
             sigma_m: 1.0 / weight.sqrt(),
             residual: best.residual,
             runner_up,
-            spread_m: best.spread,
+            spread_m: high - low,
         })
     }
 }
 
-/// The ranges of a phase: `first` + `wrap`·`step`.
+/// The ranges of a phase, `first` + n·`step`, and a place among them.
 #[derive(Clone, Copy, Default)]
 struct Ladder {
     first: f64,
     step: f64,
-    wrap: f64,
     weight: f64,
+    wrap: f64,
+    /// The range at that place.
+    range: f64,
+    /// Where the next range becomes the nearest.
+    end: f64,
 }
 
 impl Ladder {
     /// The ladder at its range nearest to `from`.
     fn new(phase: f64, frequency: f64, weight: f64, from: f64) -> Self {
         let (first, step) = (range_m(phase, frequency), range_m(TAU, frequency));
-        Self { first, step, wrap: ((from - first) / step + 0.5).floor(), weight }
+        let ladder = Self { first, step, weight, ..Self::default() };
+        ladder.at(ladder.wrap_near(from))
     }
 
-    fn range(&self) -> f64 {
-        self.first + self.wrap * self.step
+    fn wrap_near(&self, range: f64) -> f64 {
+        ((range - self.first) / self.step + 0.5).floor()
     }
 
-    /// Where the next range becomes the nearest.
-    fn end(&self) -> f64 {
-        self.first + (self.wrap + 0.5) * self.step
+    fn nearest(&self, range: f64) -> f64 {
+        self.first + self.wrap_near(range) * self.step
+    }
+
+    fn at(self, wrap: f64) -> Self {
+        Self {
+            wrap,
+            range: self.first + wrap * self.step,
+            end: self.first + (wrap + 0.5) * self.step,
+            ..self
+        }
+    }
+
+    /// Moves on the ladder whose range is the first to be no longer the nearest.
+    fn climb_next(ladders: &mut [Self]) {
+        let mut next = 0;
+        for i in 1..ladders.len() {
+            if ladders[i].end < ladders[next].end {
+                next = i;
+            }
+        }
+        ladders[next] = ladders[next].at(ladders[next].wrap + 1.0);
     }
 }
 
@@ -171,18 +195,14 @@ impl Ladder {
 struct Fit {
     mean: f64,
     residual: f64,
-    spread: f64,
 }
 
 impl Fit {
-    fn of(ladders: &[Ladder]) -> Self {
-        let weight: f64 = ladders.iter().map(|l| l.weight).sum();
-        let mean = ladders.iter().map(|l| l.weight * l.range()).sum::<f64>() / weight;
-        let residual = ladders.iter().map(|l| l.weight * (l.range() - mean) * (l.range() - mean)).sum();
-        let (low, high) = ladders.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), l| {
-            (low.min(l.range()), high.max(l.range()))
-        });
-        Self { mean, residual, spread: high - low }
+    /// The fit of the ladders' places; `weight` is the sum of their weights.
+    fn of(ladders: &[Ladder], weight: f64) -> Self {
+        let mean = ladders.iter().map(|l| l.weight * l.range).sum::<f64>() / weight;
+        let residual = ladders.iter().map(|l| l.weight * (l.range - mean) * (l.range - mean)).sum();
+        Self { mean, residual }
     }
 }
 
@@ -309,11 +329,10 @@ mod tests {
                 .map(|i| {
                     let frequency = unwrapper.frequencies_hz[i];
                     let sigma = range_m(sigmas[i], frequency);
-                    let ladder = Ladder::new(phases[i], frequency, 1.0 / (sigma * sigma), 0.0);
-                    Ladder { wrap: set[i] as f64, ..ladder }
+                    Ladder::new(phases[i], frequency, 1.0 / (sigma * sigma), 0.0).at(set[i] as f64)
                 })
                 .collect();
-            let fit = Fit::of(&ladders);
+            let fit = Fit::of(&ladders, ladders.iter().map(|l| l.weight).sum());
             (set, fit.mean, fit.residual)
         };
         sets.into_iter().map(with_fit).collect()
