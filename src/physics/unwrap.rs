@@ -338,6 +338,36 @@ mod tests {
         sets.into_iter().map(with_fit).collect()
     }
 
+    /// The residuals of the sets of wraps that are nearest to some range in [0, the unambiguous range), one set for each piece
+    /// between two middles of wraps; the first and the last piece are one, on either side of where ranges repeat.
+    fn nearest_sets(unwrapper: &Unwrapper, phases: &[f64], sigmas: &[f64]) -> Vec<f64> {
+        let rungs = |i: usize| {
+            let (first, step) =
+                (range_m(phases[i], unwrapper.frequencies_hz[i]), range_m(TAU, unwrapper.frequencies_hz[i]));
+            let reach = unwrapper.wraps[i] as i32 + 2;
+            (-reach..=reach).map(move |n| (first + f64::from(n) * step, first + (f64::from(n) + 0.5) * step))
+        };
+        let weights: Vec<_> = (0..phases.len())
+            .map(|i| range_m(sigmas[i], unwrapper.frequencies_hz[i]))
+            .map(|s| 1.0 / (s * s))
+            .collect();
+        let all = (0..phases.len()).flat_map(rungs).map(|(_, middle)| middle);
+        let mut middles: Vec<_> = all.filter(|m| (0.0..unwrapper.range_m()).contains(m)).collect();
+        middles.sort_by(f64::total_cmp);
+        let residual = |range: f64| {
+            let nearest = |i: usize| {
+                let distance = |r: f64| (r - range).abs();
+                rungs(i).map(|(r, _)| r).min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap()
+            };
+            let ranges: Vec<_> = (0..phases.len()).map(nearest).collect();
+            let sum =
+                |of: &dyn Fn(f64) -> f64| ranges.iter().zip(&weights).map(|(r, w)| w * of(*r)).sum::<f64>();
+            let mean = sum(&|r| r) / weights.iter().sum::<f64>();
+            sum(&|r| (r - mean) * (r - mean))
+        };
+        middles.windows(2).map(|pair| residual(0.5 * (pair[0] + pair[1]))).chain([residual(0.0)]).collect()
+    }
+
     /// Any phases, such as noise makes at its worst: no set of wraps fits better than the one that is found.
     #[test]
     fn no_set_of_wraps_fits_better() {
@@ -346,7 +376,9 @@ mod tests {
             [&[20.0, 60.0, 100.0][..], &[16.0, 80.0, 120.0], &[30.0, 50.0], &[40.0, 60.0, 70.0]]
         {
             let unwrapper = unwrapper(frequencies);
-            for _ in 0..20 {
+            // There are some 3000 sets for each draw at 16, 80 and 120 MHz, and 11 to 90 times fewer at the others.
+            let draws = if frequencies[0] == 16.0 { 40 } else { 500 };
+            for _ in 0..draws {
                 let phases: Vec<_> = frequencies.iter().map(|_| TAU * rng.unit()).collect();
                 let sigmas: Vec<_> = frequencies.iter().map(|_| 0.05 + rng.unit()).collect();
                 let told = unwrapper.unwrap(&phases, &sigmas, 0.0).unwrap();
@@ -356,7 +388,10 @@ mod tests {
                 let apart = |mean: f64| ((mean - told.range_m) / unwrapper.range_m()).rem_euclid(1.0);
                 let same = |mean: f64| apart(mean) < 1e-9 || apart(mean) > 1.0 - 1e-9;
                 assert!(sets.iter().all(|set| set.2 > best * (1.0 + 1e-10) || same(set.1)));
-                assert!(told.runner_up >= told.residual);
+                let mut residuals = nearest_sets(&unwrapper, &phases, &sigmas);
+                residuals.sort_by(f64::total_cmp);
+                close(told.residual, residuals[0], 1e-10);
+                close(told.runner_up, residuals[1], 1e-10);
             }
         }
     }
