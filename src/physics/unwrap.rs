@@ -91,7 +91,7 @@ impl Unwrapper {
 
     /// The range from `from_m` to `from_m` + the unambiguous range that the phases tell, given their standard deviations; all are
     /// in radians and in the order of the frequencies. A frequency with an infinite deviation says nothing, and `None` is
-    /// returned if all are so. A surface nearer than `from_m` is taken for one as much farther, which noise alone can do.
+    /// returned if all are so. A surface that noise moves nearer than `from_m` is told as one that lies the unambiguous range farther.
     ///
     /// The search is exact. With a range d, the best wrap of a frequency is the one nearest to d, so the best set of all only
     /// changes where d passes the middle between two wraps of a frequency. These middles split the unambiguous range into as many
