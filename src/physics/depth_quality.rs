@@ -222,6 +222,16 @@ mod tests {
             assert_eq!((quality.target, quality.fill_percent), (None, points.len() as f64));
         }
         assert_eq!(DepthQuality::of(&[], 0, None, None).fill_percent, 0.0);
+        // A strip of 50 m has a plane if it is wider than 10⁻⁶ of its length.
+        let strip = |width: f64| {
+            let wide = DVec3::new(width, 0.0, 0.0);
+            line.iter().flat_map(|p| [*p - wide, *p + wide]).collect::<Vec<_>>()
+        };
+        assert_eq!(Plane::fit(&strip(1e-6)), None);
+        // Along (1, 0, 0) and (.1, .2, 1): the normal is as (0, 5, −1). The sums of squares, 5·10⁴ m², round to 10⁻¹¹, 10⁻⁷ of the
+        // 10⁻⁴ m² across.
+        let normal = Plane::fit(&strip(1e-3)).unwrap().normal;
+        assert!(normal.x.abs() < 1e-6 && (normal.y / normal.z + 5.0).abs() < 26.0 * 1e-6, "{normal:?}");
     }
 
     /// No plane near the one that is found is nearer to the points.
@@ -245,7 +255,7 @@ mod tests {
     /// percents, to four standard errors, √(1/(2n)) of it and for a trimmed normal less.
     #[test]
     fn noise_along_the_normal_is_the_plane_rms() {
-        let (mut rng, count) = (Rng::new(12), 40_000);
+        let (mut rng, count) = (Rng::new(12), 160_000);
         let wall = tilted(0.0, 0.0, 1.5);
         let points: Vec<_> =
             seen(wall, 0.4, count, |z| z).iter().map(|p| *p + wall.normal * (0.003 * rng.normal())).collect();

@@ -318,6 +318,12 @@ mod tests {
             hits.iter().filter(|hit| **hit).count() as f64 / hits.len() as f64
         };
         assert_eq!((share(0.0), share(0.14), share(1.0)), (1.0, 1.0, 0.0));
+        // A dot and its two neighbours in the row: all three must agree, being more than 1/1.2 of them.
+        let alone = |slope: f64| {
+            let [found, _] = measure(|_, c| 10.0 + slope * c as f64, |r, c| r == 12 && (19..22).contains(&c));
+            !found[12 * WIDTH + 20].is_nan()
+        };
+        assert_eq!((alone(0.143), alone(0.145)), (true, false));
     }
 
     #[test]

@@ -1,5 +1,5 @@
-//! The formulas of a LiDAR's measurement, as pure functions of numbers. This room reads no files, draws no random numbers and
-//! knows no scene.
+//! The formulas of the measurements of LiDARs and depth cameras, as pure functions of numbers. This room reads no files, draws no
+//! random numbers and knows no scene.
 //!
 //! | file | topic |
 //! |---|---|

@@ -91,7 +91,7 @@ impl Unwrapper {
 
     /// The range from `from_m` to `from_m` + the unambiguous range that the phases tell, given their standard deviations; all are
     /// in radians and in the order of the frequencies. A frequency with an infinite deviation says nothing, and `None` is
-    /// returned if all are so. A surface nearer than `from_m` is taken for one as much farther, which noise alone can do.
+    /// returned if all are so. A surface that noise moves nearer than `from_m` is told as one that lies the unambiguous range farther.
     ///
     /// The search is exact. With a range d, the best wrap of a frequency is the one nearest to d, so the best set of all only
     /// changes where d passes the middle between two wraps of a frequency. These middles split the unambiguous range into as many
@@ -111,58 +111,82 @@ impl Unwrapper {
                 cells += self.wraps[i];
             }
         }
+        if used == 0 {
+            return None;
+        }
         let ladders = &mut ladders[..used];
-        let mut best = Fit { mean: f64::NAN, residual: f64::INFINITY, spread: 0.0 };
-        let mut runner_up = f64::INFINITY;
-        for _ in 0..cells {
-            let fit = Fit::of(ladders);
+        let weight: f64 = ladders.iter().map(|ladder| ladder.weight).sum();
+        let (mut best, mut runner_up) = (Fit::of(ladders, weight), f64::INFINITY);
+        for _ in 1..cells {
+            Ladder::climb_next(ladders);
+            let fit = Fit::of(ladders, weight);
             if fit.residual < best.residual {
                 (best, runner_up) = (fit, best.residual);
             } else {
                 runner_up = runner_up.min(fit.residual);
             }
-            let next = ladders.iter_mut().min_by(|a, b| a.end().total_cmp(&b.end()))?;
-            next.wrap += 1.0;
-        }
-        if used == 0 {
-            return None;
         }
         // The first and the last cell reach beyond the ends, where ranges repeat.
         let periods = ((best.mean - from_m) / self.range_m).floor();
-        let weight: f64 = ladders.iter().map(|ladder| ladder.weight).sum();
+        let ranges = ladders.iter().map(|ladder| ladder.nearest(best.mean));
+        let (low, high) = ranges.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), r| (r.min(l), r.max(h)));
         Some(Unwrapped {
             range_m: best.mean - periods * self.range_m,
             sigma_m: 1.0 / weight.sqrt(),
             residual: best.residual,
             runner_up,
-            spread_m: best.spread,
+            spread_m: high - low,
         })
     }
 }
 
-/// The ranges of a phase: `first` + `wrap`·`step`.
+/// The ranges of a phase, `first` + n·`step`, and a place among them.
 #[derive(Clone, Copy, Default)]
 struct Ladder {
     first: f64,
     step: f64,
-    wrap: f64,
     weight: f64,
+    wrap: f64,
+    /// The range at that place.
+    range: f64,
+    /// Where the next range becomes the nearest.
+    end: f64,
 }
 
 impl Ladder {
     /// The ladder at its range nearest to `from`.
     fn new(phase: f64, frequency: f64, weight: f64, from: f64) -> Self {
         let (first, step) = (range_m(phase, frequency), range_m(TAU, frequency));
-        Self { first, step, wrap: ((from - first) / step + 0.5).floor(), weight }
+        let ladder = Self { first, step, weight, ..Self::default() };
+        ladder.at(ladder.wrap_near(from))
     }
 
-    fn range(&self) -> f64 {
-        self.first + self.wrap * self.step
+    fn wrap_near(&self, range: f64) -> f64 {
+        ((range - self.first) / self.step + 0.5).floor()
     }
 
-    /// Where the next range becomes the nearest.
-    fn end(&self) -> f64 {
-        self.first + (self.wrap + 0.5) * self.step
+    fn nearest(&self, range: f64) -> f64 {
+        self.first + self.wrap_near(range) * self.step
+    }
+
+    fn at(self, wrap: f64) -> Self {
+        Self {
+            wrap,
+            range: self.first + wrap * self.step,
+            end: self.first + (wrap + 0.5) * self.step,
+            ..self
+        }
+    }
+
+    /// Moves on the ladder whose range is the first to be no longer the nearest.
+    fn climb_next(ladders: &mut [Self]) {
+        let mut next = 0;
+        for i in 1..ladders.len() {
+            if ladders[i].end < ladders[next].end {
+                next = i;
+            }
+        }
+        ladders[next] = ladders[next].at(ladders[next].wrap + 1.0);
     }
 }
 
@@ -171,18 +195,14 @@ impl Ladder {
 struct Fit {
     mean: f64,
     residual: f64,
-    spread: f64,
 }
 
 impl Fit {
-    fn of(ladders: &[Ladder]) -> Self {
-        let weight: f64 = ladders.iter().map(|l| l.weight).sum();
-        let mean = ladders.iter().map(|l| l.weight * l.range()).sum::<f64>() / weight;
-        let residual = ladders.iter().map(|l| l.weight * (l.range() - mean) * (l.range() - mean)).sum();
-        let (low, high) = ladders.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), l| {
-            (low.min(l.range()), high.max(l.range()))
-        });
-        Self { mean, residual, spread: high - low }
+    /// The fit of the ladders' places; `weight` is the sum of their weights.
+    fn of(ladders: &[Ladder], weight: f64) -> Self {
+        let mean = ladders.iter().map(|l| l.weight * l.range).sum::<f64>() / weight;
+        let residual = ladders.iter().map(|l| l.weight * (l.range - mean) * (l.range - mean)).sum();
+        Self { mean, residual }
     }
 }
 
@@ -309,14 +329,43 @@ mod tests {
                 .map(|i| {
                     let frequency = unwrapper.frequencies_hz[i];
                     let sigma = range_m(sigmas[i], frequency);
-                    let ladder = Ladder::new(phases[i], frequency, 1.0 / (sigma * sigma), 0.0);
-                    Ladder { wrap: set[i] as f64, ..ladder }
+                    Ladder::new(phases[i], frequency, 1.0 / (sigma * sigma), 0.0).at(set[i] as f64)
                 })
                 .collect();
-            let fit = Fit::of(&ladders);
+            let fit = Fit::of(&ladders, ladders.iter().map(|l| l.weight).sum());
             (set, fit.mean, fit.residual)
         };
         sets.into_iter().map(with_fit).collect()
+    }
+
+    /// The residuals of the sets of wraps that are nearest to some range in [0, the unambiguous range), one set for each piece
+    /// between two middles of wraps; the first and the last piece are one, on either side of where ranges repeat.
+    fn nearest_sets(unwrapper: &Unwrapper, phases: &[f64], sigmas: &[f64]) -> Vec<f64> {
+        let rungs = |i: usize| {
+            let (first, step) =
+                (range_m(phases[i], unwrapper.frequencies_hz[i]), range_m(TAU, unwrapper.frequencies_hz[i]));
+            let reach = unwrapper.wraps[i] as i32 + 2;
+            (-reach..=reach).map(move |n| (first + f64::from(n) * step, first + (f64::from(n) + 0.5) * step))
+        };
+        let weights: Vec<_> = (0..phases.len())
+            .map(|i| range_m(sigmas[i], unwrapper.frequencies_hz[i]))
+            .map(|s| 1.0 / (s * s))
+            .collect();
+        let all = (0..phases.len()).flat_map(rungs).map(|(_, middle)| middle);
+        let mut middles: Vec<_> = all.filter(|m| (0.0..unwrapper.range_m()).contains(m)).collect();
+        middles.sort_by(f64::total_cmp);
+        let residual = |range: f64| {
+            let nearest = |i: usize| {
+                let distance = |r: f64| (r - range).abs();
+                rungs(i).map(|(r, _)| r).min_by(|a, b| distance(*a).total_cmp(&distance(*b))).unwrap()
+            };
+            let ranges: Vec<_> = (0..phases.len()).map(nearest).collect();
+            let sum =
+                |of: &dyn Fn(f64) -> f64| ranges.iter().zip(&weights).map(|(r, w)| w * of(*r)).sum::<f64>();
+            let mean = sum(&|r| r) / weights.iter().sum::<f64>();
+            sum(&|r| (r - mean) * (r - mean))
+        };
+        middles.windows(2).map(|pair| residual(0.5 * (pair[0] + pair[1]))).chain([residual(0.0)]).collect()
     }
 
     /// Any phases, such as noise makes at its worst: no set of wraps fits better than the one that is found.
@@ -327,7 +376,9 @@ mod tests {
             [&[20.0, 60.0, 100.0][..], &[16.0, 80.0, 120.0], &[30.0, 50.0], &[40.0, 60.0, 70.0]]
         {
             let unwrapper = unwrapper(frequencies);
-            for _ in 0..20 {
+            // There are some 3000 sets for each draw at 16, 80 and 120 MHz, and 11 to 90 times fewer at the others.
+            let draws = if frequencies[0] == 16.0 { 40 } else { 500 };
+            for _ in 0..draws {
                 let phases: Vec<_> = frequencies.iter().map(|_| TAU * rng.unit()).collect();
                 let sigmas: Vec<_> = frequencies.iter().map(|_| 0.05 + rng.unit()).collect();
                 let told = unwrapper.unwrap(&phases, &sigmas, 0.0).unwrap();
@@ -337,7 +388,10 @@ mod tests {
                 let apart = |mean: f64| ((mean - told.range_m) / unwrapper.range_m()).rem_euclid(1.0);
                 let same = |mean: f64| apart(mean) < 1e-9 || apart(mean) > 1.0 - 1e-9;
                 assert!(sets.iter().all(|set| set.2 > best * (1.0 + 1e-10) || same(set.1)));
-                assert!(told.runner_up >= told.residual);
+                let mut residuals = nearest_sets(&unwrapper, &phases, &sigmas);
+                residuals.sort_by(f64::total_cmp);
+                close(told.residual, residuals[0], 1e-10);
+                close(told.runner_up, residuals[1], 1e-10);
             }
         }
     }
