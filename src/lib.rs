@@ -69,6 +69,7 @@ pub mod error;
 pub mod frame;
 pub mod import;
 pub mod kernels;
+pub mod matching;
 pub mod motion;
 pub mod output;
 pub mod physics;
