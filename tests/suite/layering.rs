@@ -12,6 +12,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("source", &[]),
     ("error", &["source"]),
     ("physics", &[]),
+    ("matching", &[]),
     ("rng", &[]),
     ("frame", &["angle"]),
     ("motion", &["frame"]),
@@ -99,6 +100,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
     (
         "rayon::",
         &[
+            "matching/",
             "scan/",
             "sensor/camera.rs",
             "scene/regions.rs",
@@ -112,7 +114,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
             "kernels/",
             "cli/",
         ],
-        "threads live where rays are shared out, lenses inverted, scenes split, shapes posed, trees built and images compressed",
+        "threads live where rays are shared out, images matched and compressed, lenses inverted, scenes split, shapes posed and trees built",
     ),
     ("clap::", &["cli/"], "only the command line has flags"),
     ("toml::", &["config/"], "only config knows TOML"),
