@@ -210,7 +210,7 @@ impl Settings {
 
     /// A number of bits for each pixel of a block as a cost.
     fn in_costs(&self, bits: usize) -> i16 {
-        (self.block * self.block * bits >> self.halvings()) as i16
+        ((self.block * self.block * bits) >> self.halvings()) as i16
     }
 }
 
