@@ -54,15 +54,16 @@ pub fn choices(costs: &[i16], sums: &[i16], textured: &[bool], width: usize, set
         |seen, (((((disparity, confidence), verdict), textured), costs), sums)| {
             seen.look(sums, settings);
             for (column, sums) in sums.chunks_exact(settings.disparities).enumerate() {
+                let costs = &costs[column * settings.disparities..][..settings.disparities];
                 let best = Best::of(sums);
                 let inside = best.is_inside(column, width, settings);
-                disparity[column] = best.disparity(&costs[column * settings.disparities..], inside, settings);
+                disparity[column] = best.disparity(costs, inside, settings);
                 confidence[column] = best.confidence();
                 verdict[column] = if !textured[column] {
                     Verdict::NoTexture
                 } else if !inside {
                     Verdict::OutsideSearch
-                } else if best.is_ambiguous(settings) {
+                } else if best.is_ambiguous(costs, settings) {
                     Verdict::Ambiguous
                 } else if !seen.agrees(column, best.number, settings) {
                     Verdict::Occluded
@@ -86,12 +87,9 @@ struct Best {
 
 impl Best {
     fn of(sums: &[i16]) -> Self {
-        let least = |sums: &[i16]| sums.iter().fold(i16::MAX, |least, sum| least.min(*sum));
         let cost = least(sums);
         let number = sums.iter().position(|sum| *sum == cost).unwrap_or(0);
-        let second =
-            least(&sums[..number.saturating_sub(1)]).min(least(sums.get(number + 2..).unwrap_or(&[])));
-        Self { number, cost, second }
+        Self { number, cost, second: least_apart(sums, number) }
     }
 
     /// Whether the disparities on both sides are searched and in the right image.
@@ -114,10 +112,25 @@ impl Best {
         (255 * (second - best).max(0)).checked_div(second).unwrap_or(0) as u8
     }
 
-    fn is_ambiguous(&self, settings: &Settings) -> bool {
-        let kept = 100 - i32::from(settings.uniqueness_percent);
-        kept * i32::from(self.second) <= 100 * i32::from(self.cost)
+    /// Whether another disparity is nearly as good, in the sums of the paths or in the costs of the block.
+    fn is_ambiguous(&self, costs: &[i16], settings: &Settings) -> bool {
+        let close = |best: i16, second: i16, percent: u8| {
+            (100 - i32::from(percent)) * i32::from(second) <= 100 * i32::from(best)
+        };
+        close(self.cost, self.second, settings.uniqueness_percent)
+            || settings
+                .repetition_percent
+                .is_some_and(|percent| close(costs[self.number], least_apart(costs, self.number), percent))
     }
+}
+
+fn least(costs: &[i16]) -> i16 {
+    costs.iter().fold(i16::MAX, |least, cost| least.min(*cost))
+}
+
+/// The least cost but for that of a number and the two beside it, or the largest number if there is none.
+fn least_apart(costs: &[i16], number: usize) -> i16 {
+    least(&costs[..number.saturating_sub(1)]).min(least(costs.get(number + 2..).unwrap_or(&[])))
 }
 
 /// The best disparities of the right image's pixels in a row, from the same sums: the disparity d of the right column u has the cost

@@ -83,9 +83,12 @@ pub struct Settings {
     pub paths: Paths,
     /// How a disparity's fraction of a pixel is found.
     pub sub_pixel: SubPixel,
-    /// By how many per cent the best cost has to be lower than that of every disparity but the two beside it, 0 to 99. At 0 only
-    /// a tie is ambiguous.
+    /// By how many per cent the best sum of the paths has to be lower than that of every disparity but the two beside it, 0 to 99. At
+    /// 0 only a tie is ambiguous.
     pub uniqueness_percent: u8,
+    /// The same for the costs of the block, before they are summed along the paths. Where a pattern repeats, smoothness decides for one
+    /// of its repetitions, so that the sums alone do not show the others. `None` leaves out the check.
+    pub repetition_percent: Option<u8>,
     /// The largest difference, in pixels, between a disparity and the one which the right image's pixel finds. `None` leaves out
     /// the check.
     pub left_right_px: Option<u16>,
@@ -139,6 +142,7 @@ impl Default for Settings {
             paths: Paths::Four,
             sub_pixel: SubPixel::Equiangular,
             uniqueness_percent: 10,
+            repetition_percent: Some(10),
             left_right_px: Some(1),
             texture: Texture { difference: 0, count: 0 },
             speckle: Some(Speckle { pixels: 100, step: UNITS_PER_PX }),
@@ -167,13 +171,18 @@ impl Settings {
             ("disparities", (1..=MOST_DISPARITIES).contains(&self.disparities), "from 1 to 4096"),
             (
                 "census",
-                odd(cols, 65) && odd(rows, 65) && (2..=65).contains(&(cols * rows)),
+                odd(cols, 65) && odd(rows, 65) && (3..=65).contains(&(cols * rows)),
                 "two odd numbers whose product is from 3 to 65",
             ),
             ("block", odd(self.block, 31), "odd and at most 31"),
             ("p1", self.p1 <= self.p2, "at most p2"),
             ("p2", self.p2 <= 1024, "at most 1024"),
             ("uniqueness_percent", self.uniqueness_percent < 100, "less than 100"),
+            (
+                "repetition_percent",
+                self.repetition_percent.is_none_or(|percent| percent < 100),
+                "less than 100",
+            ),
             ("speckle", self.speckle.is_none_or(|speckle| speckle.step >= 0), "a step that is not negative"),
             ("median", odd(self.median, 7), "odd and at most 7"),
         ];
@@ -201,7 +210,7 @@ impl Settings {
 
     /// A number of bits for each pixel of a block as a cost.
     fn in_costs(&self, bits: usize) -> i16 {
-        (self.block * self.block * bits >> self.halvings()) as i16
+        ((self.block * self.block * bits) >> self.halvings()) as i16
     }
 }
 
@@ -225,7 +234,7 @@ pub enum Verdict {
     /// The best disparity is the first or the last one, or has no neighbour on both sides in the right image. The true one may lie
     /// outside the search, and no fraction of a pixel can be found.
     OutsideSearch,
-    /// Another disparity is nearly as good: see [`Settings::uniqueness_percent`].
+    /// Another disparity is nearly as good: see [`Settings::uniqueness_percent`] and [`Settings::repetition_percent`].
     Ambiguous,
     /// The right image's pixel finds another disparity, as it does where the left camera sees past an edge and the right one does not.
     Occluded,
