@@ -32,6 +32,11 @@ pub struct Settings {
     pub uniqueness_percent: u8,
     /// The same for the costs of the block, before they are summed along the paths. Where a pattern repeats, smoothness decides for one
     /// of its repetitions, so that the sums alone do not show the others. `None` leaves out the check.
+    ///
+    /// It makes holes where images are dark and noisy, too. On a wall at 1 m with the default settings, 20 000 dots of a radius of
+    /// 0.005 over tangents of ± 1.3 by ± 0.75, f = 430 px and the noise of an infrared image, it leaves 99.2 % of the pixels at a
+    /// reflectance of 1 and 91.7 % at 0.1; 5 % leave 99.5 and 95.4 %, `None` leaves all, with 16 and 45 of 394 000 pixels wrong by
+    /// more than 1 px instead of 0 and 5.
     pub repetition_percent: Option<u8>,
     /// The largest difference, in pixels, between a disparity and the one which the right image's pixel finds. `None` leaves out
     /// the check.
