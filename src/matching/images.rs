@@ -39,12 +39,13 @@ impl Gray {
 pub enum Verdict {
     /// The pixel has a disparity.
     Matched,
-    /// The census window has less texture than [`Settings::texture`] asks for.
+    /// The census window has less texture than [`texture`](super::Settings::texture) asks for.
     NoTexture,
     /// The best disparity is the first or the last one, or has no neighbour on both sides in the right image. The true one may lie
     /// outside the search, and no fraction of a pixel can be found.
     OutsideSearch,
-    /// Another disparity is nearly as good: see [`Settings::uniqueness_percent`] and [`Settings::repetition_percent`].
+    /// Another disparity is nearly as good: see [`uniqueness_percent`](super::Settings::uniqueness_percent) and
+    /// [`repetition_percent`](super::Settings::repetition_percent).
     Ambiguous,
     /// The right image's pixel finds another disparity, as it does where the left camera sees past an edge and the right one does not.
     Occluded,
@@ -62,7 +63,8 @@ pub struct Matched {
     /// The disparity in units of 1/256 px. A pixel that is not matched has that of the least cost, as a whole pixel where it is
     /// outside of the search, which is for looking at only.
     pub disparity: Vec<i32>,
-    /// 255·(second − best)/second, rounded down, of the costs that [`Settings::uniqueness_percent`] compares.
+    /// 255·(second − best)/second, rounded down, of the sums that [`uniqueness_percent`](super::Settings::uniqueness_percent)
+    /// compares.
     pub confidence: Vec<u8>,
     /// What became of each pixel.
     pub verdict: Vec<Verdict>,
@@ -71,8 +73,11 @@ pub struct Matched {
 impl Matched {
     /// The disparity at a column and a row of the image, in pixels, if the pixel is matched.
     pub fn at(&self, column: usize, row: usize) -> Option<f64> {
+        if column >= self.width || row >= self.height {
+            return None;
+        }
         let pixel = row * self.width + column;
-        let matched = column < self.width && self.verdict.get(pixel) == Some(&Verdict::Matched);
+        let matched = self.verdict[pixel] == Verdict::Matched;
         matched.then(|| f64::from(self.disparity[pixel]) / f64::from(UNITS_PER_PX))
     }
 }

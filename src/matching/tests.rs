@@ -471,6 +471,9 @@ fn no_size_is_too_small() {
             }
         }
     }
+    let (left, right) = pair(20, 3, 1, &mut Rng::new(9));
+    let found = matched(&left, &right, Settings::default());
+    assert_eq!((found.at(20, 0), found.at(0, 3), found.at(usize::MAX, usize::MAX)), (None, None, None));
     assert_eq!(Gray::new(0, 3, vec![]), None);
     assert_eq!(Gray::new(2, 2, vec![0; 3]), None);
     assert_eq!(Gray::new(usize::MAX, 2, vec![0; 3]), None);
