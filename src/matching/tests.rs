@@ -6,7 +6,8 @@ fn reference(left: &Gray, right: &Gray, s: &Settings) -> Matched {
     let (w, h, n) = (left.width as i64, left.height as i64, s.disparities as i64);
     let bits = s.bits() as i64;
     let (paths, block) = (s.paths.count() as i64, s.block as i64);
-    let halvings = (0..).find(|k| paths * (block * block * (bits + i64::from(s.p2)) >> k) <= 32767).unwrap();
+    let halvings =
+        (0..).find(|k| paths * ((block * block * (bits + i64::from(s.p2))) >> k) <= 32767).unwrap();
     let window = |edge: i64| -(edge / 2)..=edge / 2;
     let around = |x: i64, y: i64, columns: i64, rows: i64| {
         window(rows).flat_map(move |j| {
@@ -32,7 +33,7 @@ fn reference(left: &Gray, right: &Gray, s: &Settings) -> Matched {
     let cost =
         |x: i64, y: i64, d: i64| around(x, y, block, block).map(|at| hamming(at, d)).sum::<i64>() >> halvings;
     let costs: Vec<Vec<i64>> = all.iter().map(|&(x, y)| (0..n).map(|d| cost(x, y, d)).collect()).collect();
-    let [p1, p2] = [s.p1, s.p2].map(|p| block * block * i64::from(p) >> halvings);
+    let [p1, p2] = [s.p1, s.p2].map(|p| (block * block * i64::from(p)) >> halvings);
     let mut sums = vec![vec![0; n as usize]; all.len()];
     let mut steps = vec![(1, 0), (-1, 0), (0, 1), (0, -1)];
     if s.paths == Paths::Eight {
@@ -194,9 +195,7 @@ fn pair(width: usize, height: usize, d: usize, rng: &mut Rng) -> (Gray, Gray) {
     for at in 0..width * height / 8 {
         right[8 * at] = rng.u32() as u8;
     }
-    for x in 0..width / 4 {
-        left[x] = 9;
-    }
+    left[..width / 4].fill(9);
     (Gray::new(width, height, left).unwrap(), Gray::new(width, height, right).unwrap())
 }
 
@@ -472,6 +471,9 @@ fn no_size_is_too_small() {
             }
         }
     }
+    let (left, right) = pair(20, 3, 1, &mut Rng::new(9));
+    let found = matched(&left, &right, Settings::default());
+    assert_eq!((found.at(20, 0), found.at(0, 3), found.at(usize::MAX, usize::MAX)), (None, None, None));
     assert_eq!(Gray::new(0, 3, vec![]), None);
     assert_eq!(Gray::new(2, 2, vec![0; 3]), None);
     assert_eq!(Gray::new(usize::MAX, 2, vec![0; 3]), None);

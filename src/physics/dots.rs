@@ -251,7 +251,8 @@ mod tests {
                 // Places reach beyond the field, where dots at the rim still shine.
                 let place = [1.1 * FIELD.half_width * rng.signed(), 1.1 * FIELD.half_height * rng.signed()];
                 let light = |centre: &[f64; 2]| {
-                    let square: f64 = (0..2).map(|axis| (place[axis] - centre[axis]).powi(2)).sum();
+                    let square: f64 =
+                        (0..2).map(|axis| (place[axis] - centre[axis]) * (place[axis] - centre[axis])).sum();
                     if square <= 6.0 * radius * radius { exp(-2.0 * square / (radius * radius)) } else { 0.0 }
                 };
                 // The sums differ in their order: of at most 4000 numbers up to 1, by 4000 roundings of their sum.
@@ -308,7 +309,7 @@ mod tests {
         let nearest = |a: usize| {
             let [x, y] = dots.centres()[a];
             let others = dots.centres().iter().enumerate().filter(|(b, _)| *b != a);
-            others.map(|(_, c)| (c[0] - x).powi(2) + (c[1] - y).powi(2)).fold(f64::MAX, f64::min).sqrt()
+            others.map(|(_, [u, v])| (u - x) * (u - x) + (v - y) * (v - y)).fold(f64::MAX, f64::min).sqrt()
         };
         let least = (0..dots.centres().len()).map(nearest).fold(f64::MAX, f64::min);
         assert!(least >= smallest * (1.0 - 1e-12), "{least} is less than {smallest}");
