@@ -54,9 +54,17 @@ fn pages_for_contributors_name_what_exists() {
     rust_files(&root().join("tests"), &mut files);
     let mut wrong = Vec::new();
     let mut named = [0, 0];
-    for page in ["docs/architecture.md", "docs/glossary.md", "CONTRIBUTING.md"] {
+    for page in [
+        "docs/architecture.md",
+        "docs/glossary.md",
+        "docs/measurement.md",
+        "docs/mistakes.md",
+        "CONTRIBUTING.md",
+    ] {
         for span in code_spans(&read(page)) {
-            let is_path = !span.contains([' ', '*', '<', ':'])
+            // The files that the page of mistakes names belong to other programs.
+            let is_path = page != "docs/mistakes.md"
+                && !span.contains([' ', '*', '<', ':'])
                 && ["src/", "tests/", "configs/", "docs/", "examples/", ".ci/", "python/"]
                     .iter()
                     .any(|f| span.starts_with(f));
@@ -101,4 +109,20 @@ fn the_architecture_page_has_every_room() {
         .filter(|room| !matches!(room.as_str(), "lib" | "main"))
         .collect();
     assert_eq!(described, rooms, "the table in docs/architecture.md, and the modules in src");
+}
+
+/// The page numbers its rows from 1 on without a gap, and each names a test in its last column.
+#[test]
+fn each_mistake_of_other_simulators_has_a_test() {
+    let page = read("docs/mistakes.md");
+    let rows = page.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| |"));
+    let mut number = 0;
+    for row in rows {
+        number += 1;
+        let cells: Vec<&str> = row.split(" | ").collect();
+        assert!(cells.len() == 4 && cells[0] == format!("| {number}"), "{row}");
+        let tests = code_spans(cells[3]);
+        assert!(!tests.is_empty() && tests.iter().all(|test| test.contains("::")), "{row}");
+    }
+    assert!(number >= 27, "{number}");
 }

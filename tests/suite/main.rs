@@ -33,6 +33,7 @@ mod places;
 mod plates;
 mod plausibility;
 mod presets;
+mod published_mistakes;
 mod random;
 mod recognition;
 mod regions;

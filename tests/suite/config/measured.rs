@@ -10,6 +10,8 @@ use beamcast::scene::{Environment, Haze, Surface, SurfaceKind, Weather};
 use beamcast::sensor::{Measurement, ReturnMode};
 use beamcast::source::Severity;
 
+use crate::plates::{cast, lambert, optics, scene, wall};
+
 use super::{JOB, SENSOR, are_told, changed, diagnostics, folder, load, told};
 
 /// Mistakes and the messages about them, as [`MISTAKES`](super::MISTAKES) has them.
@@ -577,4 +579,36 @@ fn a_jobs_scene_has_its_surfaces_and_its_air() {
     // The second material is the white wall, and the floor is a node.
     assert_eq!(of("walls and ceiling")[..3], [None, Some("white wall"), None]);
     assert_eq!(of("floor")[..2], [Some("floor"), Some("floor")]);
+}
+
+/// Each key by which a sensor measures, set alone over the figures of a data sheet, is refused or leaves the sensor its points.
+#[test]
+fn no_key_of_a_measurement_alone_takes_a_sensors_points_away() {
+    let keys =
+        fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/schema/measured.toml")).unwrap();
+    let keys: toml::Table = keys.parse().unwrap();
+    let job = JOB.replacen("preset = \"sensor.toml\"", "preset = \"ouster/os1-16-gen1\"\nnominal = true", 1);
+    let scene = optics(scene(&[wall(12.0, 1.0)]), &[lambert(0.5)]);
+    let seen = |change: Option<&str>| {
+        let shorter = ["sensor.top.rotating.columns=64", "sensor.top.footprint.samples=7"];
+        let pairs: Vec<&str> = shorter.into_iter().chain(change).collect();
+        let job = load(&job, SENSOR, &pairs).map_err(|found| told(&found[0]))?;
+        let frame = cast(&scene, &job.sensors[0].sensor, 0);
+        Ok::<_, String>((0..frame.pixels()).filter(|&pixel| !frame.slots(pixel).is_empty()).count())
+    };
+    let all = seen(None).unwrap();
+    assert!(all > 400, "{all}");
+    let mut tried = 0;
+    for table in ["footprint", "receiver", "noise", "blooming"] {
+        for (key, value) in keys[table].as_table().unwrap() {
+            tried += 1;
+            match seen(Some(&format!("sensor.top.{table}.{key}={value}"))) {
+                Ok(seen) => assert!(seen * 10 > all * 9, "{table}.{key} = {value}: {seen} of {all}"),
+                Err(message) => {
+                    assert!(message.contains(key.as_str()) || message.contains(table), "{message}")
+                }
+            }
+        }
+    }
+    assert!(tried > 30, "{tried}");
 }
