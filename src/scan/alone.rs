@@ -4,14 +4,14 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering::Relaxed;
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Progress;
+use super::ray_batch::{Ray, RayBatch};
 use super::through::Sight;
 use crate::scene::Scene;
 use crate::sensor::Capture;
-use crate::trace::{Cast, Hit, Origins, Rays};
+use crate::trace::{Cast, Hit};
 
 /// The pixels of a row that are cast as one batch.
 const BATCH: usize = 256;
@@ -49,18 +49,6 @@ pub fn alone(
     (!progress.cancelled.load(Relaxed)).then_some(counts)
 }
 
-/// The rays of a batch that are not at their end yet.
-#[derive(Default)]
-struct Batch {
-    columns: Vec<usize>,
-    origins: Vec<DVec3>,
-    directions: Vec<DVec3>,
-    times_s: Vec<f64>,
-    after: Vec<Option<Hit>>,
-    /// The groups that each ray has met.
-    met: Vec<Vec<Met>>,
-}
-
 /// A group that a ray has met, and the surface of it that a sensor would report.
 struct Met {
     group: u32,
@@ -76,35 +64,30 @@ fn of_batch(
     row: usize,
     columns: std::ops::Range<usize>,
 ) -> BTreeMap<u32, u64> {
-    let mut rays = Batch::default();
+    // Each ray has its column, and the groups that it has met.
+    let (mut now, mut next) = (RayBatch::<(usize, Vec<Met>)>::default(), RayBatch::default());
     let fixed = capture.fixed_world_from_sensor();
     for column in columns {
         let Some(pulse) = capture.pulse(row, column) else { continue };
         let pose = fixed.unwrap_or_else(|| capture.world_from_sensor(pulse.time_s));
-        rays.columns.push(column);
-        rays.origins.push(pose.point(pulse.origin));
-        rays.directions.push(pose.direction(pulse.direction));
-        rays.times_s.push(capture.cast_at_s(pulse.time_s));
-        rays.after.push(None);
-        rays.met.push(Vec::new());
+        let ray = Ray {
+            origin: pose.point(pulse.origin),
+            direction: pose.direction(pulse.direction),
+            time_s: capture.cast_at_s(pulse.time_s),
+        };
+        now.push((column, Vec::new()), ray, None);
     }
     let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
     let mut hits = Vec::new();
-    while !rays.columns.is_empty() {
-        hits.clear();
-        hits.resize(rays.columns.len(), None);
-        let cast = Rays {
-            after: Some(&rays.after),
-            times_s: scene.arrangement.window.map(|_| rays.times_s.as_slice()),
-            ..Rays::unlimited(Origins::Each(&rays.origins), &rays.directions)
-        };
-        tracer.cast(&cast, &mut hits);
-        let mut next = Batch::default();
-        let limits = &capture.sensor.range;
+    let limits = &capture.sensor.range;
+    while !now.is_empty() {
+        now.cast(scene, tracer, &mut hits);
+        next.clear();
         for (ray, hit) in hits.iter().enumerate() {
-            let mut met = std::mem::take(&mut rays.met[ray]);
+            let (column, ref mut met) = now.known_mut()[ray];
+            let mut met = std::mem::take(met);
             let place = |hit: &Hit| {
-                let pulse = capture.pulse(row, rays.columns[ray])?;
+                let pulse = capture.pulse(row, column)?;
                 Some(limits.place_of(&pulse, pulse.range_m(hit.t)))
             };
             let Some(hit) = hit else {
@@ -129,14 +112,9 @@ fn of_batch(
                     known.is_settled = known.sight.meet(hit, surface, opacity, place);
                 }
             }
-            next.columns.push(rays.columns[ray]);
-            next.origins.push(rays.origins[ray]);
-            next.directions.push(rays.directions[ray]);
-            next.times_s.push(rays.times_s[ray]);
-            next.after.push(Some(*hit));
-            next.met.push(met);
+            next.push((column, met), now.ray(ray), Some(*hit));
         }
-        rays = next;
+        std::mem::swap(&mut now, &mut next);
     }
     counts
 }

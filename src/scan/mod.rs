@@ -9,6 +9,7 @@ mod frame;
 mod measured;
 mod optics;
 mod progress;
+mod ray_batch;
 mod story;
 mod strips;
 mod surface;
@@ -17,18 +18,18 @@ mod through;
 use std::cmp::Ordering;
 use std::sync::atomic::Ordering::Relaxed;
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::scene::Scene;
 use crate::sensor::{Capture, Pulse};
-use crate::trace::{Cast, Hit, Origins, Rays};
+use crate::trace::{Cast, Hit};
 
 pub use alone::alone;
 pub use explain::explain;
 use frame::ReturnsMut;
 pub use frame::{Cause, Echo, Frame, Images, NO_OBJECT, Return, Returns, Terms};
 pub use progress::Progress;
+use ray_batch::{Ray, RayBatch};
 pub use story::{Fate, Met, Sent, Signal, SignalPeak, Story};
 use strips::{STRIP, SensorPose, TILE};
 use surface::SeenTriangle;
@@ -134,12 +135,8 @@ fn strips(frame: &mut Frame) -> Vec<Strip<'_>> {
 /// The rays and hits of a strip. The memory is kept from strip to strip.
 #[derive(Default)]
 struct Batch {
-    /// The row and column in the strip of each ray's pixel. A pixel without a pulse has no ray.
-    pixels: Vec<(u8, u8)>,
-    origins: Vec<DVec3>,
-    directions: Vec<DVec3>,
-    /// The time of each ray, if something in the scene moves.
-    times_s: Vec<f64>,
+    /// The rays with the row and the column of their pixels in the strip. A pixel without a pulse has no ray.
+    rays: RayBatch<(u8, u8)>,
     /// The sensor's pose for each ray, if the sensor moves.
     poses: Vec<SensorPose>,
     /// The pulse of each ray, if the sensor needs more than the length of a ray to say what it reports of a hit.
@@ -162,14 +159,10 @@ struct Scanner<'a, C> {
 impl<C: Cast> Scanner<'_, C> {
     /// Casts the pulses of a strip and writes the returns. Returns the number of rays.
     fn fill(&self, strip: &mut Strip, batch: &mut Batch) -> usize {
-        let Batch { pixels, origins, directions, times_s, poses, pulses, hits, through } = batch;
-        pixels.clear();
-        origins.clear();
-        directions.clear();
-        times_s.clear();
+        let Batch { rays, poses, pulses, hits, through } = batch;
+        rays.clear();
         poses.clear();
         pulses.clear();
-        let moves = self.scene.arrangement.window.is_some();
         let keeps_pulses = !self.capture.sensor.judges_by_length();
         let width = strip.rows[0].causes.len();
         for first in (0..width).step_by(TILE.1) {
@@ -184,33 +177,22 @@ impl<C: Cast> Scanner<'_, C> {
                         Some(pose) => pose,
                         None => poses.push_mut(SensorPose::new(self.capture.world_from_sensor(pulse.time_s))),
                     };
-                    if moves {
-                        times_s.push(self.capture.cast_at_s(pulse.time_s));
-                    }
-                    pixels.push((row as u8, column as u8));
-                    origins.push(pose.world_from_sensor.point(pulse.origin));
-                    directions.push(pose.world_from_sensor.direction(pulse.direction));
+                    let ray = Ray {
+                        origin: pose.world_from_sensor.point(pulse.origin),
+                        direction: pose.world_from_sensor.direction(pulse.direction),
+                        time_s: self.capture.cast_at_s(pulse.time_s),
+                    };
+                    rays.push((row as u8, column as u8), ray, None);
                     if keeps_pulses {
                         pulses.push(pulse);
                     }
                 }
             }
         }
-        let common = origins.first().copied().filter(|first| origins.iter().all(|o| o == first));
-        hits.clear();
-        hits.resize(directions.len(), None);
-        let limits = &self.capture.sensor.range;
         // The limits of the sensor's range are none of the tracer's. What is nearer blocks the beam, so the tracer has to find
         // it, and what is farther is told apart from nothing at all.
-        let rays = Rays {
-            origins: common.map_or(Origins::Each(origins), Origins::Common),
-            directions,
-            t_min: 0.0,
-            t_max: f64::INFINITY,
-            after: None,
-            times_s: moves.then_some(&times_s[..]),
-        };
-        self.tracer.cast(&rays, hits);
+        rays.cast(self.scene, self.tracer, hits);
+        let limits = &self.capture.sensor.range;
         let measured = |ray: usize, hit: &Hit| match pulses.get(ray) {
             None => (hit.t, limits.place(hit.t)),
             Some(pulse) => {
@@ -220,10 +202,10 @@ impl<C: Cast> Scanner<'_, C> {
         };
         through.clear();
         if self.is_see_through {
-            through.look(self.scene, self.tracer, &rays, hits, |ray, hit| measured(ray, hit).1);
+            through.look(self.scene, self.tracer, rays, hits, |ray, hit| measured(ray, hit).1);
         }
         let mut last: Option<SeenTriangle> = None;
-        for (ray, (&(row, column), hit)) in pixels.iter().zip(hits.iter()).enumerate() {
+        for (ray, (&(row, column), hit)) in rays.known().iter().zip(hits.iter()).enumerate() {
             let piece = &mut strip.rows[usize::from(row)];
             let Some(hit) = hit else {
                 piece.set(usize::from(column), None, Cause::Nothing);
@@ -244,13 +226,14 @@ impl<C: Cast> Scanner<'_, C> {
                 Some(seen) if seen.is_of(hit) => seen,
                 _ => last.insert(SeenTriangle::of(hit, self.scene)),
             };
-            let mut one = seen.receive(&pose.sensor_from_world, directions[ray], hit, range_m);
+            let direction = rays.ray(ray).direction;
+            let mut one = seen.receive(&pose.sensor_from_world, direction, hit, range_m);
             if self.is_see_through || seen.varies() {
-                one.intensity = seen.intensity(directions[ray], hit, self.scene, through.share(ray));
+                one.intensity = seen.intensity(direction, hit, self.scene, through.share(ray));
             }
             piece.set(usize::from(column), Some(one), cause);
         }
-        pixels.len()
+        rays.len()
     }
 }
 
@@ -272,7 +255,7 @@ mod tests {
     use crate::scene::{Material, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
     use crate::sensor::{Camera, Pattern, RangeLimits, RingOrder, Sensor};
     use crate::trace::Tracer;
-    use glam::Vec3;
+    use glam::{DVec3, Vec3};
 
     #[test]
     fn strips_cover_the_image_once() {

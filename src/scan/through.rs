@@ -11,10 +11,9 @@
 
 use std::cmp::Ordering;
 
-use glam::DVec3;
-
+use super::ray_batch::RayBatch;
 use crate::scene::{Scene, Surface};
-use crate::trace::{Cast, Hit, Origins, Rays};
+use crate::trace::{Cast, Hit};
 
 /// The most surfaces on a beam's way that count and are not solid. Holes are not among them. The thinnest panes of which eight bits
 /// can tell take 1/255 of the light each way, so 64 of them leave 60 % of it.
@@ -89,12 +88,9 @@ impl Sight {
 pub(super) struct Through {
     /// The share of each ray's hit, if the batch was looked through.
     shares: Vec<f64>,
-    rays: Vec<usize>,
-    sights: Vec<Sight>,
-    origins: Vec<DVec3>,
-    directions: Vec<DVec3>,
-    times_s: Vec<f64>,
-    after: Vec<Option<Hit>>,
+    /// The rays that are cast again, each with its number in the batch.
+    now: RayBatch<(usize, Sight)>,
+    next: RayBatch<(usize, Sight)>,
     hits: Vec<Option<Hit>>,
 }
 
@@ -112,89 +108,50 @@ impl Through {
 
     /// Replaces the first hit of each ray by the one that the sensor reports. `place` says where a hit of a ray is among the limits of
     /// the sensor's range. Only rays that met something which may let light pass are cast again.
-    pub fn look(
+    pub fn look<T>(
         &mut self,
         scene: &Scene,
         tracer: &impl Cast,
-        all: &Rays,
+        batch: &RayBatch<T>,
         hits: &mut [Option<Hit>],
         place: impl Fn(usize, &Hit) -> Ordering,
     ) {
-        self.shares.clear();
-        self.shares.resize(hits.len(), 1.0);
-        self.begin();
+        let Self { shares, now, next, hits: behind } = self;
+        shares.clear();
+        shares.resize(hits.len(), 1.0);
+        next.clear();
+        // Takes one more hit of a ray into account. Returns whether the ray goes on behind it.
+        let goes_on = |ray: usize, sight: &mut Sight, hit: &Hit| {
+            let opacity = scene.opacity(hit.placement, hit.triangle, hit.u, hit.v);
+            let surface = scene.surface(hit.placement, hit.triangle);
+            !sight.meet(hit, surface, opacity, place(ray, hit))
+        };
+        let mut end = |ray: usize, sight: &Sight, hits: &mut [Option<Hit>]| {
+            let seen = sight.seen();
+            hits[ray] = seen.map(|seen| seen.hit);
+            shares[ray] = seen.map_or(1.0, |seen| seen.share);
+        };
         for ray in 0..hits.len() {
             let Some(hit) = hits[ray] else { continue };
-            self.follow(ray, Sight::default(), &hit, scene, all, hits, &place);
+            let mut sight = Sight::default();
+            match goes_on(ray, &mut sight, &hit) {
+                true => next.push((ray, sight), batch.ray(ray), Some(hit)),
+                false => end(ray, &sight, hits),
+            }
         }
-        while !self.rays.is_empty() {
-            self.hits.clear();
-            self.hits.resize(self.rays.len(), None);
-            let rays = Rays {
-                origins: Origins::Each(&self.origins),
-                directions: &self.directions,
-                after: Some(&self.after),
-                times_s: all.times_s.map(|_| &self.times_s[..]),
-                ..*all
-            };
-            tracer.cast(&rays, &mut self.hits);
-            let (rays, sights, next) = (
-                std::mem::take(&mut self.rays),
-                std::mem::take(&mut self.sights),
-                std::mem::take(&mut self.hits),
-            );
-            self.begin();
-            for ((&ray, &sight), hit) in rays.iter().zip(&sights).zip(&next) {
+        while !next.is_empty() {
+            std::mem::swap(now, next);
+            next.clear();
+            now.cast(scene, tracer, behind);
+            for (&(ray, mut sight), hit) in now.known().iter().zip(behind.iter()) {
                 match hit {
-                    Some(hit) => self.follow(ray, sight, hit, scene, all, hits, &place),
-                    None => self.end(ray, sight, hits),
+                    Some(hit) if goes_on(ray, &mut sight, hit) => {
+                        next.push((ray, sight), batch.ray(ray), Some(*hit));
+                    }
+                    _ => end(ray, &sight, hits),
                 }
             }
-            self.hits = next;
         }
-    }
-
-    fn begin(&mut self) {
-        self.rays.clear();
-        self.sights.clear();
-        self.origins.clear();
-        self.directions.clear();
-        self.times_s.clear();
-        self.after.clear();
-    }
-
-    /// Takes one more hit of a ray into account. A ray that goes on is put on the list of those to be cast again.
-    #[expect(clippy::too_many_arguments, reason = "it is the body of two loops")]
-    fn follow(
-        &mut self,
-        ray: usize,
-        mut sight: Sight,
-        hit: &Hit,
-        scene: &Scene,
-        all: &Rays,
-        hits: &mut [Option<Hit>],
-        place: &impl Fn(usize, &Hit) -> Ordering,
-    ) {
-        let opacity = scene.opacity(hit.placement, hit.triangle, hit.u, hit.v);
-        let surface = scene.surface(hit.placement, hit.triangle);
-        if sight.meet(hit, surface, opacity, place(ray, hit)) {
-            self.end(ray, sight, hits);
-            return;
-        }
-        self.rays.push(ray);
-        self.sights.push(sight);
-        self.origins.push(all.origin(ray));
-        self.directions.push(all.directions[ray]);
-        if let Some(times_s) = all.times_s {
-            self.times_s.push(times_s[ray]);
-        }
-        self.after.push(Some(*hit));
-    }
-
-    fn end(&mut self, ray: usize, sight: Sight, hits: &mut [Option<Hit>]) {
-        let seen = sight.seen();
-        hits[ray] = seen.map(|seen| seen.hit);
-        self.shares[ray] = seen.map_or(1.0, |seen| seen.share);
     }
 }
 
@@ -202,6 +159,7 @@ impl Through {
 mod tests {
     use super::*;
     use Ordering::{Equal, Greater, Less};
+    use glam::DVec3;
 
     fn at(t: f64) -> Hit {
         Hit { t, u: 0.0, v: 0.0, normal: DVec3::X, placement: 0, triangle: 0 }

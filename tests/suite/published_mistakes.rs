@@ -7,7 +7,7 @@ use beamcast::physics::footprint::Samples;
 use beamcast::scan::Echo;
 use beamcast::scene::{SurfaceKind, Weather};
 use beamcast::sensor::{Beam, Footprint, Measurement, Noise, Receiver, ReturnMode, Rotating};
-use beamcast::{Angle, Cause, Pattern, RangeLimits, Return, Scene, Sensor};
+use beamcast::{Angle, Cause, Pattern, Pose, RangeLimits, Return, Scene, Sensor};
 
 use super::plates::{
     Plate, cast, kind, lambert, one_return, optics, power, receiver, returns, round, scene, sensor, wall,
@@ -243,7 +243,9 @@ fn what_a_mirror_shows_keeps_its_own_cosine() {
 fn normals_are_those_of_the_scaled_and_sheared_surface() {
     let square =
         quad([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| DVec3::new(0.0, y, z)));
-    let turned = DMat3::from_rotation_z(0.7) * DMat3::from_rotation_y(0.3);
+    let turn = Pose::from_rpy(DVec3::ZERO, Angle::default(), Angle::rad(0.3), Angle::rad(0.7));
+    let turned =
+        DMat3::from_cols(turn.direction(DVec3::X), turn.direction(DVec3::Y), turn.direction(DVec3::Z));
     let world_from_mesh = DAffine3 {
         matrix3: DMat3::from_diagonal(DVec3::new(3.0, 1.0, 0.5)) * turned,
         translation: DVec3::X * 20.0,

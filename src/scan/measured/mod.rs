@@ -30,9 +30,10 @@ use self::air::{Air, AirRay};
 use self::beams::Beams;
 use self::halo::{Brightness, Halo, Source};
 use self::light::{IDEAL_SAMPLE, Light, Target};
-use self::paths::{Paths, Wave, Way};
+use self::paths::{Back, Paths, Wave, Waves, Way};
 use self::receive::{Detector, Received, Reception, Scratch, Watch};
 pub(super) use self::story::explain;
+use super::ray_batch::Ray;
 use super::{Cause, Echo, Frame, NO_OBJECT, Progress, Return, STRIP, SensorPose, TILE};
 use crate::physics::sun::ambient;
 use crate::scene::{Scene, Sun};
@@ -128,8 +129,7 @@ struct Strip {
 /// The memory of a thread, which is kept from strip to strip.
 #[derive(Default)]
 struct Memory {
-    wave: Wave,
-    next: Wave,
+    waves: Waves,
     /// The light of the strip, in the order in which it was found.
     lights: Vec<Light>,
     lit: Lit,
@@ -243,11 +243,12 @@ impl<'a, C: Cast> Scanner<'a, C> {
         memory: &mut Memory,
         progress: &Progress,
     ) {
-        let Memory { wave, next, lights, lit, .. } = memory;
+        let Memory { waves, lights, lit, .. } = memory;
         (lit.first, lit.rows, lit.columns) = (first, rows, columns);
-        self.send(lit, wave);
+        self.send(lit, &mut waves.first);
         lights.clear();
-        let samples = self.paths.follow(wave, next, &lit.pulses, lights, &mut lit.ideal);
+        let mut back = Back { pulses: &lit.pulses, lights, ideal: &mut lit.ideal };
+        let samples = self.paths.follow(waves, &mut back);
         sort_by_pulse(lights, lit.pulses.len(), &mut lit.lights, &mut lit.first_light);
         progress.rays_done.fetch_add(lit.pulses.len() as u64, Relaxed);
         progress.samples_done.fetch_add(samples as u64, Relaxed);
@@ -348,7 +349,7 @@ impl<'a, C: Cast> Scanner<'a, C> {
                     let mut add = |sample: u16, origin, direction| {
                         let (origin, direction) =
                             (world_from_sensor.point(origin), world_from_sensor.direction(direction));
-                        wave.push(Way::of(number, sample), origin, direction, time_s);
+                        wave.push(Way::of(number, sample), Ray { origin, direction, time_s }, None);
                     };
                     let rays = self.beams.rays(first_row + row, first_column + column, &pulse);
                     for (sample, ray) in rays.enumerate() {

@@ -5,10 +5,11 @@ use glam::DVec3;
 use super::light::{IDEAL_SAMPLE, Light, PATHS_A_SAMPLE, Target};
 use super::receive::fall;
 use crate::scan::optics::{Meeting, Split, split};
+use crate::scan::ray_batch::{Ray, RayBatch};
 use crate::scan::{Cause, surface::SeenTriangle, through::is_same_depth};
 use crate::scene::{Appearance, Optics, Scene, Surface};
 use crate::sensor::{Pulse, Receiver};
-use crate::trace::{Cast, Hit, Origins, Rays};
+use crate::trace::{Cast, Hit};
 
 /// The share of light, both ways, below which a path is not followed.
 const LEAST_SHARE: f64 = 1e-9;
@@ -25,16 +26,7 @@ const MOST_PASSES: u8 = 64;
 const CLEARANCE_M: f64 = 1e-6;
 
 /// Rays that are cast as one batch, each with its way so far.
-#[derive(Default)]
-pub(super) struct Wave {
-    origins: Vec<DVec3>,
-    directions: Vec<DVec3>,
-    times_s: Vec<f64>,
-    /// The hit that each ray goes on behind. It is empty if no ray does.
-    after: Vec<Option<Hit>>,
-    ways: Vec<Way>,
-    hits: Vec<Option<Hit>>,
-}
+pub(super) type Wave = RayBatch<Way>;
 
 /// The way of a ray so far.
 #[derive(Clone, Copy)]
@@ -64,56 +56,6 @@ impl Way {
     }
 }
 
-impl Wave {
-    pub fn clear(&mut self) {
-        self.origins.clear();
-        self.directions.clear();
-        self.times_s.clear();
-        self.after.clear();
-        self.ways.clear();
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.ways.is_empty()
-    }
-
-    pub fn len(&self) -> usize {
-        self.ways.len()
-    }
-
-    /// Adds a ray that leaves the sensor.
-    pub fn push(&mut self, way: Way, origin: DVec3, direction: DVec3, time_s: f64) {
-        self.add(way, origin, direction, time_s, None);
-    }
-
-    fn add(&mut self, way: Way, origin: DVec3, direction: DVec3, time_s: f64, after: Option<Hit>) {
-        self.ways.push(way);
-        self.origins.push(origin);
-        self.directions.push(direction);
-        self.times_s.push(time_s);
-        if after.is_some() || !self.after.is_empty() {
-            self.after.resize(self.ways.len() - 1, None);
-            self.after.push(after);
-        }
-    }
-
-    fn cast(&mut self, scene: &Scene, tracer: &impl Cast) {
-        self.hits.clear();
-        self.hits.resize(self.ways.len(), None);
-        let origins = &self.origins;
-        let common = origins.first().copied().filter(|first| origins.iter().all(|o| o == first));
-        let rays = Rays {
-            origins: common.map_or(Origins::Each(origins), Origins::Common),
-            directions: &self.directions,
-            t_min: 0.0,
-            t_max: f64::INFINITY,
-            after: (!self.after.is_empty()).then_some(&self.after[..]),
-            times_s: scene.arrangement.window.is_some().then_some(&self.times_s[..]),
-        };
-        tracer.cast(&rays, &mut self.hits);
-    }
-}
-
 /// What the paths of a sensor's light have in common.
 pub(super) struct Paths<'a, C> {
     pub scene: &'a Scene,
@@ -135,26 +77,50 @@ struct Last<'s> {
     optics: Option<&'s Optics>,
 }
 
+/// What comes back from the pulses of a strip.
+pub(super) struct Back<'m> {
+    pub pulses: &'m [Pulse],
+    /// The light, in the order in which it is found.
+    pub lights: &'m mut Vec<Light>,
+    /// The range of the ideal ray of each pulse, if it meets something.
+    pub ideal: &'m mut [f64],
+}
+
+/// Where a ray meets a surface.
+struct Arrival<'h> {
+    way: Way,
+    ray: Ray,
+    hit: &'h Hit,
+    surface: Surface,
+    /// The surface's normal on the side of the light.
+    normal: DVec3,
+    /// The share of the surface that is there, by its texture's alpha.
+    cover: f64,
+}
+
+/// The memory of waves, which is kept from strip to strip.
+#[derive(Default)]
+pub(super) struct Waves {
+    /// The rays that leave the sensor, at first.
+    pub first: Wave,
+    next: Wave,
+    hits: Vec<Option<Hit>>,
+}
+
 impl<'a, C: Cast> Paths<'a, C> {
-    /// Follows the rays of `wave`, and those that surfaces make of them, until no light is left. Adds what comes back to `lights`
-    /// and the range of each ideal ray that meets something to `ideal`. `next` is memory. Returns the number of rays.
-    pub fn follow(
-        &self,
-        wave: &mut Wave,
-        next: &mut Wave,
-        pulses: &[Pulse],
-        lights: &mut Vec<Light>,
-        ideal: &mut [f64],
-    ) -> usize {
+    /// Follows the rays of the first wave, and those that surfaces make of them, until no light is left. Adds what comes back to
+    /// `back`. Returns the number of rays.
+    pub fn follow(&self, waves: &mut Waves, back: &mut Back) -> usize {
+        let Waves { first: wave, next, hits } = waves;
         let mut rays = 0;
         while !wave.is_empty() {
             rays += wave.len();
-            wave.cast(self.scene, self.tracer);
+            wave.cast(self.scene, self.tracer, hits);
             next.clear();
             let mut last = Last::default();
-            for ray in 0..wave.len() {
-                if let Some(hit) = wave.hits[ray] {
-                    self.meet(wave, ray, &hit, &mut last, pulses, lights, ideal, next);
+            for (ray, (way, hit)) in wave.known().iter().zip(hits.iter()).enumerate() {
+                if let Some(hit) = hit {
+                    self.meet(*way, wave.ray(ray), hit, &mut last, back, next);
                 }
             }
             std::mem::swap(wave, next);
@@ -162,23 +128,7 @@ impl<'a, C: Cast> Paths<'a, C> {
         rays
     }
 
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the inner loop's memory, which is kept from batch to batch"
-    )]
-    fn meet(
-        &self,
-        wave: &Wave,
-        ray: usize,
-        hit: &Hit,
-        last: &mut Last<'a>,
-        pulses: &[Pulse],
-        lights: &mut Vec<Light>,
-        ideal: &mut [f64],
-        next: &mut Wave,
-    ) {
-        let way = wave.ways[ray];
-        let (origin, direction) = (wave.origins[ray], wave.directions[ray]);
+    fn meet(&self, way: Way, ray: Ray, hit: &Hit, last: &mut Last<'a>, back: &mut Back, next: &mut Wave) {
         let length_m = way.length_m + hit.t;
         if !last.triangle.as_ref().is_some_and(|seen| seen.is_of(hit)) {
             let seen = last.triangle.insert(SeenTriangle::of(hit, self.scene));
@@ -189,7 +139,7 @@ impl<'a, C: Cast> Paths<'a, C> {
         let surface = seen.surface();
         if way.through.is_some_and(|(depth, last)| last == surface && is_same_depth(depth, hit.t)) {
             // The ray passes an edge of a surface, and meets the triangles on both of its sides. It went through it before.
-            next.add(way, origin, direction, wave.times_s[ray], Some(*hit));
+            next.push(way, ray, Some(*hit));
             return;
         }
         let appearance = match last.appearance {
@@ -201,7 +151,7 @@ impl<'a, C: Cast> Paths<'a, C> {
                 appearance
             }
         };
-        let along = hit.normal.dot(direction);
+        let along = hit.normal.dot(ray.direction);
         let normal = if along > 0.0 { -hit.normal } else { hit.normal };
         let cosine = along.abs().min(1.0);
         let at = Meeting {
@@ -213,31 +163,32 @@ impl<'a, C: Cast> Paths<'a, C> {
         };
         let split = split(&appearance, last.optics, at);
         let cover = f64::from(appearance.cover);
-        let point = origin + direction * hit.t;
-        let back = cover * split.back;
+        let returned = cover * split.back;
+        let pulse = &back.pulses[way.pulse as usize];
         if way.sample == IDEAL_SAMPLE {
-            if back > 0.0 && ideal[way.pulse as usize].is_infinite() {
-                ideal[way.pulse as usize] = pulses[way.pulse as usize].range_m(length_m);
+            let ideal_m = &mut back.ideal[way.pulse as usize];
+            if returned > 0.0 && ideal_m.is_infinite() {
+                *ideal_m = pulse.range_m(length_m);
             }
-        } else if back > 0.0 {
+        } else if returned > 0.0 {
             let fall = fall(self.receiver, length_m.max(LEAST_LENGTH_M));
             let clear_air = match self.extinction_per_m > 0.0 {
                 true => libm::exp(2.0 * self.extinction_per_m * length_m),
                 false => 1.0,
             };
-            let energy = way.share * back * self.white_at_1_m / (fall * clear_air);
+            let energy = way.share * returned * self.white_at_1_m / (fall * clear_air);
             // Through kilometres of fog no number is left of it.
             if energy > 0.0 {
-                lights.push(Light {
+                back.lights.push(Light {
                     pulse: way.pulse,
                     path: u32::from(way.sample) * PATHS_A_SAMPLE + u32::from(way.met),
-                    range_m: pulses[way.pulse as usize].range_m(length_m),
+                    range_m: pulse.range_m(length_m),
                     length_m,
                     energy,
                     clear_air,
                     cause: way.cause,
                     target: Target {
-                        point,
+                        point: ray.origin + ray.direction * hit.t,
                         normal,
                         reflectance: split.reflectance as f32,
                         object: surface.object,
@@ -247,24 +198,13 @@ impl<'a, C: Cast> Paths<'a, C> {
                 });
             }
         }
-        self.go_on(wave, ray, hit, surface, &split, cover, normal, next);
+        self.go_on(&Arrival { way, ray, hit, surface, normal, cover }, &split, next);
     }
 
     /// Adds the rays that go on from a surface to the next wave.
-    #[expect(clippy::too_many_arguments, reason = "all of it is known where the surface is met")]
-    fn go_on(
-        &self,
-        wave: &Wave,
-        ray: usize,
-        hit: &Hit,
-        surface: Surface,
-        split: &Split,
-        cover: f64,
-        normal: DVec3,
-        next: &mut Wave,
-    ) {
-        let way = wave.ways[ray];
-        let (origin, direction, time_s) = (wave.origins[ray], wave.directions[ray], wave.times_s[ray]);
+    fn go_on(&self, at: &Arrival, split: &Split, next: &mut Wave) {
+        let &Arrival { way, ray, hit, surface, normal, cover } = at;
+        let Ray { origin, direction, time_s } = ray;
         let met = way.met.saturating_add(1);
         let through = Some((hit.t, surface));
         let can_pass = way.passes < MOST_PASSES && way.met < u8::MAX - 1;
@@ -272,7 +212,7 @@ impl<'a, C: Cast> Paths<'a, C> {
         let uncovered = (1.0 - cover) * (1.0 - cover);
         if uncovered > 0.0 && way.share * uncovered > LEAST_SHARE && can_pass {
             let on = Way { met, share: way.share * uncovered, passes: way.passes + 1, through, ..way };
-            next.add(on, origin, direction, time_s, Some(*hit));
+            next.push(on, ray, Some(*hit));
         }
         if way.sample == IDEAL_SAMPLE && cover > 0.0 && split.back > 0.0 {
             return;
@@ -295,7 +235,7 @@ impl<'a, C: Cast> Paths<'a, C> {
             } else {
                 DVec3::ZERO
             };
-            next.add(on, origin + shift, direction, time_s, Some(*hit));
+            next.push(on, Ray { origin: origin + shift, ..ray }, Some(*hit));
         }
         let mirrored = way.share * cover * split.mirrored;
         if mirrored > LEAST_SHARE && u32::from(way.bounces) < self.receiver.bounces && way.met < u8::MAX - 1 {
@@ -310,8 +250,8 @@ impl<'a, C: Cast> Paths<'a, C> {
                 through: None,
                 ..way
             };
-            let point = origin + direction * hit.t;
-            next.add(on, point + reflected * start_m, reflected, time_s, None);
+            let start = origin + direction * hit.t + reflected * start_m;
+            next.push(on, Ray { origin: start, direction: reflected, time_s }, None);
         }
     }
 }
