@@ -21,7 +21,7 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("scan", &["frame", "physics", "rng", "scene", "sensor", "trace"]),
     ("truth", &["frame", "motion", "scan", "scene", "sensor"]),
     ("placing", &["angle", "frame", "rng", "scene", "trace", "truth"]),
-    ("output", &["angle", "error", "frame", "scan", "scene", "sensor", "source", "truth"]),
+    ("output", &["angle", "error", "frame", "physics", "scan", "scene", "sensor", "source", "truth"]),
     ("check", &["angle", "frame", "output", "scan", "scene", "sensor", "source"]),
     ("view", &["check", "error", "frame", "output", "scan", "scene", "sensor", "source"]),
     ("selftest", &["angle", "frame", "motion", "output", "physics", "scan", "scene", "sensor", "trace"]),

@@ -46,3 +46,4 @@ mod trace;
 mod trajectories;
 mod truth;
 mod view;
+mod waveforms;
