@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 
 use crate::run::Bytes;
 use crate::run::facts::{
-    FileFacts, MeasurementFacts, RangeSigma, SceneFacts, SensorSizes, SequenceFacts, WayFacts,
+    BeamsFacts, FileFacts, MeasurementFacts, RangeSigma, SceneFacts, SensorSizes, SequenceFacts, WayFacts,
 };
-use crate::source::words::{on_one_line, quoted};
+use crate::source::words::{on_one_line, quoted, runs};
 
 /// The facts about a file as lines of text.
 pub fn text(facts: &FileFacts) -> String {
@@ -76,6 +76,10 @@ fn write_measurement(text: &mut String, facts: &MeasurementFacts) {
         "detects",
         "{range_10} m at 10 %, {range_80} m at 80 % reflectance, in {percent} % of pulses{nominal}"
     );
+    for BeamsFacts { rows, range_10_m, range_80_m, .. } in &facts.beams {
+        let (range_10, range_80) = (tenths(*range_10_m), tenths(*range_80_m));
+        fact!(text, "", "{range_10} m at 10 %, {range_80} m at 80 % by rows {}{nominal}", runs(rows));
+    }
     if facts.exponent != 2.0 {
         let misfit = tenths(facts.misfit * 1e2);
         let exponent = facts.exponent;
@@ -228,6 +232,12 @@ mod tests {
                 is_nominal: true,
                 range_10_m: 90.0,
                 range_80_m: 170.0,
+                beams: vec![BeamsFacts {
+                    rows: vec![0, 2],
+                    range_10_m: 45.0,
+                    range_80_m: 120.0,
+                    misfit: 0.0,
+                }],
                 detection: 0.9,
                 exponent: 3.27,
                 misfit: 0.0,
@@ -277,6 +287,7 @@ mod tests {
             "3 rows × 360 columns, 1,080 rays a frame\n",
             "1° × 2° to 28°\n",
             "    detects       90 m at 10 %, 170 m at 80 % reflectance, in 90 % of pulses, nominal\n",
+            "                  45 m at 10 %, 120 m at 80 % by rows 0 and 2, nominal\n",
             "    power falls   with the range to the 3.27, off by 0 % at most, nominal\n",
             "    false alarms  0.108 a frame, nominal\n",
             "    range noise   12.3 mm at 10 m on 80 % (1σ), nominal\n",

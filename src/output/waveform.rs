@@ -1,7 +1,5 @@
 //! The waveform of every pulse of a frame as NumPy's NPZ: the exact Gaussians of each sum, and samples of it on request.
 
-use std::mem::size_of;
-
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 

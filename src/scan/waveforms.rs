@@ -1,7 +1,5 @@
 //! The waveforms of a frame: the light of every pulse, as its receiver gets it.
 
-use std::mem::size_of;
-
 use crate::physics::echo::{Part, Waveform};
 use crate::sensor::Sensor;
 

@@ -33,7 +33,7 @@ use crate::angle::Angle;
 pub use camera::{Camera, CameraError};
 pub use capture::{Capture, NumberProblem};
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
-pub use measurement::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
+pub use measurement::{Blooming, DimmerBeams, Footprint, Measurement, Noise, Receiver, ReturnMode};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};
 pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};

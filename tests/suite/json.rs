@@ -54,7 +54,11 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ("d.toml", job(0.0, 18, "exact")),
         ("sequence.toml", job(0.0, 36, "exact") + "[sequence]\nframes = 2\n"),
         ("leaky.toml", job(0.0, 36, "moller-trumbore")),
-        ("measured.toml", job(0.0, 36, "exact") + "[sensor.receiver]\nrange_pairs = [[0.8, 50.0]]\n"),
+        (
+            "measured.toml",
+            job(0.0, 36, "exact")
+                + "[sensor.receiver]\nrange_pairs = [[0.8, 50.0]]\nbeams = [{ rows = [1], range_pairs = [[0.8, 40.0]] }]\n",
+        ),
         ("wrong.toml", "scene = 3\n".to_owned()),
         ("triangle.gltf", TRIANGLE.to_owned()),
     ] {
@@ -71,9 +75,10 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
     let lines = stdout_of(folder, &["scan", "a.toml", "--out", "lines", fine[0], fine[1], "--json-lines"]);
     let measured = json(&["scan", "measured.toml", "--out", "measured", "--json"]);
     // Where the receiver sees less, some pulses do not return.
-    let dim = ["--set", "sensor.top.receiver.range_pairs=[[0.8, 3.0]]"];
+    let dim = "--set sensor.top.receiver.range_pairs=[[0.8,3.0]] --set sensor.top.receiver.beams=[]";
+    let dim: Vec<&str> = dim.split(' ').collect();
     let measured_lines =
-        stdout_of(folder, &["scan", "measured.toml", "--out", "dim", dim[0], dim[1], "--json-lines"]);
+        stdout_of(folder, &[&["scan", "measured.toml", "--out", "dim", "--json-lines"], &dim[..]].concat());
     for part in ["1/2", "2/2"] {
         stdout_of(folder, &["scan", "a.toml", "--out", "parts", "--shard", part]);
     }

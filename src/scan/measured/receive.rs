@@ -407,7 +407,7 @@ impl<'a> Detector<'a> {
         terms.rounding_m = range_m - terms.unrounded_m();
         let amplitude = candidate.amplitude.min(self.receiver.saturation_snr);
         let fall = fall(self.receiver, candidate.length_m);
-        let reflectivity = amplitude * fall / self.white_at_1_m;
+        let reflectivity = amplitude * fall / (self.white_at_1_m * at.beam.power);
         let value = self.receiver.intensity.value(reflectivity);
         let target = &candidate.target;
         let normal = at.sensor_from_world * target.normal;
