@@ -4,9 +4,13 @@ use std::fmt::Write as _;
 
 use crate::run::Bytes;
 use crate::run::facts::{
-    BeamsFacts, FileFacts, MeasurementFacts, RangeSigma, SceneFacts, SensorSizes, SequenceFacts, WayFacts,
+    AlphaFacts, BeamsFacts, FileFacts, ImageFacts, MeasurementFacts, RangeSigma, SceneFacts, SensorSizes,
+    SequenceFacts, WayFacts,
 };
-use crate::source::words::{on_one_line, quoted, runs};
+use crate::source::words::{counted, on_one_line, quoted, runs};
+
+/// The most labels, materials or images that a line lists.
+const MOST_SHOWN: usize = 32;
 
 /// The facts about a file as lines of text.
 pub fn text(facts: &FileFacts) -> String {
@@ -52,10 +56,36 @@ fn write_scene(text: &mut String, scene: &SceneFacts) {
     }
     fact!(text, "instances", "{}", grouped(scene.instances as u64));
     fact!(text, "materials", "{}", grouped(scene.materials as u64));
-    let labels: Vec<String> = scene.labels.iter().take(32).map(|label| named(scene, *label)).collect();
-    let more = if scene.labels.len() > 32 { ", …" } else { "" };
+    write_appearance(text, scene);
+    let labels: Vec<String> =
+        scene.labels.iter().take(MOST_SHOWN).map(|label| named(scene, *label)).collect();
+    let more = if scene.labels.len() > MOST_SHOWN { ", …" } else { "" };
     fact!(text, "labels", "{}{more}", labels.join(", "));
     fact!(text, "memory", "about {}", Bytes(scene.memory_bytes));
+}
+
+/// Where surfaces let light pass by their alpha, and the images of their textures; nothing of a scene that has neither.
+fn write_appearance(text: &mut String, scene: &SceneFacts) {
+    let several = |shown: Vec<String>, count: usize| {
+        let more = if count > shown.len() { format!(", … ({count} in all)") } else { String::new() };
+        shown.join(", ") + &more
+    };
+    let alpha = |AlphaFacts { material, mode, cutoff }: &AlphaFacts| {
+        let cutoff = cutoff.map_or(String::new(), |cutoff| format!(" below {cutoff}"));
+        format!("{mode}{cutoff} of \"{}\"", on_one_line(material))
+    };
+    if !scene.alpha.is_empty() {
+        let shown = scene.alpha.iter().take(MOST_SHOWN).map(alpha).collect();
+        fact!(text, "alpha", "{}", several(shown, scene.alpha.len()));
+    }
+    let image = |ImageFacts { format, width, height, .. }: &ImageFacts| {
+        format!("{width} × {height} {}", format.unwrap_or("texels"))
+    };
+    if !scene.images.is_empty() {
+        let shown = scene.images.iter().take(MOST_SHOWN).map(image).collect();
+        let count = counted(scene.images.len(), "image");
+        fact!(text, "textures", "{count}: {}", several(shown, scene.images.len()));
+    }
 }
 
 /// `3 "wall"`, or `3` if nothing tells what the label stands for.
@@ -257,6 +287,11 @@ mod tests {
             skipped_triangles: 0,
             instances: 3,
             materials: 1,
+            alpha: vec![
+                AlphaFacts { material: "leaf\n".to_owned(), mode: "MASK", cutoff: Some(0.5) },
+                AlphaFacts { material: "pane".to_owned(), mode: "BLEND", cutoff: None },
+            ],
+            images: vec![ImageFacts { format: Some("PNG"), width: 512, height: 256, materials: 1 }],
             labels: vec![3, 7],
             label_names: [(7, "wall, \n…".to_owned())].into(),
             extent_m: [[0.0, 5.0], [0.0, 1.0], [0.0, 0.0]],
@@ -293,6 +328,8 @@ mod tests {
             "    range noise   12.3 mm at 10 m on 80 % (1σ), nominal\n",
             "exr 43.2 kB a frame, uncompressed\n",
             "extent        x 0 to 5, y 0 to 1, z 0 to 0 m\n",
+            "alpha         MASK below 0.5 of \"leaf\\n\", BLEND of \"pane\"\n",
+            "textures      1 image: 512 × 256 PNG\n",
             "regions       2, vertices rounded by 0.003 mm at most\n",
             "  sequence\n    frames        1,200 of top\n    time          0.5 s to 120.5 s\n",
             "output        at most 51.8 MB: all files before compression\n    way           1800 m at 14 to 16 m/s\n",

@@ -34,14 +34,17 @@ fn job(x: f64, columns: usize, kernel: &str) -> String {
     )
 }
 
-/// A scene of a triangle and a camera, with an animation and a skin.
+/// A scene of a triangle and a camera, with an animation and a skin. The triangle's material has holes, and a texture of 2 × 1 texels.
 const TRIANGLE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}],
     "nodes": [{"mesh": 0}, {"camera": 0}],
     "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}],
     "animations": [{"name": "walk", "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
         "samplers": [{"input": 0, "output": 0}]}],
     "skins": [{"joints": [1]}],
-    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "materials": [{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+    "textures": [{"source": 0}],
+    "images": [{"uri": "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAAAAADRSSBWAAAAC0lEQVR4nGNQaAAAAMMAoUn2EtEAAAAASUVORK5CYII="}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
     "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
     "bufferViews": [{"buffer": 0, "byteLength": 36}],
     "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}"#;
