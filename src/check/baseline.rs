@@ -6,7 +6,8 @@
 //! hash for each row of every channel and for each column of the range, and the pixels of some channels: ids exactly, the
 //! range and the channels with a tolerance rounded.
 //!
-//! Of a sequence, a baseline has chosen frames only: a record and a file of pixels for each of them.
+//! Of a sequence, a baseline has chosen frames only: a record and a file of pixels for each of them. A sensor that reports several
+//! returns of a pulse has a record and a file for each number of return, as if it were a frame of its own.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -28,6 +29,10 @@ const FORMAT: u32 = 2;
 /// The version of the format of a baseline of several frames. A program that reads only the first format would take the first
 /// record of a sensor for the only one.
 const FORMAT_OF_FRAMES: u32 = 3;
+
+/// The version of the format of a baseline that has further returns. A program that reads only the others would take the last record of
+/// a frame for its first returns.
+const FORMAT_OF_RETURNS: u32 = 4;
 
 /// The record of an accepted job, without the pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,11 +65,14 @@ pub struct SensorRecord {
     /// The frame's number.
     #[serde(default, skip_serializing_if = "is_first")]
     pub frame: u64,
+    /// The number of the return of each pixel, from 0.
+    #[serde(default, rename = "return", skip_serializing_if = "is_first_return")]
+    pub number: usize,
     /// Rows of the image.
     pub rows: usize,
     /// Columns of the image.
     pub columns: usize,
-    /// The number of pixels with a return.
+    /// The number of returns of the frame; of a further return, the number of pixels that have it.
     pub returns: usize,
     /// The BLAKE3 hash of each channel, computed over the BLAKE3 hashes of its rows.
     pub channels: BTreeMap<String, String>,
@@ -81,6 +89,11 @@ pub struct SensorRecord {
 /// Whether a frame is a sensor's first one, whose number is not written.
 fn is_first(frame: &u64) -> bool {
     *frame == 0
+}
+
+/// Whether a return is the first one of its pixel, whose number is not written.
+fn is_first_return(number: &usize) -> bool {
+    *number == 0
 }
 
 /// A sensor's frame in the form in which it is compared or recorded.
@@ -122,7 +135,7 @@ pub enum BaselineError {
     #[error("is not valid JSON: {0}")]
     Json(#[source] serde_json::Error),
     /// The file has the format of another version.
-    #[error("has format {0}, and this version reads {FORMAT} and {FORMAT_OF_FRAMES}")]
+    #[error("has format {0}, and this version reads {FORMAT} to {FORMAT_OF_RETURNS}")]
     Format(u64),
     /// The file does not say which format it has.
     #[error("is no baseline: it has no `format`")]
@@ -138,7 +151,11 @@ impl Baseline {
 
     /// Makes a baseline of a finished job. `job` is the resolved job.
     pub fn of(job: &Value, scene: &Scene, mut sensors: Vec<SensorRecord>) -> Self {
-        let format = if sensors.iter().all(|record| record.frame == 0) { FORMAT } else { FORMAT_OF_FRAMES };
+        let format = match () {
+            () if sensors.iter().any(|record| record.number > 0) => FORMAT_OF_RETURNS,
+            () if sensors.iter().any(|record| record.frame > 0) => FORMAT_OF_FRAMES,
+            () => FORMAT,
+        };
         let mut known = BTreeSet::new();
         for record in &mut sensors {
             if !known.insert(record.name.clone()) {
@@ -157,10 +174,10 @@ impl Baseline {
 
     /// The name of the file of a frame's pixels, in the baseline's folder. No sensor's name has an `@`.
     pub fn pixels_name(record: &SensorRecord) -> String {
-        match record {
-            SensorRecord { name, frame: 0, .. } => format!("{name}.pixels"),
-            SensorRecord { name, frame, .. } => format!("{name}@{frame:06}.pixels"),
-        }
+        let SensorRecord { name, frame, number, .. } = record;
+        let frame = if *frame > 0 { format!("@{frame:06}") } else { String::new() };
+        let number = if *number > 0 { format!("@return{number}") } else { String::new() };
+        format!("{name}{frame}{number}.pixels")
     }
 
     /// The content of [`Baseline::NAME`].
@@ -185,7 +202,7 @@ impl Baseline {
             Err(error) => return Err(BaselineError::Json(error)),
         };
         match head {
-            Some(format) if [FORMAT, FORMAT_OF_FRAMES].map(u64::from).contains(&format) => {}
+            Some(format) if (u64::from(FORMAT)..=u64::from(FORMAT_OF_RETURNS)).contains(&format) => {}
             Some(format) => return Err(BaselineError::Format(format)),
             None => return Err(BaselineError::NoFormat),
         }
@@ -207,9 +224,20 @@ impl SensorRecord {
 }
 
 impl Snapshot {
-    /// Records a frame of `scene`, whose labels stand for `labels`.
+    /// Records the first returns of a frame of `scene`, whose labels stand for `labels`.
     pub fn of(frame: &SensorFrame, scene: &Scene, labels: &BTreeMap<u32, String>) -> Self {
-        let image = Image::of(frame).without_repeats();
+        Self::of_return(frame, 0, scene, labels)
+    }
+
+    /// Records the return number `number`, from 0, of each pixel of a frame of `scene`, whose labels stand for `labels`. A pixel with
+    /// fewer returns counts as one without a return.
+    pub fn of_return(
+        frame: &SensorFrame,
+        number: usize,
+        scene: &Scene,
+        labels: &BTreeMap<u32, String>,
+    ) -> Self {
+        let image = Image::of_return(frame, number).without_repeats();
         let mut hashes = Hashes::default();
         let mut channels = BTreeMap::new();
         for Channel { name, samples } in &image.channels {
@@ -243,7 +271,11 @@ impl Snapshot {
         };
         let record = SensorRecord {
             frame: frame.capture.frame,
-            returns: frame.frame.return_count(),
+            number,
+            returns: match number {
+                0 => frame.frame.return_count(),
+                _ => image.mask().into_iter().filter(|seen| *seen).count(),
+            },
             channels,
             instances,
             ..SensorRecord::of_sensor(frame.name, frame.capture.sensor)
@@ -257,13 +289,13 @@ impl Snapshot {
         Self { is_of_sequence, ..self }
     }
 
-    /// The frame in words: `sensor roof`, or `sensor roof, frame 50` in a sequence.
+    /// The frame in words: `sensor roof`, or `sensor roof, frame 50` in a sequence, with the number of a further return.
     pub fn title(&self) -> String {
-        title(&self.record.name, self.number())
+        title(&self.record.name, self.frame_number(), self.record.number)
     }
 
     /// The frame's number, if it is one of several.
-    pub fn number(&self) -> Option<u64> {
+    pub fn frame_number(&self) -> Option<u64> {
         self.is_of_sequence.then_some(self.record.frame)
     }
 

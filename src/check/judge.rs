@@ -56,8 +56,8 @@ pub fn judge(
 ) -> SensorOutcome {
     let now = &current.record;
     let (rows, columns) = (now.rows, now.columns);
-    let (name, frame) = (now.name.clone(), current.number());
-    let mut outcome = SensorOutcome { name, frame, rows, columns, ..SensorOutcome::default() };
+    let (name, frame, number) = (now.name.clone(), current.frame_number(), now.number);
+    let mut outcome = SensorOutcome { name, frame, number, rows, columns, ..SensorOutcome::default() };
     let title = current.title();
     let reason = reason(&title, &now.name, changes);
     if (now.rows, now.columns) != (accepted.rows, accepted.columns) {

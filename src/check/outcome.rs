@@ -20,8 +20,8 @@ pub struct Outcome {
     pub warnings: Vec<Diagnostic>,
     /// The changes since the baseline was accepted, whether or not they led to a difference.
     pub changes: Vec<Change>,
-    /// One outcome for each frame that was compared, by number and then in the job's order of sensors. It is empty if the job
-    /// could not be run, or if there is no baseline.
+    /// One outcome for each frame that was compared, by number and then in the job's order of sensors; of sensors that report several
+    /// returns of a pulse, one for each number of return. It is empty if the job could not be run, or if there is no baseline.
     pub sensors: Vec<SensorOutcome>,
     /// One outcome for each `[[expect]]`, in the job's order.
     pub expectations: Vec<ExpectationOutcome>,
@@ -64,6 +64,8 @@ pub struct SensorOutcome {
     pub name: String,
     /// The number of the frame. `None` if each sensor of the job has one frame.
     pub frame: Option<u64>,
+    /// The number of the return of each pixel that was compared, from 0.
+    pub number: usize,
     /// The table of the sensor in the job.
     pub written_at: Option<Place>,
     /// The differences, where and why. It is empty if no channel differs beyond its tolerance.
@@ -188,16 +190,16 @@ pub struct FrameCounts {
 }
 
 impl SensorOutcome {
-    /// The frame in words: `sensor roof`, or `sensor roof, frame 50` in a sequence.
+    /// The frame in words, as [`title`] has it.
     pub fn title(&self) -> String {
-        title(&self.name, self.frame)
+        title(&self.name, self.frame, self.number)
     }
 }
 
-/// A sensor's frame in words: `sensor roof`, or `sensor roof, frame 50` in a sequence.
-pub fn title(sensor: &str, frame: Option<u64>) -> String {
-    match frame {
-        Some(frame) => format!("sensor {sensor}, frame {frame}"),
-        None => format!("sensor {sensor}"),
-    }
+/// A sensor's frame in words: `sensor roof`, or `sensor roof, frame 50` in a sequence. Where not the first return of each pixel is meant,
+/// its number, counted from 0, is behind it: `sensor roof, return 1`.
+pub fn title(sensor: &str, frame: Option<u64>, number: usize) -> String {
+    let frame = frame.map_or(String::new(), |frame| format!(", frame {frame}"));
+    let number = if number > 0 { format!(", return {number}") } else { String::new() };
+    format!("sensor {sensor}{frame}{number}")
 }

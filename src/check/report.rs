@@ -194,6 +194,7 @@ pub fn json(outcomes: &[Outcome]) -> Value {
             json!({
                 "name": s.name,
                 "frame": s.frame.unwrap_or(0),
+                "return": s.number,
                 "line": at.0,
                 "column": at.1,
                 "rows": s.rows,

@@ -14,7 +14,7 @@ use crate::config::{self, Config, Job, SensorFile};
 use crate::error::Error;
 use crate::selftest::datasheet::{self, Figure, Measured, Outcome, Replay, Stated};
 use crate::sensor::Sensor;
-use crate::source::words::on_one_line;
+use crate::source::words::{on_one_line, runs};
 
 /// A sensor that states figures.
 struct Subject {
@@ -182,12 +182,14 @@ fn as_text(subject: &Subject, replay: &Replay) -> String {
         let _ = write!(text, "  {name:<13} {plane:<16} ");
         let _ = match outcome {
             Outcome::Measured(measured) => {
+                let of_rows = rows_of(subject, stated)
+                    .map_or_else(String::new, |rows| format!(" (rows {})", runs(rows)));
                 let [expected, found, allowed] =
                     [measured.expected, measured.found, measured.allowed].map(|value| shown(stated, value));
                 let verdict = if measured.agrees() { "" } else { ": WRONG" };
                 writeln!(
                     text,
-                    "{pulses:>8} {expected:>11} {found:>11} {:>12}{verdict}",
+                    "{pulses:>8} {expected:>11} {found:>11} {:>12}{verdict}{of_rows}",
                     format!("±{allowed}")
                 )
             }
@@ -210,6 +212,12 @@ fn as_text(subject: &Subject, replay: &Replay) -> String {
         "  FAILED\n"
     };
     text
+}
+
+/// The rows of the beams that a figure is stated of, if it is not of most of them.
+fn rows_of<'s>(subject: &'s Subject, stated: &Stated) -> Option<&'s [usize]> {
+    let Stated::Detection { beams: Some(beams), .. } = *stated else { return None };
+    Some(&subject.sensor.measurement.receiver.as_ref()?.beams.get(beams)?.rows)
 }
 
 /// A number of percent without digits that floating point made.
@@ -235,11 +243,11 @@ fn as_json(subject: &Subject, replay: &Replay) -> Value {
         "passed": replay.passed(),
         "exponent": several.map(|fit| fit.exponent),
         "misfit": several.map(|fit| fit.misfit),
-        "figures": replay.figures.iter().map(figure_as_json).collect::<Vec<_>>(),
+        "figures": replay.figures.iter().map(|figure| figure_as_json(subject, figure)).collect::<Vec<_>>(),
     })
 }
 
-fn figure_as_json(figure: &Figure) -> Value {
+fn figure_as_json(subject: &Subject, figure: &Figure) -> Value {
     let Figure { stated, pulses, outcome } = figure;
     let measured = outcome.measured();
     let plane = stated.plane();
@@ -253,6 +261,7 @@ fn figure_as_json(figure: &Figure) -> Value {
         "figure": stated.name(),
         "reflectance": plane.map(|(reflectance, _)| reflectance),
         "range_m": plane.map(|(_, range_m)| range_m),
+        "rows": rows_of(subject, stated),
         "pulses": pulses,
         "expected": measured.map(|m| m.expected),
         "found": measured.map(|m| m.found),

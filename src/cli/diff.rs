@@ -19,7 +19,7 @@ use crate::check::compare::{ChannelDifference, ImageDifference, compare};
 use crate::check::{Tolerance, confusion_words, difference_picture, phrasing, report};
 use crate::error::Error;
 use crate::output::recorded::{Cloud, FrameKey};
-use crate::output::{CHANNEL_NAMES, Image, write_file};
+use crate::output::{CHANNEL_NAMES, Channel, Image, Samples, no_return, write_file};
 use crate::run::sides::{Content, Pairing, Side, frames_in_words};
 use crate::run::{Holding, Plan, Selection, Session, memory};
 use crate::source::is_config;
@@ -102,7 +102,9 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         for (name, [key_a, key_b]) in &pairs {
             let contents = (a.read(key_a, interrupt.progress())?, b.read(key_b, interrupt.progress())?);
             interrupt.check()?;
-            let (Some(of_a), Some(of_b)) = contents else { continue };
+            let (Some(mut of_a), Some(mut of_b)) = contents else { continue };
+            add_returns(&mut of_a, &of_b);
+            add_returns(&mut of_b, &of_a);
             let lacks =
                 |side: &[(String, Content)], other: &[(String, Content)], path: &Path, whole: &Path| {
                     let lacking = other.iter().find(|(part, _)| !side.iter().any(|(own, _)| own == part));
@@ -118,7 +120,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             for (part, content) in &of_a {
                 let Some((_, other)) = of_b.iter().find(|(own, _)| own == part) else { continue };
                 told.fields.extend(fields_of(content).chain(fields_of(other)).map(str::to_owned));
-                let place = Place { name: &format!("{name}{part}"), key: key_a, is_sequence };
+                let is_further = part.starts_with(":return");
+                let place = Place { name: &format!("{name}{part}"), is_further, key: key_a, is_sequence };
                 told.add(compare_items(args, &place, content, other, &labels)?);
             }
         }
@@ -174,6 +177,30 @@ fn side(path: &Path, args: &Args, terminal: &Terminal, interrupt: &Interrupt) ->
     Ok((Side::of_session(Session::open(job, &scene), &plan, args.scenes.allowed_folders.clone()), plan.rays))
 }
 
+/// Adds to a side the images of further returns that the other side alone has, without any return: the other's pixels have more.
+fn add_returns(side: &mut Vec<(String, Content)>, other: &[(String, Content)]) {
+    let Some((_, Content::Image(first))) = side.first() else { return };
+    let without = |of: &Image| {
+        let channels = of.channels.iter().map(|channel| Channel {
+            name: channel.name.clone(),
+            samples: match channel.samples {
+                Samples::F32(_) => Samples::F32(vec![no_return(&channel.name) as f32; first.pixels()]),
+                Samples::U32(_) => Samples::U32(vec![no_return(&channel.name) as u32; first.pixels()]),
+            },
+        });
+        Image { rows: first.rows, columns: first.columns, channels: channels.collect() }
+    };
+    let is_lacking = |(part, _): &&(String, Content)| {
+        part.starts_with(":return") && !side.iter().any(|(own, _)| own == part)
+    };
+    let lacking = other.iter().filter(is_lacking).filter_map(|(part, content)| match content {
+        Content::Image(image) => Some((part.clone(), Content::Image(without(image)))),
+        Content::Cloud(_) => None,
+    });
+    let lacking: Vec<_> = lacking.collect();
+    side.extend(lacking);
+}
+
 /// The names of a content's channels or fields.
 fn fields_of(content: &Content) -> Box<dyn Iterator<Item = &str> + '_> {
     match content {
@@ -185,6 +212,8 @@ fn fields_of(content: &Content) -> Box<dyn Iterator<Item = &str> + '_> {
 /// What is compared: an image or a cloud of a frame.
 struct Place<'a> {
     name: &'a str,
+    /// Whether it is of further returns of the pixels.
+    is_further: bool,
     key: &'a FrameKey,
     /// Whether there are other frames of the same sensor.
     is_sequence: bool,
@@ -321,7 +350,8 @@ fn compare_images(
             }
             _ => path.clone(),
         };
-        let is_wanted = !place.is_sequence || !channel.pixels.is_empty();
+        // The picture is that of the first returns.
+        let is_wanted = !place.is_further && (!place.is_sequence || !channel.pixels.is_empty());
         if is_wanted && let Some(picture) = difference_picture(&prefix, a, b, channel) {
             write_file(&path, &picture.to_png().map_err(|e| Error::output(&path, e))?)?;
         }

@@ -4,9 +4,13 @@ use std::fmt::Write as _;
 
 use crate::run::Bytes;
 use crate::run::facts::{
-    DepthFacts, FileFacts, MeasurementFacts, RangeSigma, SceneFacts, SensorSizes, SequenceFacts, WayFacts,
+    AlphaFacts, BeamsFacts, DepthFacts, FileFacts, ImageFacts, MeasurementFacts, RangeSigma, SceneFacts,
+    SensorSizes, SequenceFacts, WayFacts,
 };
-use crate::source::words::{on_one_line, quoted};
+use crate::source::words::{counted, on_one_line, quoted, runs};
+
+/// The most labels, materials or images that a line lists.
+const MOST_SHOWN: usize = 32;
 
 /// The facts about a file as lines of text.
 pub fn text(facts: &FileFacts) -> String {
@@ -52,10 +56,36 @@ fn write_scene(text: &mut String, scene: &SceneFacts) {
     }
     fact!(text, "instances", "{}", grouped(scene.instances as u64));
     fact!(text, "materials", "{}", grouped(scene.materials as u64));
-    let labels: Vec<String> = scene.labels.iter().take(32).map(|label| named(scene, *label)).collect();
-    let more = if scene.labels.len() > 32 { ", …" } else { "" };
+    write_appearance(text, scene);
+    let labels: Vec<String> =
+        scene.labels.iter().take(MOST_SHOWN).map(|label| named(scene, *label)).collect();
+    let more = if scene.labels.len() > MOST_SHOWN { ", …" } else { "" };
     fact!(text, "labels", "{}{more}", labels.join(", "));
     fact!(text, "memory", "about {}", Bytes(scene.memory_bytes));
+}
+
+/// Where surfaces let light pass by their alpha, and the images of their textures; nothing of a scene that has neither.
+fn write_appearance(text: &mut String, scene: &SceneFacts) {
+    let several = |shown: Vec<String>, count: usize| {
+        let more = if count > shown.len() { format!(", … ({count} in all)") } else { String::new() };
+        shown.join(", ") + &more
+    };
+    let alpha = |AlphaFacts { material, mode, cutoff }: &AlphaFacts| {
+        let cutoff = cutoff.map_or(String::new(), |cutoff| format!(" below {cutoff}"));
+        format!("{mode}{cutoff} of \"{}\"", on_one_line(material))
+    };
+    if !scene.alpha.is_empty() {
+        let shown = scene.alpha.iter().take(MOST_SHOWN).map(alpha).collect();
+        fact!(text, "alpha", "{}", several(shown, scene.alpha.len()));
+    }
+    let image = |ImageFacts { format, width, height, .. }: &ImageFacts| {
+        format!("{width} × {height} {}", format.unwrap_or("texels"))
+    };
+    if !scene.images.is_empty() {
+        let shown = scene.images.iter().take(MOST_SHOWN).map(image).collect();
+        let count = counted(scene.images.len(), "image");
+        fact!(text, "textures", "{count}: {}", several(shown, scene.images.len()));
+    }
 }
 
 /// `3 "wall"`, or `3` if nothing tells what the label stands for.
@@ -76,6 +106,10 @@ fn write_measurement(text: &mut String, facts: &MeasurementFacts) {
         "detects",
         "{range_10} m at 10 %, {range_80} m at 80 % reflectance, in {percent} % of pulses{nominal}"
     );
+    for BeamsFacts { rows, range_10_m, range_80_m, .. } in &facts.beams {
+        let (range_10, range_80) = (tenths(*range_10_m), tenths(*range_80_m));
+        fact!(text, "", "{range_10} m at 10 %, {range_80} m at 80 % by rows {}{nominal}", runs(rows));
+    }
     if facts.exponent != 2.0 {
         let misfit = tenths(facts.misfit * 1e2);
         let exponent = facts.exponent;
@@ -246,6 +280,12 @@ mod tests {
                 is_nominal: true,
                 range_10_m: 90.0,
                 range_80_m: 170.0,
+                beams: vec![BeamsFacts {
+                    rows: vec![0, 2],
+                    range_10_m: 45.0,
+                    range_80_m: 120.0,
+                    misfit: 0.0,
+                }],
                 detection: 0.9,
                 exponent: 3.27,
                 misfit: 0.0,
@@ -266,6 +306,11 @@ mod tests {
             skipped_triangles: 0,
             instances: 3,
             materials: 1,
+            alpha: vec![
+                AlphaFacts { material: "leaf\n".to_owned(), mode: "MASK", cutoff: Some(0.5) },
+                AlphaFacts { material: "pane".to_owned(), mode: "BLEND", cutoff: None },
+            ],
+            images: vec![ImageFacts { format: Some("PNG"), width: 512, height: 256, materials: 1 }],
             labels: vec![3, 7],
             label_names: [(7, "wall, \n…".to_owned())].into(),
             extent_m: [[0.0, 5.0], [0.0, 1.0], [0.0, 0.0]],
@@ -296,11 +341,14 @@ mod tests {
             "3 rows × 360 columns, 1,080 rays a frame\n",
             "1° × 2° to 28°\n",
             "    detects       90 m at 10 %, 170 m at 80 % reflectance, in 90 % of pulses, nominal\n",
+            "                  45 m at 10 %, 120 m at 80 % by rows 0 and 2, nominal\n",
             "    power falls   with the range to the 3.27, off by 0 % at most, nominal\n",
             "    false alarms  0.108 a frame, nominal\n",
             "    range noise   12.3 mm at 10 m on 80 % (1σ), nominal\n",
             "exr 43.2 kB a frame, uncompressed\n",
             "extent        x 0 to 5, y 0 to 1, z 0 to 0 m\n",
+            "alpha         MASK below 0.5 of \"leaf\\n\", BLEND of \"pane\"\n",
+            "textures      1 image: 512 × 256 PNG\n",
             "regions       2, vertices rounded by 0.003 mm at most\n",
             "  sequence\n    frames        1,200 of top\n    time          0.5 s to 120.5 s\n",
             "output        at most 51.8 MB: all files before compression\n    way           1800 m at 14 to 16 m/s\n",

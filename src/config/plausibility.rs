@@ -177,6 +177,19 @@ pub(super) fn pairs_misfit(key: &str, fit: &Sensitivity) -> Option<Doubt> {
     })
 }
 
+/// Pairs of some beams that don't fit to the exponent of all pairs.
+pub(super) fn pairs_of_beams_misfit(key: &str, misfit: f64) -> Option<Doubt> {
+    (misfit > MOST_MISFIT).then(|| {
+        let message = format!(
+            "power falls with the range as the receiver's own pairs say, and misses a pair of these beams by {:.0} % of its range",
+            misfit * 1e2
+        );
+        Doubt::new("range-pairs-misfit", key, message)
+            .label("these pairs do not fit to those of the other beams")
+            .help("the beams of a sensor differ by a factor of power alone; one pair always fits")
+    })
+}
+
 /// A range pair beyond the largest range.
 pub(super) fn pair_beyond_limit(key: &str, range_m: f64, max_m: f64) -> Doubt {
     let message = format!("a plane is detected up to {range_m} m, and `max_m` is {max_m} m");

@@ -77,6 +77,8 @@ pub enum Content {
     Pixels(&'static [Field]),
     /// Lines of text, each with these values.
     Lines(&'static [Field]),
+    /// Arrays of their own shapes, one for each of these.
+    Arrays(&'static [Field]),
 }
 
 /// A field of a point, or a value of a pixel.

@@ -10,6 +10,7 @@
 //! format         the declaration of a format; registry lists all of them
 //! options        what a job says about a format: its options, and the channels
 //! exr ply png depth16 labels npz npy pcd   the formats, with one file each
+//! waveform       the waveform of every pulse, as arrays
 //! page           the page of all formats, for docs
 //! poses          where a sensor was: a row a frame in a run's table, and a row a column in a file of its own
 //! objects        the boxes of objects and what is seen, as lines of JSON
@@ -53,6 +54,7 @@ mod poses;
 pub mod recorded;
 mod registry;
 mod sensor_frame;
+mod waveform;
 mod whole;
 mod zip;
 

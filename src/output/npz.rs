@@ -30,7 +30,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     ..FormatSpec::PLAIN
 };
 
-const COMPRESSED: OptionSpec = OptionSpec {
+pub(super) const COMPRESSED: OptionSpec = OptionSpec {
     name: "compressed",
     about: "Whether the arrays are compressed, which takes longer.",
     values: OptionValues::Flag { default: false },
@@ -56,11 +56,36 @@ fn check(sensor: &Sensor, options: &Options) -> Result<(), EncodeError> {
 }
 
 /// An array: its name, its dtype as Python writes it, its shape and its bytes.
-struct Array {
-    name: String,
-    kind: String,
-    shape: Vec<usize>,
-    bytes: Vec<u8>,
+pub(super) struct Array {
+    pub name: String,
+    pub kind: String,
+    pub shape: Vec<usize>,
+    pub bytes: Vec<u8>,
+}
+
+impl Array {
+    /// A text, as an array of one value: `arrays[name].item()` is its bytes.
+    pub fn text(name: &str, about: &Value) -> Self {
+        let text = json_ascii(about).into_bytes();
+        Self { name: name.to_owned(), kind: format!("|S{}", text.len()), shape: Vec::new(), bytes: text }
+    }
+
+    /// What a description tells of the array, with the unit of its values.
+    pub fn facts(&self, unit: &str) -> Value {
+        json!({ "shape": self.shape, "dtype": self.kind, "unit": unit })
+    }
+}
+
+/// The file that holds arrays, in their order.
+pub(super) fn archive(arrays: Vec<Array>, is_compressed: bool) -> Result<Vec<u8>, EncodeError> {
+    let member = |array: Array| {
+        let mut content = npy::header(&format!("'{}'", array.kind), &array.shape)?;
+        content.extend(array.bytes);
+        let name = format!("{}.npy", array.name);
+        Ok(if is_compressed { Member::deflated(name, &content) } else { Member::stored(name, content) })
+    };
+    let members: Vec<Result<Member, EncodeError>> = arrays.into_par_iter().map(member).collect();
+    zip(&members.into_iter().collect::<Result<Vec<_>, _>>()?)
 }
 
 fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
@@ -70,15 +95,7 @@ fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
         arrays.extend(arrays_of(Image::with_channels(frame, number, options.channels.iter()), &folder));
     }
     arrays.push(about(frame, &arrays));
-    let is_compressed = options.is_set(&COMPRESSED);
-    let member = |array: Array| {
-        let mut content = npy::header(&format!("'{}'", array.kind), &array.shape)?;
-        content.extend(array.bytes);
-        let name = format!("{}.npy", array.name);
-        Ok(if is_compressed { Member::deflated(name, &content) } else { Member::stored(name, content) })
-    };
-    let members: Vec<Result<Member, EncodeError>> = arrays.into_par_iter().map(member).collect();
-    zip(&members.into_iter().collect::<Result<Vec<_>, _>>()?)
+    archive(arrays, options.is_set(&COMPRESSED))
 }
 
 fn arrays_of(image: Image, folder: &str) -> Vec<Array> {
@@ -112,7 +129,7 @@ fn arrays_of(image: Image, folder: &str) -> Vec<Array> {
 }
 
 /// Values one after the other, each of `N` bytes.
-fn bytes<const N: usize>(values: impl ExactSizeIterator<Item = [u8; N]>) -> Vec<u8> {
+pub(super) fn bytes<const N: usize>(values: impl ExactSizeIterator<Item = [u8; N]>) -> Vec<u8> {
     let mut bytes = vec![0; N * values.len()];
     for (place, value) in bytes.chunks_exact_mut(N).zip(values) {
         place.copy_from_slice(&value);
@@ -125,7 +142,7 @@ fn about(frame: &SensorFrame, arrays: &[Array]) -> Array {
     let unit = |array: &Array| {
         let name = array.name.rsplit('/').next().unwrap_or_default();
         let unit = channel(name).map_or("", |channel| channel.unit);
-        (array.name.clone(), json!({ "shape": array.shape, "dtype": array.kind, "unit": unit }))
+        (array.name.clone(), array.facts(unit))
     };
     let arrays: Map<String, Value> = arrays.iter().map(unit).collect();
     let names = |named: super::names::Named| -> Map<String, Value> {
@@ -143,6 +160,5 @@ fn about(frame: &SensorFrame, arrays: &[Array]) -> Array {
         "labels": names(frame.names.labels(frame.frame)),
         "arrays": arrays,
     });
-    let text = json_ascii(&about).into_bytes();
-    Array { name: "about".to_owned(), kind: format!("|S{}", text.len()), shape: Vec::new(), bytes: text }
+    Array::text("about", &about)
 }

@@ -56,6 +56,24 @@ pose = json.loads(arrays[\"about\"].item())[\"world_from_sensor\"]
 |---|---|---|---|---|---|
 ";
 
+const WAVEFORM_INTRODUCTION: &str = "\
+A waveform is the mean of what the receiver gets of a pulse, before its noise: the exact sum of Gaussians
+Σ amplitude·exp(−(r − range)²/2·sigma²) over the range r that the sensor reports of light that took as long; the time since the
+pulse is 2·r/c. It is never cut into bins, and `beamcast explain` tells the same of one pixel. Ideal sensors have none. Pixels
+count row by row, and pixel i has the Gaussians `offsets[i]` to `offsets[i + 1]`, the nearest first; a pixel without a pulse, or to
+which no light comes back, has none. With the option `bin_m` there are samples of the same sum besides.
+
+```python
+arrays = numpy.load(\"top/000000.waveform.npz\")
+about = json.loads(arrays[\"about\"].item())  # threshold, noise, unit, the times of samples, the pose
+pixel = row * about[\"columns\"] + column
+own = slice(*arrays[\"offsets\"][pixel : pixel + 2])
+z = (r[:, None] - arrays[\"range\"][own]) / arrays[\"sigma\"]
+height = (arrays[\"amplitude\"][own] * numpy.exp(-0.5 * z**2)).sum(axis=1)
+```
+
+";
+
 /// The page.
 pub fn formats_page() -> String {
     let mut page = INTRODUCTION.to_owned();
@@ -89,8 +107,12 @@ pub fn formats_page() -> String {
             Content::Points(fields) => ("A point", fields),
             Content::Pixels(fields) => ("A pixel", fields),
             Content::Lines(fields) => ("A line", fields),
+            Content::Arrays(fields) => ("An array", fields),
         };
         let _ = writeln!(page, "\n## {}\n\n{what} of {}.\n", format.name(), format.spec.about);
+        if format.tells_waveforms() {
+            page.push_str(WAVEFORM_INTRODUCTION);
+        }
         page.push_str("| field | type | unit or meaning |\n|---|---|---|\n");
         for Field { name, kind, unit } in fields {
             let _ = writeln!(page, "| {name} | `{kind}` | {unit} |");

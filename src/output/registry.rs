@@ -8,7 +8,7 @@ use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::options::{Channels, OptionSpec, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
-use super::{depth16, exr, labels, npy, npz, pcd, ply, png, poses};
+use super::{depth16, exr, labels, npy, npz, pcd, ply, png, poses, waveform};
 use crate::sensor::Sensor;
 
 /// Every format that a job can name, in the order in which lists show them.
@@ -23,6 +23,7 @@ pub static FORMATS: &[&FormatSpec] = &[
     &npy::FORMAT,
     &pcd::FORMAT,
     &poses::FORMAT,
+    &waveform::FORMAT,
 ];
 
 /// A format with its options: all that says how a frame is written. Formats are equal if their names are, whatever their
@@ -97,6 +98,12 @@ impl Format {
     pub fn tells_motion(self) -> bool {
         self.holds_channels() && self.options.channels.iter().any(ChannelSpec::is_of_motion)
             || self.has_motion()
+    }
+
+    /// Whether the files tell the waveforms of pulses, which a frame has only if they are asked for before it is cast
+    /// ([`Frame::keep_waveforms`](crate::scan::Frame::keep_waveforms)).
+    pub fn tells_waveforms(self) -> bool {
+        self == Self::of(&waveform::FORMAT)
     }
 
     /// Checks that the options that are given go together.

@@ -89,6 +89,19 @@ impl Sensitivity {
         Some(Self { misfit: pairs.iter().map(error).fold(0.0, f64::max), ..fitted })
     }
 
+    /// The factor on the power of a target with which other beams of the same sensor, whose pairs these are, are as sensitive as this:
+    /// a plane of one of the pairs is at the limit where `factor`·ρ = P·fall(R). Of several pairs it is the geometric mean, the least
+    /// squares of the logarithms. Beside it is the largest relative error of the range that it gives for a pair. `None` without a pair.
+    pub fn power_of(&self, pairs: &[RangePair]) -> Option<(f64, f64)> {
+        let of_pair = |pair: &RangePair| log(self.least_power * self.fall(pair.range_m) / pair.reflectivity);
+        if pairs.is_empty() {
+            return None;
+        }
+        let power = exp(pairs.iter().map(of_pair).sum::<f64>() / pairs.len() as f64);
+        let error = |pair: &RangePair| (self.range_m(power * pair.reflectivity) / pair.range_m - 1.0).abs();
+        Some((power, pairs.iter().map(error).fold(0.0, f64::max)))
+    }
+
     /// The factor by which the power of a target is less than at 1 m, in clear air: R², or from [`Sensitivity::from_m`] on
     /// R²·(R/from)^(k−2).
     pub fn fall(&self, range_m: f64) -> f64 {
@@ -188,6 +201,23 @@ mod tests {
         // Nearer than the data sheet says, power falls with the square.
         assert!((os2.margin(0.1, 100.0) - 4.0).abs() < 1e-12 && (os2.range_m(0.025) - 100.0).abs() < 1e-9);
         assert_eq!(Sensitivity::fit(&[]), None);
+    }
+
+    /// Hesai's XT32: 10 % at 80 m, and at 50 m by its outer beams, which get (50/80)² of the power.
+    #[test]
+    fn pairs_of_other_beams_give_their_share_of_the_power() {
+        let pair = |reflectivity, range_m| RangePair { reflectivity, range_m };
+        let xt32 = Sensitivity::fit(&[pair(0.1, 80.0)]).unwrap();
+        let (power, misfit) = xt32.power_of(&[pair(0.1, 50.0)]).unwrap();
+        assert!((power - 0.390_625).abs() < 1e-15 && misfit < 1e-15, "{power} {misfit}");
+        // With another exponent, too: P·R^k = 0.1 at 200 m and 0.8 at 350 m, which is k = ln 8/ln 1.75.
+        let os2 = Sensitivity::fit(&[pair(0.8, 350.0), pair(0.1, 200.0)]).unwrap();
+        let (power, _) = os2.power_of(&[pair(0.1, 300.0)]).unwrap();
+        assert!((power - pow(1.5, log(8.0) / log(1.75))).abs() < 1e-12, "{power}");
+        // Two pairs that don't agree are missed by as much each: 50 and 45 m by √(50/45).
+        let (_, misfit) = xt32.power_of(&[pair(0.1, 50.0), pair(0.1, 45.0)]).unwrap();
+        assert!((misfit - ((50.0_f64 / 45.0).sqrt() - 1.0)).abs() < 1e-12, "{misfit}");
+        assert_eq!(xt32.power_of(&[]), None);
     }
 
     /// Ouster's OS1: 10, 3 and 1.5 cm at SNRs of 12, 100 and 250.

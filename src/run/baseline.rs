@@ -57,8 +57,8 @@ pub struct Comparison {
     baseline: Baseline,
     changes: Changes,
     settings: Settings,
-    /// The frames that were compared.
-    compared: BTreeSet<(String, u64)>,
+    /// The frames that were compared, each with the numbers of its returns.
+    compared: BTreeSet<(String, u64, usize)>,
 }
 
 impl Comparison {
@@ -91,13 +91,20 @@ impl Comparison {
     /// Compares what was taken of a frame of the job, and adds the result to the outcome. The pixels of the baseline stay with it
     /// only if a page shows them.
     pub fn compare(&mut self, job: &Job, taken: &Snapshot, page: bool, outcome: &mut Outcome) {
-        let SensorRecord { name, frame, .. } = &taken.record;
-        self.compared.insert((name.clone(), *frame));
-        let Some(accepted) = self.baseline.sensors.iter().find(|r| r.name == *name && r.frame == *frame)
-        else {
+        let SensorRecord { name, frame, number, .. } = &taken.record;
+        self.compared.insert((name.clone(), *frame, *number));
+        let of_frame: Vec<&SensorRecord> =
+            self.baseline.sensors.iter().filter(|r| r.name == *name && r.frame == *frame).collect();
+        let Some(&accepted) = of_frame.iter().find(|record| record.number == *number) else {
+            if *number > 0 && of_frame.is_empty() {
+                return; // the first returns told of it
+            }
             let has_sensor = self.baseline.sensors.iter().any(|record| record.name == *name);
-            let what =
-                if has_sensor { format!("frame {frame} of sensor {name}") } else { format!("sensor {name}") };
+            let what = match (number, has_sensor) {
+                (0, false) => format!("sensor {name}"),
+                (0, true) => format!("frame {frame} of sensor {name}"),
+                _ => format!("returns of sensor {name} beyond the first of a pixel"),
+            };
             let sentence = format!("the baseline has no {what}; {}", self.command);
             // A sensor that is missing is told once.
             if !outcome.problems.iter().any(|problem| problem.sentence == sentence) {
@@ -115,7 +122,8 @@ impl Comparison {
         };
         let judged = judge(taken, accepted, kept, &self.settings, &self.changes, &self.command);
         let mut judged = SensorOutcome { written_at: written_at(job, name), ..judged };
-        if !page {
+        // A page shows the first returns.
+        if !page || *number > 0 {
             judged.baseline = None;
         }
         // The sentences are written, and the numbers of the pixels are needed no more.
@@ -127,12 +135,22 @@ impl Comparison {
     pub fn finish(self, job: &Job, outcome: &mut Outcome) {
         let command = &self.command;
         let mut told = BTreeSet::new();
-        for SensorRecord { name, frame, .. } in &self.baseline.sensors {
-            if self.compared.contains(&(name.clone(), *frame)) {
+        for SensorRecord { name, frame, number, .. } in &self.baseline.sensors {
+            if self.compared.contains(&(name.clone(), *frame, *number)) {
+                continue;
+            }
+            if *number > 0 {
+                // Where the first returns are compared, the sensor reports fewer than it did.
+                if self.compared.contains(&(name.clone(), *frame, 0)) && told.insert((name, true)) {
+                    let sentence = format!(
+                        "the baseline has more returns of a pixel of sensor {name} than the sensor reports; {command}"
+                    );
+                    outcome.problems.push(Failure { sentence, place: written_at(job, name) });
+                }
                 continue;
             }
             let is_sensor = job.sensors.iter().any(|sensor| sensor.name == *name);
-            if !is_sensor && told.insert(name) {
+            if !is_sensor && told.insert((name, false)) {
                 let sentence = format!("the job has no sensor {name} any more, the baseline does; {command}");
                 outcome.problems.push(sentence.into());
             } else if is_sensor {

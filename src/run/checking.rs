@@ -467,15 +467,19 @@ impl<'r> Run<'r> {
         for (CastFrame { item, session, .. }, seen) in frames.iter().zip(&seen_by) {
             let is_compared = self.needs.compared[item.sensor].contains(&item.frame);
             if is_compared && (self.acceptance.is_some() || self.comparison.is_some()) {
-                let taken = Snapshot::of(seen, session.scene(), &self.labels).in_sequence(is_sequence);
-                if let Some(comparison) = &mut self.comparison {
-                    comparison.compare(job, &taken, self.purpose.page, self.outcome);
-                }
-                if let Some(acceptance) = &mut self.acceptance {
-                    if seen.frame.iter().next().is_none() {
-                        self.blank.push(taken.title());
+                // Each number of return is an image of its own, and one of them is in memory at a time.
+                for number in 0..seen.capture.sensor.most_returns() {
+                    let taken = Snapshot::of_return(seen, number, session.scene(), &self.labels);
+                    let taken = taken.in_sequence(is_sequence);
+                    if let Some(comparison) = &mut self.comparison {
+                        comparison.compare(job, &taken, self.purpose.page, self.outcome);
                     }
-                    acceptance.add(taken);
+                    if let Some(acceptance) = &mut self.acceptance {
+                        if number == 0 && seen.frame.iter().next().is_none() {
+                            self.blank.push(taken.title());
+                        }
+                        acceptance.add(taken);
+                    }
                 }
             }
             if self.purpose.page {

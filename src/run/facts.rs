@@ -311,6 +311,10 @@ pub struct SceneFacts {
     pub instances: usize,
     /// Materials.
     pub materials: usize,
+    /// The materials whose alpha may let light pass.
+    pub alpha: Vec<AlphaFacts>,
+    /// The images that textures of surfaces show.
+    pub images: Vec<ImageFacts>,
     /// Every semantic label that a surface has, in ascending order.
     pub labels: Vec<u32>,
     /// What labels stand for, in words: the job's names for them, else the names of the objects that have them.
@@ -339,6 +343,8 @@ impl SceneFacts {
             skipped_triangles: scene.geometry.skipped_triangles,
             instances: scene.geometry.objects.len(),
             materials: scene.geometry.materials.len(),
+            alpha: AlphaFacts::all(&scene.geometry),
+            images: ImageFacts::all(&scene.geometry),
             labels: scene.labels(),
             label_names: scene.geometry.label_names(given),
             extent_m,
@@ -350,12 +356,14 @@ impl SceneFacts {
     }
 }
 
+mod appearance;
 mod depth;
 mod measurement;
 mod sequence;
 #[cfg(test)]
 mod tests;
 
+pub use appearance::{AlphaFacts, ImageFacts};
 pub use depth::DepthFacts;
-pub use measurement::{MeasurementFacts, RangeSigma};
+pub use measurement::{BeamsFacts, MeasurementFacts, RangeSigma};
 pub use sequence::{SequenceFacts, WayFacts};

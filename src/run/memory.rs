@@ -5,7 +5,7 @@ use std::fmt;
 use crate::config::MountedSensor;
 use crate::error::Error;
 use crate::output::Format;
-use crate::scan::Frame;
+use crate::scan::{Frame, Waveforms};
 use crate::scene::Scene;
 use crate::sensor::{DepthSensing, Pattern, Pulse, RayTable, Sensor, StereoMethod};
 use crate::source::memory::kilobytes_of;
@@ -98,8 +98,10 @@ pub fn of_frames(sensors: &[MountedSensor], frames: &[u64], formats: &[Format], 
                 let in_flight = frames_of_all.min(FRAMES_IN_FLIGHT);
                 let tells_motion = formats.iter().any(|format| format.tells_motion());
                 let motion = if tells_motion { size_of::<SurfaceMotion>() as u64 } else { 0 };
+                let tells_waveforms = formats.iter().any(|format| format.tells_waveforms());
+                let waveforms = if tells_waveforms { Waveforms::bytes_a_pixel(sensor) as u64 } else { 0 };
                 let encoded: u64 = formats.iter().map(|f| f.encoding_bytes_a_ray(sensor)).sum();
-                (in_flight * frame + motion + encoded, 0)
+                (in_flight * (frame + waveforms) + motion + encoded, 0)
             }
             Holding::Image => (frame + image, 0),
             Holding::Views => (frame, view + COPIES_OF_TEXT * TEXT_BYTES_A_RAY),

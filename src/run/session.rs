@@ -114,10 +114,11 @@ impl Session {
         scan::scan(tracer.scene(), &tracer, &capture, progress)
     }
 
-    /// Casts a frame into the memory of an earlier one, which it replaces. Returns false when `progress` was cancelled; the
-    /// frame is then of no use.
+    /// Casts a frame into the memory of an earlier one, which it replaces. It has waveforms if a format of the job tells them. Returns
+    /// false when `progress` was cancelled; the frame is then of no use.
     pub fn cast_into(&self, frame: &mut Frame, item: &Item, progress: &Progress) -> bool {
         let tracer = self.frame_tracer(item);
+        frame.keep_waveforms(self.job.output.formats.iter().any(|format| format.tells_waveforms()));
         scan::scan_into(frame, tracer.scene(), &tracer, &self.capture(item), progress)
     }
 

@@ -99,7 +99,8 @@ impl Side {
         }
     }
 
-    /// The images or the cloud of a frame, each with what its name has beyond the frame's. `None` when `progress` was cancelled.
+    /// The images or the cloud of a frame, each with what its name has beyond the frame's: of a further return, `:return1`. `None` when
+    /// `progress` was cancelled.
     ///
     /// # Errors
     /// [`Error::Input`] if the frame's file can't be read, and those of [`Session::of_frame`].
@@ -118,8 +119,11 @@ impl Side {
                 let Some(item) = items.get(key) else { return Ok(Some(Vec::new())) };
                 let session = session.of_frame(item.frame, allowed_folders)?;
                 let Some(frame) = session.cast(item, progress) else { return Ok(None) };
-                let image = Image::of(&session.sensor_frame(item, &frame)).without_repeats();
-                Ok(Some(vec![(String::new(), Content::Image(image))]))
+                let seen = session.sensor_frame(item, &frame);
+                let image = |number| Content::Image(Image::of_return(&seen, number).without_repeats());
+                let name = |number| if number == 0 { String::new() } else { format!(":return{number}") };
+                let all = 0..frame.most_returns().max(1);
+                Ok(Some(all.map(|number| (name(number), image(number))).collect()))
             }
         }
     }

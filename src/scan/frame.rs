@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use super::Waveforms;
+use crate::physics::echo::Part;
 use crate::sensor::Sensor;
 
 /// Declares the causes once, in the order of their numbers.
@@ -304,6 +306,8 @@ pub struct Frame {
     /// Of each slot, if the sensor is not ideal.
     echoes: Vec<Echo>,
     images: Images,
+    /// Of each pixel, if they were asked for before the frame was cast and the sensor is not ideal.
+    waveforms: Option<Waveforms>,
 }
 
 /// The rule that assigns slots to pixels.
@@ -342,6 +346,39 @@ impl Frame {
         self.is_measured = false;
         self.echoes.clear();
         self.images = Images::default();
+    }
+
+    /// Asks for the waveforms of the next frame that is [cast into](super::scan_into) this memory, or for none. A frame has none unless
+    /// it is asked for them, because they take several times the memory of its returns.
+    pub fn keep_waveforms(&mut self, keeps: bool) {
+        match keeps {
+            true => _ = self.waveforms.get_or_insert_default(),
+            false => self.waveforms = None,
+        }
+    }
+
+    /// Whether waveforms are asked for.
+    pub(super) fn keeps_waveforms(&self) -> bool {
+        self.waveforms.is_some()
+    }
+
+    /// The waveforms of all pixels. `None` of an ideal sensor, and if they were [not asked for](Self::keep_waveforms).
+    pub fn waveforms(&self) -> Option<&Waveforms> {
+        self.waveforms.as_ref().filter(|_| self.is_measured)
+    }
+
+    /// Begins the waveforms of a frame, if they are asked for.
+    pub(super) fn begin_waveforms(&mut self, sigma_m: f64, threshold: Option<f64>) {
+        if let Some(waveforms) = &mut self.waveforms {
+            waveforms.begin(sigma_m, threshold);
+        }
+    }
+
+    /// Adds the waveform of the next pixel, if they are asked for.
+    pub(super) fn add_waveform(&mut self, parts: &[Part]) {
+        if let Some(waveforms) = &mut self.waveforms {
+            waveforms.add(parts);
+        }
     }
 
     /// Makes this an empty frame of a sensor that is not ideal, to which pixels are added row by row.

@@ -14,6 +14,7 @@ mod story;
 mod strips;
 mod surface;
 mod through;
+mod waveforms;
 
 use std::cmp::Ordering;
 use std::sync::atomic::Ordering::Relaxed;
@@ -34,6 +35,7 @@ pub use story::{Fate, Met, Sent, Signal, SignalPeak, Story};
 use strips::{STRIP, SensorPose, TILE};
 use surface::SeenTriangle;
 use through::Through;
+pub use waveforms::Waveforms;
 
 /// Casts every pulse of a capture, each from the sensor's pose at the pulse's own time. What moves in the scene is hit where it is at
 /// that time, if the scene is arranged for the capture ([`Scene::during`](crate::scene::Scene::during) its

@@ -12,6 +12,9 @@ pub struct Image {
     width: u32,
     channels: usize,
     bytes: Vec<u8>,
+    /// Columns and rows, also of an image that is kept as one texel.
+    size: [u32; 2],
+    format: Option<&'static str>,
 }
 
 impl Image {
@@ -25,12 +28,29 @@ impl Image {
         if !bytes.len().is_multiple_of((width as usize).checked_mul(channels)?) {
             return None;
         }
+        let size = [width, (bytes.len() / channels / width as usize) as u32];
         if bytes.chunks_exact(channels).all(|texel| *texel == bytes[..channels]) {
             bytes.truncate(channels);
             bytes.shrink_to_fit();
-            return Some(Self { width: 1, channels, bytes });
+            return Some(Self { width: 1, channels, bytes, size, format: None });
         }
-        Some(Self { width, channels, bytes })
+        Some(Self { width, channels, bytes, size, format: None })
+    }
+
+    /// The image with the name of the format of its file.
+    #[must_use]
+    pub fn of_format(self, format: &'static str) -> Self {
+        Self { format: Some(format), ..self }
+    }
+
+    /// The columns and the rows of the image, as its file has them.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// The format of the image's file, such as `PNG`. `None` if it is from no file.
+    pub fn format(&self) -> Option<&'static str> {
+        self.format
     }
 
     /// The bytes that the texels take.

@@ -2,7 +2,8 @@
 //!
 //! The pulses go along x of the sensor's frame, at walls across x. They are a table of rays with a row for each of the sensor's
 //! beams, because a beam's bias and gain belong to its row. The sensor's own directions would add nothing: a plane that every
-//! beam meets at a right angle is another plane for each of them, and the figures do not depend on where that plane is.
+//! beam meets at a right angle is another plane for each of them, and the figures do not depend on where that plane is. Beams that
+//! have range pairs of their own are replayed apart; noise, biases and false alarms are those of the beams that come first.
 //!
 //! What no figure states is left out, so that each expectation has a closed form: the errors of directions, the walk of the
 //! threshold, blooming (the pulses have one direction, so that all would lie in each other's halo) and interference. All returns
@@ -24,7 +25,8 @@ use crate::scene::{
     SurfaceKind,
 };
 use crate::sensor::{
-    Capture, Limited, Measurement, Noise, Pattern, Pulse, RangeLimits, RayTable, Receiver, ReturnMode, Sensor,
+    Capture, DimmerBeams, Limited, Measurement, Noise, Pattern, Pulse, RangeLimits, RayTable, Receiver,
+    ReturnMode, Sensor,
 };
 use crate::trace::Tracer;
 
@@ -61,7 +63,7 @@ const BRIGHT: f64 = 0.8;
 pub struct Replay {
     /// The sensitivity that the range pairs imply; `None` if there are none.
     pub fit: Option<Sensitivity>,
-    /// The number of range pairs. One is met exactly, and several to the [misfit](Sensitivity::misfit) of their fit.
+    /// The number of the receiver's own range pairs, without those of some beams. One is met exactly, and several to the [misfit](Sensitivity::misfit) of their fit.
     pub pairs: usize,
     /// The figures, in the order of the data sheet's tables.
     pub figures: Vec<Figure>,
@@ -96,6 +98,8 @@ pub enum Stated {
         reflectance: f64,
         /// Its range in metres.
         range_m: f64,
+        /// The index in [`Receiver::beams`] of the beams that it is stated of; `None`: of all others.
+        beams: Option<usize>,
     },
     /// The standard deviation of the range of a plane in metres, about each beam's own mean.
     RangeNoise {
@@ -124,7 +128,7 @@ impl Stated {
     /// The reflectance and the range in metres of the plane that the figure is about.
     pub fn plane(&self) -> Option<(f64, f64)> {
         match *self {
-            Self::Detection { reflectance, range_m } | Self::RangeNoise { reflectance, range_m } => {
+            Self::Detection { reflectance, range_m, .. } | Self::RangeNoise { reflectance, range_m } => {
                 Some((reflectance, range_m))
             }
             Self::FalseAlarms | Self::BeamBias => None,
@@ -186,10 +190,11 @@ pub fn states_figures(stated: &Measurement) -> bool {
 pub fn rays(sensor: &Sensor, stated: &Measurement) -> u64 {
     let bench = Bench::new(sensor, stated);
     let samples = sensor.measurement.footprint.map_or(1, |footprint| footprint.samples.count());
-    let of_frame = (bench.beams * PULSES.div_ceil(bench.beams) * samples) as u64;
-    let walls = bench.pairs().len() + bench.noise_ranges_m().len();
+    let of_frame = |group: &Group| (pulses_of(group.rows.len()) * samples) as u64;
+    let of_pairs: u64 = bench.groups.iter().map(|group| group.pairs.len() as u64 * of_frame(group)).sum();
+    let of_noise = bench.noise_ranges_m().len() as u64 * of_frame(&bench.groups[0]);
     let empty = if bench.alarms() > 0.0 { EMPTY_FRAMES * PULSES as u64 } else { 0 };
-    walls as u64 * of_frame + empty
+    of_pairs + of_noise + empty
 }
 
 /// Casts a sensor at the planes that `stated` tells of, and at nothing, and holds it to those figures. `stated` is the sensor's own
@@ -203,12 +208,12 @@ pub fn replay(
     progress: &Progress,
 ) -> Result<Option<Replay>, SceneBuildError> {
     let bench = Bench::new(sensor, stated);
-    let pairs = bench.pairs();
     let mut figures = Vec::new();
     // Each wall is a frame of its own, so that all draws are new.
     let mut frames = EMPTY_FRAMES..;
-    for (pair, frame) in pairs.iter().zip(&mut frames) {
-        let Some(figure) = bench.detection(pair, frame, progress)? else { return Ok(None) };
+    let pairs = bench.groups.iter().flat_map(|group| group.pairs.iter().map(move |pair| (group, pair)));
+    for ((group, pair), frame) in pairs.zip(&mut frames) {
+        let Some(figure) = bench.detection(group, pair, frame, progress)? else { return Ok(None) };
         figures.push(figure);
     }
     let mut spread = None;
@@ -223,7 +228,47 @@ pub fn replay(
         figures.push(figure);
     }
     figures.extend(spread);
-    Ok(Some(Replay { fit: bench.fit, pairs: pairs.len(), figures }))
+    let pairs = stated.receiver.as_ref().map_or(0, |receiver| receiver.range_pairs.len());
+    Ok(Some(Replay { fit: bench.fit, pairs, figures }))
+}
+
+/// Beams of which the same pairs are stated.
+struct Group<'a> {
+    /// The index in [`Receiver::beams`]; `None`: all others.
+    beams: Option<usize>,
+    pairs: &'a [RangePair],
+    /// The stated factor on their power.
+    power: f64,
+    /// The rows of the sensor's own pattern, at most [`MOST_BEAMS`].
+    rows: Vec<usize>,
+    /// The number of all such rows.
+    count: usize,
+}
+
+impl<'a> Group<'a> {
+    /// The groups of a sensor of so many rows. There is at least one.
+    fn all(rows: usize, stated: Option<&'a Receiver>) -> Vec<Self> {
+        let group = |beams, pairs, power, all: &mut dyn Iterator<Item = usize>| {
+            let rows: Vec<usize> = all.take(MOST_BEAMS).collect();
+            let count = rows.len() + all.count();
+            Self { beams, pairs, power, rows, count }
+        };
+        let dimmer = stated.map_or(&[][..], |receiver| &receiver.beams);
+        let is_other = |row: &usize| !dimmer.iter().any(|beams| beams.rows.contains(row));
+        let pairs = stated.map_or(&[][..], |receiver| &receiver.range_pairs);
+        let others = group(None, pairs, 1.0, &mut (0..rows.max(1)).filter(is_other));
+        let of = |(index, beams): (usize, &'a DimmerBeams)| {
+            let rows = &mut beams.rows.iter().copied().filter(|row| *row < rows);
+            group(Some(index), &beams.range_pairs, beams.power, rows)
+        };
+        let all = std::iter::once(others).chain(dimmer.iter().enumerate().map(of));
+        all.filter(|group| !group.rows.is_empty()).collect()
+    }
+}
+
+/// The pulses of a frame of so many beams: at least [`PULSES`], and as many of each.
+fn pulses_of(beams: usize) -> usize {
+    beams * PULSES.div_ceil(beams)
 }
 
 /// A sensor that is put to the test.
@@ -235,15 +280,11 @@ struct Bench<'a> {
     limits: RangeLimits,
     /// The sensitivity by the stated pairs, whatever the sensor's own is.
     fit: Option<Sensitivity>,
-    beams: usize,
-    /// The beams of the sensor's own pattern.
-    own_beams: usize,
+    groups: Vec<Group<'a>>,
 }
 
 impl<'a> Bench<'a> {
     fn new(sensor: &Sensor, stated: &'a Measurement) -> Self {
-        let own_beams = sensor.pattern.rows();
-        let beams = own_beams.clamp(1, MOST_BEAMS);
         let Measurement { footprint, receiver, noise, .. } = sensor.measurement.clone();
         let receiver = receiver.map(|receiver| Receiver {
             returns: ReturnMode::Several(4),
@@ -266,13 +307,25 @@ impl<'a> Bench<'a> {
             noise: stated.noise.unwrap_or_default(),
             limits,
             fit: Sensitivity::fit(pairs),
-            beams,
-            own_beams,
+            groups: Group::all(sensor.pattern.rows(), stated.receiver.as_ref()),
         }
     }
 
-    fn pairs(&self) -> &'a [RangePair] {
-        self.stated.receiver.as_ref().map_or(&[], |receiver| &receiver.range_pairs)
+    /// How the sensor measures in these rows of its own, which are the rows of a replay.
+    fn measurement_of(&self, rows: &[usize]) -> Measurement {
+        let mut measurement = self.sensor.measurement.clone();
+        if let Some(receiver) = &mut measurement.receiver {
+            let own = std::mem::take(receiver);
+            let of_row = |(row, own_row): (usize, &usize)| DimmerBeams {
+                rows: vec![row],
+                range_pairs: Vec::new(),
+                power: own.power(*own_row),
+                misfit: 0.0,
+            };
+            let beams = rows.iter().enumerate().map(of_row).filter(|beams| beams.power != 1.0).collect();
+            *receiver = Receiver { beams, ..own };
+        }
+        measurement
     }
 
     /// The stated probability of a false alarm. A receiver without pairs has no threshold, and so no false alarms.
@@ -282,10 +335,10 @@ impl<'a> Bench<'a> {
     }
 
     /// The signal-to-noise ratio of a plane at a right angle by the stated pairs, and the threshold; infinite without pairs.
-    fn snr(&self, reflectance: f64, range_m: f64) -> (f64, f64) {
+    fn snr(&self, group: &Group, reflectance: f64, range_m: f64) -> (f64, f64) {
         match (&self.stated.receiver, &self.fit) {
             (Some(receiver), Some(fit)) => (
-                receiver.limit_snr(self.limits.max_m) * fit.margin(reflectance, range_m),
+                receiver.limit_snr(self.limits.max_m) * fit.margin(group.power * reflectance, range_m),
                 receiver.threshold(self.limits.max_m),
             ),
             _ => (f64::INFINITY, 0.0),
@@ -300,7 +353,10 @@ impl<'a> Bench<'a> {
         if range_floor_m == 0.0 && range_a_m == 0.0 && bias_m == 0.0 {
             return Vec::new();
         }
-        let end_m = self.fit.map_or(f64::INFINITY, |fit| fit.range_m(BRIGHT)).min(self.limits.max_m);
+        let end_m = self
+            .fit
+            .map_or(f64::INFINITY, |fit| fit.range_m(self.groups[0].power * BRIGHT))
+            .min(self.limits.max_m);
         let inside: Vec<f64> =
             NOISE_RANGES_M.into_iter().filter(|m| (self.limits.min_m..=end_m).contains(m)).collect();
         match inside.is_empty() && end_m.is_finite() {
@@ -342,7 +398,7 @@ impl<'a> Bench<'a> {
         frame: u64,
         progress: &Progress,
     ) -> Option<Frame> {
-        let pulses = vec![Pulse::new(DVec3::ZERO, DVec3::X, 0.0); beams * PULSES.div_ceil(beams)];
+        let pulses = vec![Pulse::new(DVec3::ZERO, DVec3::X, 0.0); pulses_of(beams)];
         let table = RayTable::new(pulses, None).and_then(|table| table.with_lines(beams));
         let pattern = Pattern::Rays(table.ok()?);
         let sensor = Sensor { pattern, measurement, ..self.sensor.clone() };
@@ -355,12 +411,13 @@ impl<'a> Bench<'a> {
     /// probability; with several it is the fit's.
     fn detection(
         &self,
+        group: &Group,
         pair: &RangePair,
         frame: u64,
         progress: &Progress,
     ) -> Result<Option<Figure>, SceneBuildError> {
         let &RangePair { reflectivity, range_m } = pair;
-        let stated = Stated::Detection { reflectance: reflectivity, range_m };
+        let stated = Stated::Detection { reflectance: reflectivity, range_m, beams: group.beams };
         if range_m > self.limits.max_m {
             let outcome = Outcome::Capped(self.limits.max_m);
             return Ok(Some(Figure { stated, pulses: 0, outcome }));
@@ -370,18 +427,17 @@ impl<'a> Bench<'a> {
             return Ok(Some(Figure { stated, pulses: 0, outcome }));
         }
         let wall_m = self.place_m(range_m);
-        let measurement = self.sensor.measurement.clone();
-        let Some(frame) = self.cast(&wall(wall_m, reflectivity)?, measurement, self.beams, frame, progress)
-        else {
+        let (beams, measurement) = (group.rows.len(), self.measurement_of(&group.rows));
+        let Some(frame) = self.cast(&wall(wall_m, reflectivity)?, measurement, beams, frame, progress) else {
             return Ok(None);
         };
         let pulses = frame.pixels() as f64;
         let found = (0..frame.pixels()).filter(|&pixel| of_wall(&frame, pixel).is_some()).count() as f64;
-        let (snr, threshold) = self.snr(reflectivity, wall_m);
+        let (snr, threshold) = self.snr(group, reflectivity, wall_m);
         let detected = |gain: f64| normal_below(gain * snr - threshold);
         let (expected, between) = self.over_gains(detected);
         let (within, _) = self.over_gains(|gain| detected(gain) * (1.0 - detected(gain)));
-        let sigma = (between / self.beams as f64 + within / pulses).sqrt();
+        let sigma = (between / beams as f64 + within / pulses).sqrt();
         // A count is a whole number, so that one more or less says nothing where almost all pulses are detected, or almost none.
         let allowed = DEVIATIONS * sigma + 1.0 / pulses;
         let outcome = Outcome::Measured(Measured { expected, found: found / pulses, allowed });
@@ -403,11 +459,12 @@ impl<'a> Bench<'a> {
         progress: &Progress,
     ) -> Result<Option<[Option<Figure>; 2]>, SceneBuildError> {
         let wall_m = self.place_m(range_m);
-        let measurement = self.sensor.measurement.clone();
-        let Some(frame) = self.cast(&wall(wall_m, BRIGHT)?, measurement, self.beams, frame, progress) else {
+        let group = &self.groups[0];
+        let (beams, measurement) = (group.rows.len(), self.measurement_of(&group.rows));
+        let Some(frame) = self.cast(&wall(wall_m, BRIGHT)?, measurement, beams, frame, progress) else {
             return Ok(None);
         };
-        let (snr, _) = self.snr(BRIGHT, wall_m);
+        let (snr, _) = self.snr(group, BRIGHT, wall_m);
         let unit_m = self.noise.range_unit_m;
         let is_rounded = self.noise.range_sigma_m(snr) >= unit_m;
         let rounding = if is_rounded { unit_m * unit_m / 12.0 } else { 0.0 };
@@ -450,8 +507,8 @@ impl<'a> Bench<'a> {
             Figure { stated, pulses, outcome: Outcome::Measured(measured) }
         });
         let bias = (self.noise.bias_m > 0.0).then(|| {
-            let outcome = match self.own_beams < LEAST_BEAMS {
-                true => Outcome::FewBeams(self.own_beams),
+            let outcome = match group.count < LEAST_BEAMS {
+                true => Outcome::FewBeams(group.count),
                 false => {
                     // The mean of a beam's pulses has its bias, and the noise that so many pulses leave.
                     let of_mean = expected / (count as f64 / beams);
@@ -474,7 +531,7 @@ impl<'a> Bench<'a> {
     /// reported. The number is nearly Poisson's, whose variance is its mean.
     fn false_alarms(&self, progress: &Progress) -> Result<Option<Figure>, SceneBuildError> {
         // No light comes back whose width or range could matter, so beams have neither here.
-        let receiver = self.sensor.measurement.receiver.clone();
+        let receiver = self.measurement_of(&self.groups[0].rows[..1]).receiver;
         let measurement = Measurement { receiver, ..Measurement::default() };
         let behind = wall(-1.0, 1.0)?;
         let (mut found, mut pulses) = (0, 0);

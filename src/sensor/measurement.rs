@@ -49,6 +49,8 @@ pub struct Receiver {
     pub range_pairs: Vec<RangePair>,
     /// The sensitivity that follows from the pairs.
     pub sensitivity: Option<Sensitivity>,
+    /// The rows of the image whose beams see less far than the pairs say; all others see as far.
+    pub beams: Vec<DimmerBeams>,
     /// The probability of detection at the pairs, in (0, 1).
     pub detection: f64,
     /// The probability of a false alarm a pulse; 0: there are none, and the threshold is that of
@@ -83,6 +85,19 @@ pub struct Receiver {
     pub overlap_m: [f64; 2],
 }
 
+/// Rows of the image whose beams see less far than most of their sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DimmerBeams {
+    /// The rows, from 0.
+    pub rows: Vec<usize>,
+    /// The ranges at which planes are detected by these beams.
+    pub range_pairs: Vec<RangePair>,
+    /// The factor on the power that these beams get, which follows from the pairs: above 0, and at most 1.
+    pub power: f64,
+    /// The largest relative error of the range that the factor gives for a pair.
+    pub misfit: f64,
+}
+
 impl Receiver {
     /// The rate of false alarms that the threshold has where none are asked for.
     pub const FALSE_ALARM_OF_THRESHOLD: f64 = 1e-4;
@@ -100,6 +115,11 @@ impl Receiver {
         threshold(false_alarm, end_m, self.pulse_fwhm_s)
     }
 
+    /// The factor on the power that the beam of a row gets, relative to that of the range pairs.
+    pub fn power(&self, row: usize) -> f64 {
+        self.beams.iter().find(|beams| beams.rows.contains(&row)).map_or(1.0, |beams| beams.power)
+    }
+
     /// The signal-to-noise ratio at a range pair: the threshold, and so much more that the stated share of pulses is detected.
     pub fn limit_snr(&self, window_m: f64) -> f64 {
         // Φ⁻¹(p) is the deviate that is exceeded with the probability 1 − p, so −normal_exceeded(p).
@@ -107,7 +127,7 @@ impl Receiver {
     }
 
     /// The signal-to-noise ratio of a target that fills the beam, in clear air. `factor` is the power that comes back from it,
-    /// f·cos θ, relative to a white plane at a right angle. It is infinite without range pairs, as such a receiver detects any
+    /// f·cos θ, relative to a white plane at a right angle, times the [power](Self::power) of the beam. It is infinite without range pairs, as such a receiver detects any
     /// power.
     ///
     /// At the range of a pair, the ratio exceeds the threshold by so much that the pair's probability of detection results.
@@ -123,6 +143,7 @@ impl Default for Receiver {
             wavelength_m: 905e-9,
             range_pairs: Vec::new(),
             sensitivity: None,
+            beams: Vec::new(),
             detection: 0.5,
             false_alarm: 0.0,
             pulse_fwhm_s: 5e-9,

@@ -38,7 +38,7 @@ pub use depth::{
     TimeOfFlight,
 };
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
-pub use measurement::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
+pub use measurement::{Blooming, DimmerBeams, Footprint, Measurement, Noise, Receiver, ReturnMode};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};
 pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};

@@ -201,10 +201,8 @@ fn statistics(sensors: &[SensorOutcome]) -> String {
                 0 if !c.within_tolerance => "only where returns came or went".to_owned(),
                 _ => c.differing.words(sensor.rows, sensor.columns),
             };
-            let name = match sensor.frame {
-                Some(frame) => format!("{}, frame {frame}", sensor.name),
-                None => sensor.name.clone(),
-            };
+            let title = sensor.title();
+            let name = title.trim_start_matches("sensor ").to_owned();
             let mut row = vec![Cell::Text(name), Cell::Code(c.channel.clone()), Cell::Number(what)];
             let unit = output::channel(&c.channel).map_or("", |spec| spec.unit);
             let number = |x: f64| Cell::Number(format!("{} {unit}", digits(x)).trim_end().to_owned());

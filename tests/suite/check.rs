@@ -3,6 +3,7 @@
 
 mod causes;
 mod expectations;
+mod returns;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -36,7 +36,17 @@ fn every_built_in_sensor_measures_as_its_data_sheet_says() {
         with_pairs += usize::from(result.pairs > 0);
         let of =
             |is_meant: fn(&Stated) -> bool| result.figures.iter().filter(|f| is_meant(&f.stated)).count();
-        assert_eq!(of(|stated| matches!(stated, Stated::Detection { .. })), result.pairs, "{name}");
+        assert_eq!(
+            of(|stated| matches!(stated, Stated::Detection { beams: None, .. })),
+            result.pairs,
+            "{name}"
+        );
+        let of_beams: usize = receiver.beams.iter().map(|beams| beams.range_pairs.len()).sum();
+        assert_eq!(
+            of(|stated| matches!(stated, Stated::Detection { beams: Some(_), .. })),
+            of_beams,
+            "{name}"
+        );
         let alarms = usize::from(receiver.false_alarm > 0.0);
         assert_eq!(of(|stated| matches!(stated, Stated::FalseAlarms)), alarms, "{name}");
     }
@@ -108,6 +118,34 @@ fn a_sensor_that_measures_otherwise_fails_at_the_figure_that_is_wrong() {
     assert!(wrong_ones(&jumpy).contains(&"false_alarms"));
 }
 
+/// The outer channels of Hesai's XT32 see 10 % up to 50 m, and are replayed apart from the inner ones. A sensor of which all see as far,
+/// or of which other rows see less far, is found out by that figure alone.
+#[test]
+fn beams_with_pairs_of_their_own_are_replayed_apart() {
+    let right = nominal("hesai/xt-32");
+    let stated = &right.measurement;
+    let wrong_ones = |sensor: &Sensor| -> Vec<(Option<usize>, Option<f64>)> {
+        let result = replayed(sensor, stated);
+        let figures = result.figures.iter();
+        let wrong = figures.filter(|f| f.outcome.measured().is_some_and(|measured| !measured.agrees()));
+        let facts = |stated: Stated| match stated {
+            Stated::Detection { beams, range_m, .. } => (beams, Some(range_m)),
+            _ => (None, None),
+        };
+        wrong.map(|figure| facts(figure.stated)).collect()
+    };
+    assert_eq!(wrong_ones(&right), []);
+    let planes: Vec<_> =
+        replayed(&right, stated).figures.iter().filter_map(|figure| figure.stated.plane()).collect();
+    assert_eq!(planes, [(0.1, 80.0), (0.1, 50.0)]);
+    let mut even = right.clone();
+    even.measurement.receiver.as_mut().unwrap().beams.clear();
+    assert_eq!(wrong_ones(&even), [(Some(0), Some(50.0))]);
+    let mut others = right.clone();
+    others.measurement.receiver.as_mut().unwrap().beams[0].rows = (8..24).collect();
+    assert_eq!(wrong_ones(&others), [(None, Some(80.0)), (Some(0), Some(50.0))]);
+}
+
 /// A pair beyond the largest range is told and not replayed, and neither are too few beams.
 #[test]
 fn what_the_limits_hide_is_told() {
@@ -135,6 +173,10 @@ fn the_command_replays_sensors_and_jobs_and_says_what_has_nothing_to_replay() {
     assert_eq!(code, Some(0), "{shown}{err}");
     assert!(shown.starts_with("ouster/os0-32, nominal (Ouster OS0-32"), "{shown}");
     assert!(shown.contains("  detection     10 % at 15 m") && shown.ends_with("  passed\n"), "{shown}");
+
+    let (code, shown, err) = run(&["hesai/xt-32"]);
+    assert_eq!(code, Some(0), "{shown}{err}");
+    assert!(shown.contains(" (rows 0 to 7 and 24 to 31)\n"), "{shown}");
 
     let (code, shown, err) = run(&["ideal/camera"]);
     assert_eq!((code, shown.as_str()), (Some(2), ""), "{err}");

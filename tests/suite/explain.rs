@@ -7,7 +7,7 @@ use beamcast::glam::DVec3;
 use beamcast::motion::Trajectory;
 use beamcast::physics::detection::{RangePair, Sensitivity};
 use beamcast::physics::footprint::Samples;
-use beamcast::scan::{Echo, Fate, Return, Story, explain};
+use beamcast::scan::{Echo, Fate, Return, Story, explain, scan_into};
 use beamcast::scene::{Sun, Weather};
 use beamcast::sensor::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
 use beamcast::trace::Tracer;
@@ -21,7 +21,7 @@ use super::plates::{Plate, scene};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// A post before a wall, something very near and something very far, and gaps between them.
-fn street() -> Scene {
+pub(super) fn street() -> Scene {
     let square = |middle, half, rho| Plate(middle, DVec3::Y * half, DVec3::Z * half, rho);
     scene(&[
         square(DVec3::new(20.0, 0.0, 0.0), 5.0, 0.5),
@@ -32,20 +32,20 @@ fn street() -> Scene {
 }
 
 /// A camera whose image is more than one band high, so that its pixels lie in different strips.
-fn sensor(measurement: Measurement) -> Sensor {
+pub(super) fn sensor(measurement: Measurement) -> Sensor {
     let camera = Camera::from_hfov((14, 11), Angle::deg(50.0), None).unwrap();
     let range = RangeLimits { min_m: 0.5, max_m: 250.0, ..RangeLimits::default() };
     Sensor { range, measurement, ..Sensor::new(Pattern::Camera(camera)) }
 }
 
-fn receiver() -> Receiver {
+pub(super) fn receiver() -> Receiver {
     let range_pairs = vec![RangePair { reflectivity: 0.1, range_m: 40.0 }];
     let sensitivity = Sensitivity::fit(&range_pairs);
     let (returns, separation_m) = (ReturnMode::Dual, 1.0);
     Receiver { range_pairs, sensitivity, false_alarm: 0.05, returns, separation_m, ..Receiver::default() }
 }
 
-fn footprint(mrad: f64) -> Option<Footprint> {
+pub(super) fn footprint(mrad: f64) -> Option<Footprint> {
     let half_divergence = [Angle::rad(0.5e-3 * mrad); 2];
     Some(Footprint { half_divergence, exit_radius_m: 0.005, samples: Samples::Seven })
 }
@@ -81,6 +81,9 @@ fn stories_of(scene: &Scene, sensor: &Sensor) -> Vec<Story> {
     let tracer = Tracer::build(scene);
     let capture = Capture::new(sensor, Pose::IDENTITY, &trajectory, 3, 11);
     let frame = scan(scene, &tracer, &capture, &Progress::default()).unwrap();
+    let mut with_waveforms = Frame::default();
+    with_waveforms.keep_waveforms(true);
+    assert!(scan_into(&mut with_waveforms, scene, &tracer, &capture, &Progress::default()));
     let mut stories = Vec::new();
     for pixel in 0..frame.pixels() {
         let (row, column) = (pixel / frame.columns(), pixel % frame.columns());
@@ -89,6 +92,16 @@ fn stories_of(scene: &Scene, sensor: &Sensor) -> Vec<Story> {
         // `Debug` of an f64 tells apart all that differ by a bit, and −0 from 0.
         assert_eq!(format!("{told:?}"), format!("{:?}", of_frame(&frame, pixel)), "{row}, {column}");
         assert_eq!(story.cause, frame.causes()[pixel], "{row}, {column}");
+        assert_eq!(of_frame(&with_waveforms, pixel), of_frame(&frame, pixel), "waveforms change no return");
+        // So has the frame's waveform all that the story has.
+        let of_pixel = with_waveforms.waveforms().map(|waveforms| waveforms.of_pixel(pixel));
+        assert_eq!(of_pixel.is_some(), frame.is_measured(), "{row}, {column}");
+        if let (Some(parts), Some(waveforms)) = (of_pixel, with_waveforms.waveforms()) {
+            let signal = story.signal.as_ref();
+            assert_eq!(parts, signal.map_or(&[][..], |signal| &signal.parts), "{row}, {column}");
+            let told = signal.map(|signal| (signal.sigma_m, signal.threshold));
+            assert!(told.is_none_or(|told| told == (waveforms.sigma_m(), waveforms.threshold())));
+        }
         if let Some(signal) = &story.signal {
             let returned = signal.peaks.iter().filter(|peak| matches!(peak.fate, Fate::Returned(_)));
             assert_eq!(returned.count(), story.returns.len(), "each return has a peak: {row}, {column}");
@@ -178,7 +191,7 @@ const EDGE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nod
     "buffers": [{"byteLength": 54, "uri": "data:application/octet-stream;base64,BUFFER"}]}"#;
 
 /// Writes a job with its scene: beams at 0° and 45° of elevation, towards the edge of the plate and at nothing.
-fn write_job(folder: &Path, more: &str) {
+pub(super) fn write_job(folder: &Path, more: &str) {
     // The corners of a square as f32, and its two triangles.
     let buffer = "AACAvwAAgL8AAAAAAACAPwAAgL8AAAAAAACAPwAAgD8AAAAAAACAvwAAgD8AAAAAAAECAAID";
     fs::write(folder.join("edge.gltf"), EDGE.replace("BUFFER", buffer)).unwrap();
@@ -192,11 +205,11 @@ fn write_job(folder: &Path, more: &str) {
     fs::write(folder.join("job.toml"), job).unwrap();
 }
 
-const MEASURED: &str = "[sensor.footprint]\ndivergence_mrad = [3.0, 3.0]\nkind = \"1/e2\"\n\
+pub(super) const MEASURED: &str = "[sensor.footprint]\ndivergence_mrad = [3.0, 3.0]\nkind = \"1/e2\"\n\
                         [sensor.receiver]\nrange_pairs = [[0.1, 90.0]]\n";
 
 /// The exit code, the output and the messages of the program in a folder.
-fn program(folder: &Path, args: &[&str]) -> (i32, String, String) {
+pub(super) fn program(folder: &Path, args: &[&str]) -> (i32, String, String) {
     let output = super::cli::program().arg("explain").args(args).current_dir(folder).output().unwrap();
     let [out, err] = [&output.stdout, &output.stderr].map(|text| String::from_utf8(text.clone()).unwrap());
     (super::cli::code(&output), out, err)

@@ -242,7 +242,7 @@ fn an_npy_has_the_points_of_the_ply() {
 }
 
 /// The arrays of an NPZ that is not compressed: the header's text and the bytes of each, by name.
-fn npz(file: &[u8]) -> BTreeMap<String, (String, Vec<u8>)> {
+pub(super) fn npz(file: &[u8]) -> BTreeMap<String, (String, Vec<u8>)> {
     let (mut arrays, mut at) = (BTreeMap::new(), 0);
     while file[at..].starts_with(b"PK\x03\x04") {
         let (length, name) = (u32_at(file, at + 18) as usize, usize::from(file[at + 26]));

@@ -39,14 +39,17 @@ fn camera(method: &str) -> String {
     format!("{method}\n[pinhole]\nwidth_px = 8\nheight_px = 6\nhfov_deg = 60.0\n")
 }
 
-/// A scene of a triangle and a camera, with an animation and a skin.
+/// A scene of a triangle and a camera, with an animation and a skin. The triangle's material has holes, and a texture of 2 × 1 texels.
 const TRIANGLE: &str = r#"{"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}],
     "nodes": [{"mesh": 0}, {"camera": 0}],
     "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}],
     "animations": [{"name": "walk", "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
         "samplers": [{"input": 0, "output": 0}]}],
     "skins": [{"joints": [1]}],
-    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "materials": [{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+    "textures": [{"source": 0}],
+    "images": [{"uri": "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAAAAADRSSBWAAAAC0lEQVR4nGNQaAAAAMMAoUn2EtEAAAAASUVORK5CYII="}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
     "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
     "bufferViews": [{"buffer": 0, "byteLength": 36}],
     "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}"#;
@@ -59,9 +62,13 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ("d.toml", job(0.0, 18, "exact")),
         ("sequence.toml", job(0.0, 36, "exact") + "[sequence]\nframes = 2\n"),
         ("leaky.toml", job(0.0, 36, "moller-trumbore")),
-        ("measured.toml", job(0.0, 36, "exact") + "[sensor.receiver]\nrange_pairs = [[0.8, 50.0]]\n"),
         ("stereo.toml", camera("stereo = { baseline_m = 0.05 }")),
         ("tof.toml", camera("tof = { frequencies_mhz = [20.0, 100.0], electrons_at_1_m = 1e5 }")),
+        (
+            "measured.toml",
+            job(0.0, 36, "exact")
+                + "[sensor.receiver]\nrange_pairs = [[0.8, 50.0]]\nbeams = [{ rows = [1], range_pairs = [[0.8, 40.0]] }]\n",
+        ),
         ("wrong.toml", "scene = 3\n".to_owned()),
         ("triangle.gltf", TRIANGLE.to_owned()),
     ] {
@@ -78,9 +85,10 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
     let lines = stdout_of(folder, &["scan", "a.toml", "--out", "lines", fine[0], fine[1], "--json-lines"]);
     let measured = json(&["scan", "measured.toml", "--out", "measured", "--json"]);
     // Where the receiver sees less, some pulses do not return.
-    let dim = ["--set", "sensor.top.receiver.range_pairs=[[0.8, 3.0]]"];
+    let dim = "--set sensor.top.receiver.range_pairs=[[0.8,3.0]] --set sensor.top.receiver.beams=[]";
+    let dim: Vec<&str> = dim.split(' ').collect();
     let measured_lines =
-        stdout_of(folder, &["scan", "measured.toml", "--out", "dim", dim[0], dim[1], "--json-lines"]);
+        stdout_of(folder, &[&["scan", "measured.toml", "--out", "dim", "--json-lines"], &dim[..]].concat());
     for part in ["1/2", "2/2"] {
         stdout_of(folder, &["scan", "a.toml", "--out", "parts", "--shard", part]);
     }

@@ -49,3 +49,4 @@ mod trace;
 mod trajectories;
 mod truth;
 mod view;
+mod waveforms;

@@ -4,7 +4,7 @@ use beamcast::glam::DVec3;
 use beamcast::physics::detection::normal_below;
 use beamcast::physics::footprint::{Samples, beyond_edge};
 use beamcast::scene::{Optics, Scene, Sun, SurfaceKind, Weather};
-use beamcast::sensor::{Blooming, Measurement, Noise, Receiver, ReturnMode};
+use beamcast::sensor::{Blooming, DimmerBeams, Measurement, Noise, Receiver, ReturnMode};
 use beamcast::{Angle, Cause, Frame, Pattern, Pulse, RangeLimits, RayTable, Sensor};
 
 use super::plates::{
@@ -255,6 +255,55 @@ fn planes_are_detected_as_often_as_the_data_sheet_says() {
         assert!((of_wall - detected * n).abs() < 4.0 * sigma + 1.0, "{share}: {of_wall}");
         let missed = frame.pixels_of(Cause::BelowThreshold) + frame.pixels_of(Cause::Dropped);
         assert!(missed as f64 + of_wall >= n - 10.0, "{share}: each pulse has its fate");
+    }
+}
+
+/// A receiver whose second row sees 10 % up to 45 m, half as far as the first.
+fn uneven() -> Receiver {
+    let range_pairs = vec![RangePair { reflectivity: 0.1, range_m: 45.0 }];
+    let (power, misfit) = receiver().sensitivity.unwrap().power_of(&range_pairs).unwrap();
+    assert!((power - 0.25).abs() < 1e-12);
+    Receiver { beams: vec![DimmerBeams { rows: vec![1], range_pairs, power, misfit }], ..receiver() }
+}
+
+/// The sensor of [`sensor`] with its pulses on two rows, one after the other.
+fn of_two_rows(pulses: usize, measurement: Measurement) -> Sensor {
+    let Pattern::Rays(table) = sensor(pulses, measurement.clone()).pattern else { panic!("it is a table") };
+    let pattern = Pattern::Rays(table.with_lines(2).unwrap());
+    Sensor { pattern, ..sensor(pulses, measurement) }
+}
+
+/// At 45 m a row that sees 10 % so far detects it half of the time, within 4 standard deviations of 10⁴ pulses, and the other, with four
+/// times the signal (Φ(3T) = 1 − 10⁻⁴⁷), always.
+#[test]
+fn each_row_sees_as_far_as_its_own_pairs_say() {
+    let plane = optics(scene(&[wall(45.0, 1.0)]), &[lambert(0.1)]);
+    let frame = cast(&plane, &of_two_rows(20_000, with(uneven())), 0);
+    assert_eq!((frame.rows(), frame.columns()), (2, 10_000));
+    let of_row = |row: usize| {
+        let pixels = row * 10_000..(row + 1) * 10_000;
+        let causes = pixels.flat_map(|pixel| frame.slots(pixel)).map(|slot| frame.echo(slot).unwrap().cause);
+        causes.filter(|cause| *cause == Cause::Surface).count()
+    };
+    // A false alarm may be stronger than the wall, in one pulse of 10⁴.
+    assert!(of_row(0) >= 10_000 - 10, "{}", of_row(0));
+    assert!((of_row(1) as f64 - 5000.0).abs() < 4.0 * 50.0 + 10.0, "{}", of_row(1));
+}
+
+/// The device knows how its beams differ, so that its intensities do not: each differs from ½ by its noise of one in the signal-to-noise
+/// ratio, at most five times of it (one of 3·10⁶ is off by more), and by the rounding to 32 bits.
+#[test]
+fn rows_that_see_less_far_have_the_same_intensities() {
+    let plane = optics(scene(&[wall(5.0, 1.0)]), &[lambert(0.5)]);
+    let receiver = Receiver { false_alarm: 0.0, ..uneven() };
+    let frame = cast(&plane, &of_two_rows(100, with(receiver)), 0);
+    let found = returns(&frame);
+    assert_eq!(found.len(), 100);
+    let snr = |pixel: usize| f64::from(found[pixel].1.snr);
+    assert!((snr(0) / snr(50) - 4.0).abs() < 1e-6, "{} {}", snr(0), snr(50));
+    for (one, echo) in &found {
+        let off = (f64::from(one.intensity) / 0.5 - 1.0).abs();
+        assert!(off < 5.0 / f64::from(echo.snr) + 1e-6, "{one:?} {echo:?}");
     }
 }
 

@@ -196,6 +196,50 @@ fn check_diagnostics(json: &Value) {
     assert_eq!(found, [("note", NOTE), ("warning", WARNING)]);
 }
 
+/// An image of one colour is kept as one texel, and told as large as its file has it. A material's two textures may show one image.
+#[test]
+fn info_tells_what_alpha_does_and_which_images_there_are() {
+    let folder = odd_scene();
+    let mut scene = triangle(Some("scene.bin"));
+    scene["meshes"][0]["primitives"][0]["material"] = json!(0);
+    scene["materials"] = json!([
+        {
+            "name": "leaf\u{7}",
+            "alphaMode": "MASK",
+            "alphaCutoff": 0.25,
+            "pbrMetallicRoughness": {
+                "baseColorTexture": { "index": 0 },
+                "metallicRoughnessTexture": { "index": 0 },
+            },
+            "extensions": { "KHR_materials_transmission": {
+                "transmissionFactor": 0.5, "transmissionTexture": { "index": 1 } } },
+        },
+        { "name": "pane", "alphaMode": "BLEND" },
+        { "name": "wall" },
+    ]);
+    scene["textures"] = json!([{ "source": 0 }, { "source": 1 }]);
+    let png = |content: &str| format!("data:image/png;base64,{content}");
+    scene["images"] = json!([
+        { "uri": png("iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAAAAADRSSBWAAAAC0lEQVR4nGNQaAAAAMMAoUn2EtEAAAAASUVORK5CYII=") },
+        { "uri": png("iVBORw0KGgoAAAANSUhEUgAAAAMAAAACCAAAAAC4HznGAAAADklEQVR4nGNwcHBgAGIABggBgULGvLsAAAAASUVORK5CYII=") },
+    ]);
+    fs::write(folder.path().join("leaf.gltf"), scene.to_string()).unwrap();
+    let path = path_in(folder.path(), "leaf.gltf");
+    let text = stdout(&beamcast(&["info", &path]));
+    for line in [
+        "    alpha         MASK below 0.25 of \"leaf\\u{7}\", BLEND of \"pane\"\n",
+        "    textures      2 images: 2 × 1 PNG, 3 × 2 PNG\n",
+    ] {
+        assert!(text.contains(line), "{line:?} in:\n{text}");
+    }
+    let json: Value = serde_json::from_str(&stdout(&beamcast(&["info", "--json", &path]))).unwrap();
+    let image = |width, height| json!({ "format": "PNG", "width": width, "height": height, "materials": 1 });
+    assert_eq!(json["scene"]["images"], json!([image(2, 1), image(3, 2)]));
+    let alpha = |material, mode, cutoff| json!({ "material": material, "mode": mode, "cutoff": cutoff });
+    let expected = json!([alpha("leaf\u{7}", "MASK", Some(0.25)), alpha("pane", "BLEND", None)]);
+    assert_eq!(json["scene"]["alpha"], expected);
+}
+
 #[test]
 fn info_lists_what_a_scene_holds_by_name() {
     // The cases cameras and animations.

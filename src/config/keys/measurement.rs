@@ -3,9 +3,10 @@
 use std::ops::Bound::{Excluded, Included};
 
 use super::super::kinds::{
-    Choice, Flag, Integer, List, Nested, Number, NumberChoice, Text, Vector, WordOrCount,
+    Choice, Flag, Integer, List, Nested, Number, NumberChoice, Tables, Text, Vector, WordOrCount,
 };
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
+use super::angles::MAX_SIDE;
 use super::depth::{STEREO, STRUCTURED_LIGHT, TOF};
 use crate::physics::footprint::Samples;
 use crate::physics::intensity::IntensityScale;
@@ -96,6 +97,7 @@ pub(crate) mod receiver {
         "`[receiver]`",
         &[
             &RANGE_PAIRS,
+            &BEAMS,
             &WAVELENGTH,
             &DETECTION,
             &FALSE_ALARM,
@@ -121,6 +123,25 @@ pub(crate) mod receiver {
         "How far planes are detected that face the sensor: a list of [reflectance, metres], such as [[0.1, 90.0], [0.8, 260.0]]; \
          left out: any light is detected.",
     );
+    pub static BEAMS: Key<Tables> = key(
+        "beams",
+        Tables::in_braces(&BEAMS_KEYS, 0).at_most(MOST_PAIRS),
+        "The rows whose beams see less far than that, each group with its own range pairs.",
+    );
+    /// A table of `beams`.
+    pub static BEAMS_KEYS: TableKeys = table("an element of `beams`", &[&ROWS, &PAIRS_OF_ROWS]);
+    pub static ROWS: Key<List<Integer<usize>>> = key(
+        "rows",
+        List { of: Integer::within(0, MAX_SIDE), least: 1 },
+        "The rows of the image, from 0 at the top.",
+    )
+    .required("`rows = [0, 1]`, the rows of the image, from 0 at the top");
+    pub static PAIRS_OF_ROWS: Key<List<Vector<2>>> = key(
+        "range_pairs",
+        List { of: Vector("reflectance, range in metres"), least: 1 },
+        "How far these beams see planes that face them: a list of [reflectance, metres].",
+    )
+    .required("`range_pairs = [[0.1, 50.0]]`, how far these beams see");
     pub static WAVELENGTH: Key<Number> = key(
         "wavelength_nm",
         Number::within(Included(200.0), Included(2500.0)),

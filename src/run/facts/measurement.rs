@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::sensor::{Measurement, RangeLimits};
+use crate::sensor::{DimmerBeams, Measurement, RangeLimits};
 
 /// The facts about how a sensor measures, by the range pairs of its receiver.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -13,6 +13,9 @@ pub struct MeasurementFacts {
     pub range_10_m: f64,
     /// The same of a plane of 80 %.
     pub range_80_m: f64,
+    /// The rows whose beams see less far, if there are any.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub beams: Vec<BeamsFacts>,
     /// The probability of detection at these ranges.
     pub detection: f64,
     /// The exponent by which power falls with the range, which is 2 by physics.
@@ -23,6 +26,19 @@ pub struct MeasurementFacts {
     pub false_alarms_per_frame: f64,
     /// The standard deviations of ranges to a plane of 80 %, at those of 10, 50 and 100 m at which it is detected.
     pub range_sigmas: Vec<RangeSigma>,
+}
+
+/// How far some of a sensor's beams see.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BeamsFacts {
+    /// The rows of the image, from 0.
+    pub rows: Vec<usize>,
+    /// The range in metres, within the sensor's limits, up to which a plane of 10 % reflectance is detected.
+    pub range_10_m: f64,
+    /// The same of a plane of 80 %.
+    pub range_80_m: f64,
+    /// The largest relative error of the range for a pair of theirs.
+    pub misfit: f64,
 }
 
 /// The standard deviation of a range.
@@ -46,11 +62,18 @@ impl MeasurementFacts {
             range_m,
             sigma_m: noise.range_sigma_m(receiver.snr(0.8, range_m, range.max_m)),
         };
+        let of_beams = |DimmerBeams { rows, power, misfit, .. }: &DimmerBeams| BeamsFacts {
+            rows: rows.clone(),
+            range_10_m: reach(power * 0.1),
+            range_80_m: reach(power * 0.8),
+            misfit: *misfit,
+        };
         let is_detected = |range_m: &f64| (range.min_m..=range_80_m).contains(range_m);
         Some(Self {
             is_nominal,
             range_10_m: reach(0.1),
             range_80_m,
+            beams: receiver.beams.iter().map(of_beams).collect(),
             detection: receiver.detection,
             exponent: sensitivity.exponent,
             misfit: sensitivity.misfit,

@@ -11,8 +11,10 @@ use crate::sensor::{Capture, Footprint, Pulse};
 pub(super) struct Beam {
     /// The bias of its ranges in metres.
     pub bias_m: f64,
-    /// The factor on the power that it receives.
+    /// The factor on the power that it receives: its own [`power`](Self::power), and the gain that the sensor doesn't know of.
     pub gain: f64,
+    /// The factor on its power by the data sheet, which the sensor's intensities count in.
+    pub power: f64,
     /// The error of its direction: the slopes along the two axes of [`axes`].
     offset: [f64; 2],
 }
@@ -45,20 +47,24 @@ impl<'c> Beams<'c> {
         let measurement = &capture.sensor.measurement;
         let noise = measurement.noise.unwrap_or_default();
         let of_beams = FrameStreams::new(capture.seed, capture.index, EVERY_FRAME);
-        let differs = noise.bias_m > 0.0 || noise.gain > 0.0 || noise.beam_angle.radians() > 0.0;
+        let receiver = measurement.receiver.as_ref();
+        let is_dimmer = receiver.is_some_and(|receiver| !receiver.beams.is_empty());
+        let differs = is_dimmer || noise.bias_m > 0.0 || noise.gain > 0.0 || noise.beam_angle.radians() > 0.0;
         let beam = |row: usize| {
             let stream = |effect: Effect| of_beams.stream(row as u32, 0, effect as u32);
             let mut angle = stream(Effect::BeamAngle);
             let slope = libm::tan(noise.beam_angle.radians());
+            let power = receiver.map_or(1.0, |receiver| receiver.power(row));
             Beam {
                 bias_m: noise.bias_m * stream(Effect::BeamBias).normal(),
-                gain: libm::exp(noise.gain * stream(Effect::BeamGain).normal()),
+                gain: power * libm::exp(noise.gain * stream(Effect::BeamGain).normal()),
+                power,
                 offset: [slope * angle.normal(), slope * angle.normal()],
             }
         };
         let beams = match differs {
             true => (0..capture.rows()).map(beam).collect(),
-            false => vec![Beam { bias_m: 0.0, gain: 1.0, offset: [0.0; 2] }],
+            false => vec![Beam { bias_m: 0.0, gain: 1.0, power: 1.0, offset: [0.0; 2] }],
         };
         let axis_alone = || vec![SubRay { slope: [0.0; 2], exit_m: [0.0; 2] }];
         Self {

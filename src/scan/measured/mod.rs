@@ -35,6 +35,7 @@ use self::receive::{Detector, Received, Reception, Scratch, Watch};
 pub(super) use self::story::explain;
 use super::ray_batch::Ray;
 use super::{Cause, Echo, Frame, NO_OBJECT, Progress, Return, STRIP, SensorPose, TILE};
+use crate::physics::echo::Part;
 use crate::physics::sun::ambient;
 use crate::scene::{Scene, Sun};
 use crate::sensor::{Capture, Pulse, Receiver};
@@ -51,7 +52,8 @@ pub(super) fn scan_into(
     let default_receiver = Receiver::default();
     let measurement = &capture.sensor.measurement;
     let receiver = measurement.receiver.as_ref().unwrap_or(&default_receiver);
-    let scanner = Scanner::new(scene, tracer, capture, receiver);
+    let keeps_waveforms = frame.keeps_waveforms();
+    let scanner = Scanner { keeps_waveforms, ..Scanner::new(scene, tracer, capture, receiver) };
     let (rows, columns) = (capture.rows(), capture.columns());
     let (strips, width) = (scanner.strips(), strip_columns(scanner.beams.samples()));
     let is_cancelled = || progress.cancelled.load(Relaxed);
@@ -95,6 +97,7 @@ pub(super) fn scan_into(
         return false;
     }
     frame.begin_measured(rows, columns);
+    frame.begin_waveforms(scanner.detector.sigma_m(), scanner.detector.threshold());
     for band in received.chunks(columns.div_ceil(width)) {
         let height = band[0].rows;
         for row in 0..height {
@@ -103,6 +106,10 @@ pub(super) fn scan_into(
                 for pixel in pixels {
                     let returns = &strip.returns[strip.first[pixel]..strip.first[pixel + 1]];
                     frame.add_measured(strip.causes[pixel], returns);
+                    if keeps_waveforms {
+                        frame
+                            .add_waveform(&strip.parts[strip.first_part[pixel]..strip.first_part[pixel + 1]]);
+                    }
                 }
             }
         }
@@ -124,6 +131,9 @@ struct Strip {
     /// The place in `returns` of the first return of each pixel, and at the end their number.
     first: Vec<usize>,
     returns: Vec<(Return, Echo)>,
+    /// The waveforms, if they are kept. Pixel i has the parts from entry i to entry i + 1 of `first_part`.
+    parts: Vec<Part>,
+    first_part: Vec<usize>,
 }
 
 /// The memory of a thread, which is kept from strip to strip.
@@ -194,6 +204,8 @@ struct Scanner<'a, C> {
     detector: Detector<'a>,
     /// The sensor's pose, if it stands still.
     fixed: Option<SensorPose>,
+    /// Whether strips have waveforms.
+    keeps_waveforms: bool,
 }
 
 impl<'a, C: Cast> Scanner<'a, C> {
@@ -218,7 +230,7 @@ impl<'a, C: Cast> Scanner<'a, C> {
             mirror_roughness: crate::physics::surface::mirror_roughness(2.0 * divergence),
         };
         let fixed = capture.fixed_world_from_sensor().map(SensorPose::new);
-        Self { capture, beams, paths, air, detector, fixed }
+        Self { capture, beams, paths, air, detector, fixed, keeps_waveforms: false }
     }
 
     /// The row and the column of the first pixel of each strip of the image.
@@ -278,17 +290,26 @@ impl<'a, C: Cast> Scanner<'a, C> {
         }
         let mut targets = Vec::new();
         let mut strip = Strip { rows, columns, first: vec![0], ..Strip::default() };
+        if self.keeps_waveforms {
+            strip.first_part.push(0);
+        }
         for pulse in of_pixel {
             match pulse {
                 None => strip.causes.push(Cause::NoPulse),
                 Some(pulse) => {
-                    self.receive(lit, pulse, halo, desk, &mut ());
+                    match self.keeps_waveforms {
+                        true => self.receive(lit, pulse, halo, desk, &mut strip.parts),
+                        false => self.receive(lit, pulse, halo, desk, &mut ()),
+                    }
                     strip.causes.push(desk.received.cause);
                     strip.returns.append(&mut desk.received.returns);
                     targets.append(&mut desk.received.targets);
                 }
             }
             strip.first.push(strip.returns.len());
+            if self.keeps_waveforms {
+                strip.first_part.push(strip.parts.len());
+            }
         }
         if let Some(sun) = self.paths.scene.environment.sun {
             let times_s = lit.times_of_returns(&strip);

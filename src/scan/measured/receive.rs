@@ -43,8 +43,8 @@ pub(super) struct Scratch {
 /// What is told of light and of the fates of peaks. The frames of a scan need none of it, so that `()` is told it in vain, which
 /// costs nothing.
 pub(super) trait Watch {
-    /// The light of a pulse arrives, sorted by range.
-    fn light(&mut self, _lights: &[Light]) {}
+    /// The light of a pulse arrives, sorted by range, and makes a waveform with a part for each light, in the same order.
+    fn light(&mut self, _lights: &[Light], _parts: &[Part]) {}
 
     /// A peak is not detected, or lies outside of the limits of the sensor's range.
     fn lose(&mut self, _candidate: &Candidate, _cause: Cause) {}
@@ -57,6 +57,13 @@ pub(super) trait Watch {
 }
 
 impl Watch for () {}
+
+/// Waveforms of one pulse after the other.
+impl Watch for Vec<Part> {
+    fn light(&mut self, _: &[Light], parts: &[Part]) {
+        self.extend_from_slice(parts);
+    }
+}
 
 /// A peak that may become a return.
 #[derive(Clone, Copy)]
@@ -138,7 +145,6 @@ impl<'a> Detector<'a> {
         received: &mut Received,
         watch: &mut impl Watch,
     ) {
-        watch.light(lights);
         received.returns.clear();
         received.targets.clear();
         let Scratch { parts, peaks, candidates, by_object, shares } = scratch;
@@ -146,6 +152,7 @@ impl<'a> Detector<'a> {
         parts.extend(
             lights.iter().map(|light| Part { range_m: light.range_m, energy: light.energy * at.beam.gain }),
         );
+        watch.light(lights, parts);
         let waveform = Waveform::new(parts, self.sigma_m);
         waveform.peaks(peaks);
         candidates.clear();
@@ -400,7 +407,7 @@ impl<'a> Detector<'a> {
         terms.rounding_m = range_m - terms.unrounded_m();
         let amplitude = candidate.amplitude.min(self.receiver.saturation_snr);
         let fall = fall(self.receiver, candidate.length_m);
-        let reflectivity = amplitude * fall / self.white_at_1_m;
+        let reflectivity = amplitude * fall / (self.white_at_1_m * at.beam.power);
         let value = self.receiver.intensity.value(reflectivity);
         let target = &candidate.target;
         let normal = at.sensor_from_world * target.normal;

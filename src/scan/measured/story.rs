@@ -48,16 +48,14 @@ pub(in crate::scan) fn explain(
 
     let mut record = Record::default();
     scanner.receive(lit, 0, halo.as_ref(), desk, &mut record);
-    let gain = scanner.beams.beam(row).gain;
-    let (met, group_of) = groups(scene, &record.lights, scanner.beams.samples(), gain);
+    let (met, group_of) = groups(scene, &record.lights, &record.parts, scanner.beams.samples());
     story.met = met;
     story.sub_rays = scanner.beams.samples();
     story.lost_rays = story.sub_rays - samples(record.lights.iter(), story.sub_rays).len();
-    let part = |light: &Light| Part { range_m: light.range_m, energy: light.energy * gain };
     let mut signal = Signal {
         sigma_m: scanner.detector.sigma_m(),
         threshold: scanner.detector.threshold(),
-        parts: record.lights.iter().map(part).collect(),
+        parts: record.parts.clone(),
         peaks: Vec::new(),
     };
     signal.peaks = record.peaks(&signal, &group_of);
@@ -86,11 +84,12 @@ fn samples<'l>(lights: impl Iterator<Item = &'l Light>, count: usize) -> BTreeSe
     lights.map(|light| light.path / PATHS_A_SAMPLE).filter(|sample| (*sample as usize) < count).collect()
 }
 
-/// The light by what sends it back, the nearest first, and for each light the number of its group. The light is sorted by range.
-fn groups(scene: &Scene, lights: &[Light], sub_rays: usize, gain: f64) -> (Vec<Met>, Vec<usize>) {
+/// The light by what sends it back, the nearest first, and for each light the number of its group. The light is sorted by range, and
+/// each has its part of the waveform.
+fn groups(scene: &Scene, lights: &[Light], parts: &[Part], sub_rays: usize) -> (Vec<Met>, Vec<usize>) {
     let mut met: Vec<Met> = Vec::new();
     let (mut group_of, mut in_clear_air) = (Vec::new(), Vec::new());
-    for light in lights {
+    for (light, part) in lights.iter().zip(parts) {
         let target = &light.target;
         let object = (target.object != NO_OBJECT).then_some(target.object);
         let material = material_of(scene, target.triangle);
@@ -115,8 +114,8 @@ fn groups(scene: &Scene, lights: &[Light], sub_rays: usize, gain: f64) -> (Vec<M
         });
         met[group].paths += 1;
         met[group].range_m[1] = light.range_m;
-        met[group].energy += light.energy * gain;
-        in_clear_air[group] += light.energy * gain * light.clear_air;
+        met[group].energy += part.energy;
+        in_clear_air[group] += part.energy * light.clear_air;
         group_of.push(group);
     }
     let all: f64 = met.iter().map(|one| one.energy).sum();
@@ -135,14 +134,15 @@ fn groups(scene: &Scene, lights: &[Light], sub_rays: usize, gain: f64) -> (Vec<M
 #[derive(Default)]
 struct Record {
     lights: Vec<Light>,
+    parts: Vec<Part>,
     lost: Vec<(Candidate, Cause)>,
     detected: Vec<Candidate>,
     chosen: Vec<Candidate>,
 }
 
 impl Watch for Record {
-    fn light(&mut self, lights: &[Light]) {
-        self.lights = lights.to_vec();
+    fn light(&mut self, lights: &[Light], parts: &[Part]) {
+        (self.lights, self.parts) = (lights.to_vec(), parts.to_vec());
     }
 
     fn lose(&mut self, candidate: &Candidate, cause: Cause) {

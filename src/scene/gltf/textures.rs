@@ -175,6 +175,7 @@ impl<'d, 'a> Textures<'d, 'a> {
         images::decode(&bytes, format, &|texels| {
             self.data.spend_on_image(texels.saturating_mul(size_of::<[u8; 4]>() as u64))
         })
+        .map(|image| image.of_format(format.name()))
     }
 }
 

@@ -75,6 +75,31 @@ const MISTAKES: &[(&str, &str, &str)] = &[
     ),
     (
         "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\nbeams = [{ rows = [0], range_pairs = [[0.1, 9.0]] }]",
+        "sensor.toml:10:1: `[receiver]` has no `range_pairs` | needs `range_pairs` | add `range_pairs = [[0.1, 80.0]]`, how far all other beams see",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\nrange_pairs = [[0.1, 80.0]]\nbeams = [{ rows = [0, 3], range_pairs = [[0.1, 50.0]] }]",
+        "sensor.toml:12:23: there is no row 3: 3 rows count from 0 | expected at most 2 | ",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\nrange_pairs = [[0.1, 80.0]]\nbeams = [{ rows = [0], range_pairs = [[0.1, 50.0]] }, { rows = [2, 0], range_pairs = [[0.1, 40.0]] }]",
+        "sensor.toml:12:68: row 0 has range pairs already | listed twice | ",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\nrange_pairs = [[0.1, 80.0]]\nbeams = [{ rows = [0], range_pairs = [[0.1, 88.0]] }]",
+        "sensor.toml:12:38: these beams see 10.0 % farther than the receiver's `range_pairs` say | expected ranges that are not larger | give `[receiver]` the `range_pairs` of the beams that see farthest, and `beams` those of all others",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\nrange_pairs = [[0.1, 80.0]]\nbeams = [{ rows = [0] }]",
+        "sensor.toml:12:10: an element of `beams` has no `range_pairs` | needs `range_pairs` | add `range_pairs = [[0.1, 50.0]]`, how far these beams see",
+    ),
+    (
+        "max_m = 100.0",
         "max_m = 100.0\n[receiver]\nrange_pairs = []",
         "sensor.toml:11:15: `range_pairs` is an empty list | expected at least one | ",
     ),
@@ -296,6 +321,12 @@ const DOUBTS: &[(&str, &str, &str)] = &[
         "max_m = 50\n[sensor.receiver]\nrange_pairs = [[0.8, 60.0]]",
         "job.toml:12:16: a plane is detected up to 60 m, and `max_m` is 50 m | farther than the sensor reports | returns end at `max_m`; write `max_m = 60` if they should not",
     ),
+    // 45 and 20 m are missed by √(45/20) − 1.
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\nrange_pairs = [[0.1, 50.0]]\nbeams = [{ rows = [0], range_pairs = [[0.1, 20.0], [0.1, 45.0]] }]",
+        "sensor.toml:12:38: power falls with the range as the receiver's own pairs say, and misses a pair of these beams by 50 % of its range | these pairs do not fit to those of the other beams | the beams of a sensor differ by a factor of power alone; one pair always fits",
+    ),
     (
         "wall = 3",
         "wall = 3\n[weather]\nrain_mm_h = 5",
@@ -487,6 +518,12 @@ fn presets_have_the_figures_of_their_data_sheets() {
             assert!((sigma / expected - 1.0).abs() < 0.01, "{name}: {sigma} at {range_m} m");
         }
     }
+    // The outer channels of the XT32: (50/80)² of the power.
+    let xt32 = config::load_preset("hesai/xt-32").unwrap().nominal.unwrap().measurement.receiver.unwrap();
+    let powers: Vec<f64> = (0..32).map(|row| xt32.power(row)).collect();
+    let expected: Vec<f64> =
+        (1..=32).map(|channel| if (9..=24).contains(&channel) { 1.0 } else { 0.390_625 }).collect();
+    assert!(powers.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12), "{powers:?}");
     let nominal = presets::BUILT_IN.iter().filter(|(_, text)| text.contains("\n[nominal]\n")).count();
     assert_eq!(nominal, 18, "presets with figures of a data sheet");
 }

@@ -1,14 +1,15 @@
 //! The tables by which a sensor measures → [`Measurement`].
 
 use super::super::super::keys::measurement::{self as keys, blooming, footprint, noise, receiver};
+use super::super::super::kinds::{List, Vector};
 use super::super::super::plausibility;
-use super::super::super::table::{AnyKey, Table};
+use super::super::super::table::{AnyKey, Key, Table};
 use crate::angle::Angle;
 use crate::physics::detection::{RangePair, Sensitivity};
 use crate::physics::footprint::E2_IN_FWHM;
-use crate::sensor::{Blooming, Footprint, Measurement, Noise, RangeLimits, Receiver};
+use crate::sensor::{Blooming, DimmerBeams, Footprint, Measurement, Noise, RangeLimits, Receiver};
 use crate::source::Span;
-use crate::source::words::number;
+use crate::source::words::{counted, number};
 
 /// How the sensor of a table measures. A table that is wrong is reported, and counts as left out.
 ///
@@ -47,7 +48,12 @@ fn footprint(t: &Table<'_>) -> Option<Footprint> {
 }
 
 fn receiver(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Receiver {
-    let range_pairs = range_pairs(t, range, max_at);
+    let range_pairs = range_pairs(t, &receiver::RANGE_PAIRS, range, max_at);
+    let sensitivity = Sensitivity::fit(&range_pairs);
+    let doubt = sensitivity.and_then(|fit| plausibility::pairs_misfit(receiver::RANGE_PAIRS.name(), &fit));
+    if let Some(doubt) = doubt {
+        t.report().doubt(t.span_of(&receiver::RANGE_PAIRS), doubt);
+    }
     let [false_alarm, interference_hz] = [&receiver::FALSE_ALARM, &receiver::INTERFERENCE].map(|key| {
         let given = t.value(key);
         need_window(t, key, given, range);
@@ -55,7 +61,8 @@ fn receiver(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Receiver {
     });
     let receiver = Receiver {
         wavelength_m: t.value(&receiver::WAVELENGTH) * 1e-9,
-        sensitivity: Sensitivity::fit(&range_pairs),
+        sensitivity,
+        beams: dimmer_beams(t, sensitivity, range, max_at),
         range_pairs,
         detection: t.value(&receiver::DETECTION),
         false_alarm,
@@ -94,11 +101,88 @@ fn need_window(t: &Table<'_>, key: &dyn AnyKey, given: f64, range: RangeLimits) 
     }
 }
 
-/// The range pairs, in ascending order of reflectance; none if one is wrong.
-fn range_pairs(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Vec<RangePair> {
+/// The rows whose beams see less far than the receiver's range pairs say, whose fit is `sensitivity`. What is wrong is reported and
+/// left out.
+fn dimmer_beams(
+    t: &Table<'_>,
+    sensitivity: Option<Sensitivity>,
+    range: RangeLimits,
+    max_at: Span,
+) -> Vec<DimmerBeams> {
+    let Some(given) = t.read(&receiver::BEAMS) else { return Vec::new() };
+    let report = t.report();
+    if !given.value.is_empty() {
+        t.need(&receiver::RANGE_PAIRS, "`range_pairs = [[0.1, 80.0]]`, how far all other beams see");
+    }
+    let mut known: Vec<usize> = Vec::new();
+    let mut all = Vec::new();
+    for group in &given.value {
+        let rows = group.read(&receiver::ROWS);
+        let pairs = range_pairs(group, &receiver::PAIRS_OF_ROWS, range, max_at);
+        let Some(rows) = rows else { continue };
+        for row in &rows.value {
+            if known.contains(&row.value) {
+                report.error(
+                    row.span,
+                    format!("row {} has range pairs already", row.value),
+                    "listed twice",
+                    None,
+                );
+            }
+            known.push(row.value);
+        }
+        let Some((sensitivity, (power, misfit))) =
+            sensitivity.and_then(|fit| Some((fit, fit.power_of(&pairs)?)))
+        else {
+            continue;
+        };
+        let at = group.span_of(&receiver::PAIRS_OF_ROWS);
+        // Ranges that differ in their last digits alone are equal.
+        if power > 1.0 + 1e-9 {
+            let farther = sensitivity.range_m(power * pairs[0].reflectivity)
+                / sensitivity.range_m(pairs[0].reflectivity);
+            let message = format!(
+                "these beams see {:.1} % farther than the receiver's `range_pairs` say",
+                (farther - 1.0) * 1e2
+            );
+            let help = "give `[receiver]` the `range_pairs` of the beams that see farthest, and `beams` those of all others";
+            report.error(at, message, "expected ranges that are not larger", Some(help.into()));
+            continue;
+        }
+        if let Some(doubt) = plausibility::pairs_of_beams_misfit(receiver::PAIRS_OF_ROWS.name(), misfit) {
+            report.doubt(at, doubt);
+        }
+        let rows = rows.value.into_iter().map(|row| row.value).collect();
+        all.push(DimmerBeams { rows, range_pairs: pairs, power: power.min(1.0), misfit });
+    }
+    all
+}
+
+/// Reports rows of `beams` that a sensor's image lacks.
+pub(super) fn check_rows(t: &Table<'_>, rows: usize) {
+    let Some(receiver) = t.read(&keys::RECEIVER).filter(|receiver| receiver.value.has(&receiver::BEAMS))
+    else {
+        return;
+    };
+    let Some(groups) = receiver.value.read(&receiver::BEAMS) else { return };
+    let listed =
+        groups.value.iter().filter_map(|group| group.read(&receiver::ROWS)).flat_map(|rows| rows.value);
+    for row in listed.filter(|row| row.value >= rows) {
+        let message = format!("there is no row {}: {} count from 0", row.value, counted(rows, "row"));
+        t.report().error(row.span, message, format!("expected at most {}", rows - 1), None);
+    }
+}
+
+/// The range pairs of a table, in ascending order of reflectance; none if one is wrong.
+fn range_pairs(
+    t: &Table<'_>,
+    key: &Key<List<Vector<2>>>,
+    range: RangeLimits,
+    max_at: Span,
+) -> Vec<RangePair> {
     /// Reflectances are relative to white, and glossy surfaces have more.
     const MOST_REFLECTANCE: f64 = 2.0;
-    let Some(given) = t.read(&receiver::RANGE_PAIRS) else { return Vec::new() };
+    let Some(given) = t.read(key) else { return Vec::new() };
     let report = t.report();
     if given.value.len() > receiver::MOST_PAIRS {
         let message = format!("`range_pairs` has {} pairs", given.value.len());
@@ -123,10 +207,7 @@ fn range_pairs(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Vec<RangePair
         }
         // A job that shortens the range of its preset means that.
         if range_m > range.max_m && pair.span.source == max_at.source {
-            report.doubt(
-                pair.span,
-                plausibility::pair_beyond_limit(receiver::RANGE_PAIRS.name(), range_m, range.max_m),
-            );
+            report.doubt(pair.span, plausibility::pair_beyond_limit(key.name(), range_m, range.max_m));
         }
         pairs.push((RangePair { reflectivity, range_m }, pair.span));
     }
@@ -144,13 +225,7 @@ fn range_pairs(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Vec<RangePair
             return Vec::new();
         }
     }
-    let pairs: Vec<RangePair> = pairs.into_iter().map(|(pair, _)| pair).collect();
-    if let Some(fit) = Sensitivity::fit(&pairs)
-        && let Some(doubt) = plausibility::pairs_misfit(receiver::RANGE_PAIRS.name(), &fit)
-    {
-        report.doubt(given.span, doubt);
-    }
-    pairs
+    pairs.into_iter().map(|(pair, _)| pair).collect()
 }
 
 /// The noise of a sensor with this receiver.

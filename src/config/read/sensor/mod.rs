@@ -16,6 +16,7 @@ use crate::sensor::{Capture, Limited, Pattern, RangeLimits, Ranging, Sensor};
 use crate::source::words::number;
 use crate::source::{Doubt, Span};
 
+use measurement::check_rows;
 pub(super) use measurement::measurement;
 
 /// The reader of a pattern's table.
@@ -65,6 +66,7 @@ pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> 
     depth::check(t, &pattern, &measurement)?;
     check_least_range(t, &pattern, range)?;
     warn_of_ambiguity(t, &pattern, range);
+    check_rows(t, pattern.rows());
     let sensor = Sensor { pattern, range, ring, measurement };
     if let Some(problem) = Capture::at_origin(&sensor).problem_of_numbers() {
         let key = given.first().map_or(t.span, |(key, _)| t.span_of(*key));
