@@ -4,11 +4,13 @@
 //! | file | topic |
 //! |---|---|
 //! | `air` | extinction by haze, fog, rain and dust; the way there and back through them |
+//! | `binomial` | the binomial distribution of counts |
 //! | `detection` | thresholds, false alarms, the sensitivity that range limits of data sheets imply, and the noise of a range |
 //! | `echo` | pulses that add up to a waveform, and its peaks |
 //! | `film` | diffuse ground under a film of water |
 //! | `footprint` | where the light of a beam goes: fixed sets of sub-rays of equal energy |
 //! | `fresnel` | Snell's law, and the reflectance of a face for both polarisations |
+//! | `histogram` | histograms of a single-photon detector: pile-up, detection and the range of an echo |
 //! | `intensity` | the scales of intensity of LiDAR makers |
 //! | `pane` | a pane of two faces: transmission, reflectance, delay and shift |
 //! | `particles` | sizes, numbers, places and echoes of drops and flakes |
@@ -27,11 +29,13 @@
 //! Angles of incidence are given by their cosines, 1 at normal incidence and 0 at grazing incidence.
 
 pub mod air;
+pub mod binomial;
 pub mod detection;
 pub mod echo;
 pub mod film;
 pub mod footprint;
 pub mod fresnel;
+pub mod histogram;
 pub mod intensity;
 pub mod pane;
 pub mod particles;

@@ -340,5 +340,5 @@ mod sequence;
 #[cfg(test)]
 mod tests;
 
-pub use measurement::{MeasurementFacts, RangeSigma};
+pub use measurement::{MeasurementFacts, RangeShift, RangeSigma, SpadFacts};
 pub use sequence::{SequenceFacts, WayFacts};

@@ -26,7 +26,7 @@ pub use explain::explain;
 use frame::ReturnsMut;
 pub use frame::{Cause, Echo, Frame, NO_OBJECT, Return, Returns, Terms};
 pub use progress::Progress;
-pub use story::{Fate, Met, Sent, Signal, SignalPeak, Story};
+pub use story::{Counts, Fate, Met, Sent, Signal, SignalPeak, SignalUnit, Story};
 use strips::{STRIP, SensorPose, TILE};
 use surface::SeenTriangle;
 use through::Through;

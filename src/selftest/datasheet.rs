@@ -24,7 +24,8 @@ use crate::scene::{
     SurfaceKind,
 };
 use crate::sensor::{
-    Capture, Limited, Measurement, Noise, Pattern, Pulse, RangeLimits, RayTable, Receiver, ReturnMode, Sensor,
+    Capture, Counter, Limited, Measurement, Noise, Pattern, Pulse, RangeLimits, RayTable, Receiver,
+    ReturnMode, Sensor,
 };
 use crate::trace::Tracer;
 
@@ -235,6 +236,8 @@ struct Bench<'a> {
     limits: RangeLimits,
     /// The sensitivity by the stated pairs, whatever the sensor's own is.
     fit: Option<Sensitivity>,
+    /// What counts the light, if the stated receiver counts photons.
+    counter: Option<Counter>,
     beams: usize,
     /// The beams of the sensor's own pattern.
     own_beams: usize,
@@ -266,6 +269,7 @@ impl<'a> Bench<'a> {
             noise: stated.noise.unwrap_or_default(),
             limits,
             fit: Sensitivity::fit(pairs),
+            counter: stated.receiver.as_ref().and_then(|receiver| receiver.counter(limits.max_m, 1.0)),
             beams,
             own_beams,
         }
@@ -378,7 +382,13 @@ impl<'a> Bench<'a> {
         let pulses = frame.pixels() as f64;
         let found = (0..frame.pixels()).filter(|&pixel| of_wall(&frame, pixel).is_some()).count() as f64;
         let (snr, threshold) = self.snr(reflectivity, wall_m);
-        let detected = |gain: f64| normal_below(gain * snr - threshold);
+        let counted = |counter: &Counter, gain: f64| {
+            counter.plane(gain * reflectivity, wall_m).map_or(0.0, |plane| plane.detection)
+        };
+        let detected = |gain: f64| match &self.counter {
+            Some(counter) => counted(counter, gain),
+            None => normal_below(gain * snr - threshold),
+        };
         let (expected, between) = self.over_gains(detected);
         let (within, _) = self.over_gains(|gain| detected(gain) * (1.0 - detected(gain)));
         let sigma = (between / self.beams as f64 + within / pulses).sqrt();
@@ -413,7 +423,11 @@ impl<'a> Bench<'a> {
         let rounding = if is_rounded { unit_m * unit_m / 12.0 } else { 0.0 };
         let variance = |gain: f64| {
             let sigma_m = self.noise.range_sigma_m(gain * snr);
-            sigma_m * sigma_m + rounding
+            let of_counts_m = match &self.counter {
+                Some(counter) => counter.plane(gain * BRIGHT, wall_m).map_or(0.0, |plane| plane.sigma_m),
+                None => 0.0,
+            };
+            sigma_m * sigma_m + of_counts_m * of_counts_m + rounding
         };
         let range_of = |slot: usize| match frame.echo(slot) {
             Some(echo) if !is_rounded => echo.terms.unrounded_m(),

@@ -55,6 +55,11 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ("sequence.toml", job(0.0, 36, "exact") + "[sequence]\nframes = 2\n"),
         ("leaky.toml", job(0.0, 36, "moller-trumbore")),
         ("measured.toml", job(0.0, 36, "exact") + "[sensor.receiver]\nrange_pairs = [[0.8, 50.0]]\n"),
+        (
+            "counting.toml",
+            job(0.0, 36, "exact")
+                + "[sensor.receiver]\nrange_pairs = [[0.8, 15.0]]\ndetector = \"spad\"\nspad_cycles = 400\nspad_bin_ns = 1.0\n",
+        ),
         ("wrong.toml", "scene = 3\n".to_owned()),
         ("triangle.gltf", TRIANGLE.to_owned()),
     ] {
@@ -113,8 +118,24 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
                 diff("/top/000000.ply", "d"),
             ],
         ),
-        ("explain", vec![json(&["explain", "measured.toml", "1", "18", "--json"])]),
-        ("lint", vec![json(&["lint", "a.toml", "sequence.toml", "measured.toml", "wrong.toml", "--json"])]),
+        (
+            "explain",
+            ["measured.toml", "counting.toml"]
+                .map(|job| json(&["explain", job, "1", "18", "--json"]))
+                .to_vec(),
+        ),
+        (
+            "lint",
+            vec![json(&[
+                "lint",
+                "a.toml",
+                "sequence.toml",
+                "measured.toml",
+                "counting.toml",
+                "wrong.toml",
+                "--json",
+            ])],
+        ),
         (
             "info",
             vec![

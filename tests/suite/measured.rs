@@ -17,9 +17,9 @@ use beamcast::{
 };
 
 /// A square plate: its middle, half of its edges as vectors, and its reflectivity.
-struct Plate(DVec3, DVec3, DVec3, f32);
+pub(super) struct Plate(pub DVec3, pub DVec3, pub DVec3, pub f32);
 
-fn scene(plates: &[Plate]) -> Scene {
+pub(super) fn scene(plates: &[Plate]) -> Scene {
     let meshes: Vec<_> = (0..)
         .zip(plates)
         .map(|(material, &Plate(middle, a, b, _))| {
@@ -49,7 +49,7 @@ fn scene(plates: &[Plate]) -> Scene {
 }
 
 /// A wall across x.
-fn wall(x: f64, rho: f32) -> Plate {
+pub(super) fn wall(x: f64, rho: f32) -> Plate {
     Plate(DVec3::new(x, 0.0, 0.0), DVec3::Y * 50.0, DVec3::Z * 50.0, rho)
 }
 
@@ -59,27 +59,27 @@ fn factor(rho: f32, cosine: f64) -> f64 {
 }
 
 /// A sensor of so many pulses along x, a microsecond apart.
-fn sensor(pulses: usize, measurement: Measurement) -> Sensor {
+pub(super) fn sensor(pulses: usize, measurement: Measurement) -> Sensor {
     let pulse = |i: usize| Pulse::new(DVec3::ZERO, DVec3::X, i as f64 * 1e-6);
     let pattern = Pattern::Rays(RayTable::new((0..pulses).map(pulse).collect(), None).unwrap());
     let range = RangeLimits { max_m: 120.0, ..RangeLimits::default() };
     Sensor { range, measurement, ..Sensor::new(pattern) }
 }
 
-fn cast(scene: &Scene, sensor: &Sensor, frame: u64) -> Frame {
+pub(super) fn cast(scene: &Scene, sensor: &Sensor, frame: u64) -> Frame {
     let trajectory = Trajectory::Fixed(Pose::IDENTITY);
     let capture = Capture::new(sensor, Pose::IDENTITY, &trajectory, frame, 7);
     scan(scene, &Tracer::build(scene), &capture, &Progress::default()).unwrap()
 }
 
 /// A receiver that detects a plane of 10 % at 90 m half of the time.
-fn receiver() -> Receiver {
+pub(super) fn receiver() -> Receiver {
     let range_pairs = vec![RangePair { reflectivity: 0.1, range_m: 90.0 }];
     let sensitivity = Sensitivity::fit(&range_pairs);
     Receiver { range_pairs, sensitivity, false_alarm: 1e-4, pulse_fwhm_s: 6e-9, ..Receiver::default() }
 }
 
-fn with(receiver: Receiver) -> Measurement {
+pub(super) fn with(receiver: Receiver) -> Measurement {
     Measurement { receiver: Some(receiver), ..Measurement::default() }
 }
 
@@ -87,7 +87,7 @@ fn round(divergence_rad: f64, samples: Samples) -> Option<Footprint> {
     Some(Footprint { half_divergence: [Angle::rad(0.5 * divergence_rad); 2], exit_radius_m: 0.0, samples })
 }
 
-fn returns(frame: &Frame) -> Vec<(Return, Echo)> {
+pub(super) fn returns(frame: &Frame) -> Vec<(Return, Echo)> {
     (0..frame.pixels())
         .flat_map(|pixel| frame.slots(pixel))
         .map(|slot| (frame.returns().get(slot), *frame.echo(slot).unwrap()))
@@ -95,7 +95,7 @@ fn returns(frame: &Frame) -> Vec<(Return, Echo)> {
 }
 
 /// Says how the plates of a scene send light back, plate by plate.
-fn optics(mut scene: Scene, of_plates: &[Optics]) -> Scene {
+pub(super) fn optics(mut scene: Scene, of_plates: &[Optics]) -> Scene {
     let geometry = Arc::make_mut(&mut scene.geometry);
     geometry.optics = of_plates.to_vec();
     for (index, material) in (0..).zip(&mut geometry.materials) {
@@ -108,7 +108,7 @@ fn kind(kind: SurfaceKind) -> Optics {
     Optics { kind: Some(kind), ..Optics::default() }
 }
 
-fn lambert(rho: f64) -> Optics {
+pub(super) fn lambert(rho: f64) -> Optics {
     Optics { reflectance: Some(rho), ..kind(SurfaceKind::Lambert) }
 }
 

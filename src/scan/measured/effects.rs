@@ -24,6 +24,8 @@ pub(super) enum Effect {
     Rain = 9,
     /// Flakes of snow, by pulse.
     Snow = 10,
+    /// The counts of an echo, by pulse and path.
+    Counts = 11,
 }
 
 /// The frame number of streams that are the same in every frame.

@@ -7,6 +7,7 @@
 //! halo     how other beams see bright returns
 //! light    what comes back, path by path
 //! receive  the receiver: from light to returns, each with its cause and its error budget
+//! counts   a receiver that counts photons
 //! effects  the numbers of random effects
 //! story    one pulse on all of this way, and what became of each peak
 //! ```
@@ -16,6 +17,7 @@
 
 mod air;
 mod beams;
+mod counts;
 mod effects;
 mod halo;
 mod light;

@@ -9,7 +9,7 @@ use super::light::{Light, PATHS_A_SAMPLE};
 use super::receive::{Candidate, Watch};
 use super::{Memory, Scanner};
 use crate::physics::echo::{Part, Waveform};
-use crate::scan::story::{Fate, Met, Sent, Signal, SignalPeak, Story, material_of};
+use crate::scan::story::{Fate, Met, Sent, Signal, SignalPeak, SignalUnit, Story, material_of};
 use crate::scan::{Cause, NO_OBJECT, Progress};
 use crate::scene::Scene;
 use crate::sensor::{Blooming, Capture, Receiver};
@@ -48,15 +48,21 @@ pub(in crate::scan) fn explain(
 
     let mut record = Record::default();
     scanner.receive(lit, 0, halo.as_ref(), desk, &mut record);
-    let gain = scanner.beams.beam(row).gain;
+    let (unit, in_unit) = match (&scanner.detector.gauge, scanner.detector.threshold()) {
+        (Some(gauge), _) => (SignalUnit::Counts, gauge.counts_of(1.0)),
+        (None, Some(_)) => (SignalUnit::Snr, 1.0),
+        (None, None) => (SignalUnit::Energy, 1.0),
+    };
+    let gain = in_unit * scanner.beams.beam(row).gain;
     let (met, group_of) = groups(scene, &record.lights, scanner.beams.samples(), gain);
     story.met = met;
     story.sub_rays = scanner.beams.samples();
     story.lost_rays = story.sub_rays - samples(record.lights.iter(), story.sub_rays).len();
     let part = |light: &Light| Part { range_m: light.range_m, energy: light.energy * gain };
     let mut signal = Signal {
+        unit,
         sigma_m: scanner.detector.sigma_m(),
-        threshold: scanner.detector.threshold(),
+        threshold: scanner.detector.threshold().filter(|_| unit == SignalUnit::Snr),
         parts: record.lights.iter().map(part).collect(),
         peaks: Vec::new(),
     };
@@ -169,8 +175,9 @@ impl Record {
         };
         let peak = |one: &Candidate, fate: Fate| SignalPeak {
             range_m: one.range_m,
-            height: one.snr,
-            amplitude: one.amplitude,
+            height: one.counted.map_or(one.snr, |counted| counted.counts.mean),
+            amplitude: one.counted.map_or(one.amplitude, |counted| f64::from(counted.counts.drawn)),
+            counts: one.counted.map(|counted| counted.counts),
             width_m: one.sigma_m,
             cause: one.cause,
             fate,
