@@ -67,6 +67,8 @@ causes! {
     Dust "dust",
     /// The return is the halo of a bright return of another beam.
     Blooming "blooming",
+    /// The return is the light of another channel that fires at the same time.
+    Crosstalk "crosstalk",
 }
 
 impl Cause {
@@ -113,7 +115,7 @@ pub struct Terms {
     pub angle_m: f64,
     /// The beam's width: the peak of all the light together.
     pub footprint_m: f64,
-    /// What is left of the walk of a fixed threshold.
+    /// What is left of the walk of a fixed threshold; of a receiver that counts photons, the shift by pile-up.
     pub walk_m: f64,
     /// The noise of this pulse.
     pub noise_m: f64,

@@ -54,7 +54,8 @@ pub struct Sent {
 /// Something that sends light of a pulse back: an object's surface of one material, or particles of one kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Met {
-    /// How the light comes: straight, by a mirror or through glass, from particles, or in the halo of another beam.
+    /// How the light comes: straight, by a mirror or through glass, from particles, in the halo of another beam, or
+    /// from another channel.
     pub cause: Cause,
     /// The index into [`Geometry::objects`](crate::scene::Geometry::objects), if it is an object.
     pub object: Option<u32>,
@@ -62,7 +63,7 @@ pub struct Met {
     pub material: Option<u32>,
     /// The semantic label.
     pub label: u32,
-    /// The number of sub-rays whose light it sends back; 0 of particles and halos.
+    /// The number of sub-rays whose light it sends back; 0 of particles, halos and crosstalk.
     pub sub_rays: usize,
     /// The number of paths on which light comes back from it.
     pub paths: usize,

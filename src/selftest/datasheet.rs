@@ -5,7 +5,7 @@
 //! beam meets at a right angle is another plane for each of them, and the figures do not depend on where that plane is.
 //!
 //! What no figure states is left out, so that each expectation has a closed form: the errors of directions, the walk of the
-//! threshold, blooming (the pulses have one direction, so that all would lie in each other's halo) and interference. All returns
+//! threshold, blooming (the pulses have one direction, so that all would lie in each other's halo), crosstalk and interference. All returns
 //! of a pulse are asked for, so that a false alarm does not take the place of a plane's return.
 //!
 //! A beam's gain is e^(γz) with a normal deviate z, which the seed fixes. Where γ is not 0, expectations are means over z, and the
@@ -253,6 +253,7 @@ impl<'a> Bench<'a> {
             separation_m: 0.0,
             walk_residual: 0.0,
             interference_hz: 0.0,
+            crosstalk: 0.0,
             ..receiver
         });
         let still = Angle::default();

@@ -75,6 +75,8 @@ pub struct Receiver {
     pub interference_hz: f64,
     /// The mean signal-to-noise ratio of a foreign pulse.
     pub interference_snr: f64,
+    /// The share of each return's energy that the other channels receive which fire at the same time; 0: none.
+    pub crosstalk: f64,
     /// The interval of ranges, in metres, over which the fields of view of transmitter and receiver come to overlap. Near air is
     /// not seen before it.
     pub overlap_m: [f64; 2],
@@ -146,6 +148,7 @@ impl Default for Receiver {
             sun_klx: 100.0,
             interference_hz: 0.0,
             interference_snr: 20.0,
+            crosstalk: 0.0,
             overlap_m: [0.9, 1.0],
             spad: None,
             limit_counts: 0.0,

@@ -104,6 +104,9 @@ fn meeting(told: &Told, met: &Met) -> String {
         Cause::Fog => format!("Fog sends light back, the most of it {place}"),
         Cause::Dust => format!("Dust sends light back, the most of it {place}"),
         Cause::Blooming => format!("The halo of {name}, which other beams meet {place}, adds light"),
+        Cause::Crosstalk => {
+            format!("Light of {name}, which channels that fire at the same time meet {place}, leaks in")
+        }
         _ => format!("{rays} meet{s} {name} {place}"),
     };
     let energy = height(signal, met.energy);
@@ -344,6 +347,7 @@ fn cause_of_return(cause: Cause) -> &'static str {
         Cause::Fog => "the return is from fog",
         Cause::Dust => "the return is from dust",
         Cause::Blooming => "the return is the halo of a bright return of another beam",
+        Cause::Crosstalk => "the return is the light of another channel that fires at the same time",
         _ => "the pulse came back from a surface",
     }
 }
@@ -409,6 +413,7 @@ fn short_name(told: &Told, met: &Met) -> String {
         Cause::Mirror => " by a mirror",
         Cause::Glass => " by way of glass",
         Cause::Blooming => " in a halo",
+        Cause::Crosstalk => " by crosstalk",
         _ => "",
     };
     name(told, met) + &material + way

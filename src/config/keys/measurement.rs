@@ -106,6 +106,7 @@ pub(crate) mod receiver {
             &SUN_KLX,
             &INTERFERENCE,
             &INTERFERENCE_SNR,
+            &CROSSTALK,
             &OVERLAP,
             &DETECTOR,
             &SPAD_CYCLES,
@@ -214,6 +215,12 @@ pub(crate) mod receiver {
     pub static INTERFERENCE_SNR: Key<Number> =
         key("interference_snr", Number::POSITIVE, "The mean signal-to-noise ratio of a foreign pulse.")
             .or("20.0");
+    pub static CROSSTALK: Key<Number> = key(
+        "crosstalk",
+        Number::SHARE,
+        "The share of each return's light that the other channels receive which fire at the same time, at the same range.",
+    )
+    .or("0.0");
     pub static OVERLAP: Key<Vector<2>> = key(
         "overlap_m",
         Vector("from, to"),

@@ -71,6 +71,7 @@ fn receiver(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Receiver {
         sun_klx: t.value(&receiver::SUN_KLX),
         interference_hz,
         interference_snr: t.value(&receiver::INTERFERENCE_SNR),
+        crosstalk: t.value(&receiver::CROSSTALK),
         overlap_m: t.value(&receiver::OVERLAP),
         ..Receiver::default()
     };
