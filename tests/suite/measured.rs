@@ -351,7 +351,7 @@ fn a_retroreflector_has_ghosts_in_the_channels_that_fire_with_it() {
     let (pairs, beside) = (10_000, DVec3::new(0.8, 0.6, 0.0));
     let ghosts = |crosstalk: f64, later_s: f64| {
         let pulse = |i: usize| {
-            let (direction, later_s) = if i % 2 == 0 { (DVec3::X, 0.0) } else { (beside, later_s) };
+            let (direction, later_s) = if i.is_multiple_of(2) { (DVec3::X, 0.0) } else { (beside, later_s) };
             Pulse::new(DVec3::ZERO, direction, (i / 2) as f64 * 1e-6 + later_s)
         };
         let pattern = Pattern::Rays(RayTable::new((0..2 * pairs).map(pulse).collect(), None).unwrap());

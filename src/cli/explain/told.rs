@@ -27,7 +27,7 @@ pub fn unit(signal: &Signal) -> &'static str {
     match signal.unit {
         SignalUnit::Energy => "relative energy",
         SignalUnit::Snr => "signal-to-noise ratio",
-        SignalUnit::Counts => "number of counts without pile-up",
+        SignalUnit::Counts => "counts without pile-up",
     }
 }
 

@@ -450,7 +450,10 @@ fn a_unit(signal: &Signal) -> String {
 }
 
 fn height(signal: &Signal, energy: f64) -> String {
-    format!("{} of {}", a_unit(signal), significant(energy))
+    match signal.unit {
+        SignalUnit::Counts => format!("{} counts without pile-up", significant(energy)),
+        _ => format!("{} of {}", a_unit(signal), significant(energy)),
+    }
 }
 
 /// The sentences in lines of at most 100 characters, unless a word is longer. A number and its unit stay together.
