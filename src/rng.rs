@@ -132,6 +132,72 @@ impl Rng {
         (-2.0 * libm::log(u)).sqrt() * libm::cos(TAU * v)
     }
 
+    /// The number of successes in so many trials, each of which succeeds with the probability `p`.
+    ///
+    /// If fewer than 10 are expected, the distribution is inverted, which takes one number. Else the draw is by algorithm BTRS of
+    /// W. Hörmann, "The generation of binomial random variates", J. Stat. Comput. Simul. 46, 101 (1993): a transformed deviate is
+    /// rejected by the distribution itself, so that both ways are exact but for the rounding of probabilities.
+    pub fn binomial(&mut self, trials: u32, p: f64) -> u32 {
+        if p > 0.5 {
+            return trials - self.binomial(trials, 1.0 - p);
+        }
+        if trials == 0 || p.is_nan() || p <= 0.0 {
+            return 0;
+        }
+        match f64::from(trials) * p < 10.0 {
+            true => self.few_successes(trials, p),
+            false => self.many_successes(f64::from(trials), p),
+        }
+    }
+
+    fn few_successes(&mut self, trials: u32, p: f64) -> u32 {
+        let odds = p / (1.0 - p);
+        let mut left = self.unit();
+        let mut probability = libm::exp(f64::from(trials) * libm::log1p(-p));
+        for successes in 0..trials {
+            if left < probability {
+                return successes;
+            }
+            left -= probability;
+            probability *= odds * f64::from(trials - successes) / f64::from(successes + 1);
+            // Beyond 2⁻⁶⁰ the tail is less than a step of the uniform number.
+            if successes > 20 && probability < 1e-18 {
+                return successes + 1;
+            }
+        }
+        trials
+    }
+
+    fn many_successes(&mut self, trials: f64, p: f64) -> u32 {
+        let log_factorial = |k: f64| libm::lgamma(k + 1.0);
+        let spread = (trials * p * (1.0 - p)).sqrt();
+        // The constants of the paper's figure.
+        let b = 1.15 + 2.53 * spread;
+        let a = -0.0873 + 0.0248 * b + 0.01 * p;
+        let centre = trials * p + 0.5;
+        let alpha = (2.83 + 5.1 / b) * spread;
+        let mode = ((trials + 1.0) * p).floor();
+        loop {
+            let (u, mut v) = (self.unit() - 0.5, self.unit());
+            let from_edge = 0.5 - u.abs();
+            let k = ((2.0 * a / from_edge + b) * u + centre).floor();
+            if from_edge >= 0.07 && v <= 0.92 - 4.2 / b {
+                return k as u32;
+            }
+            if !(0.0..=trials).contains(&k) {
+                continue;
+            }
+            v *= alpha / (a / (from_edge * from_edge) + b);
+            let over_mode = log_factorial(mode) + log_factorial(trials - mode)
+                - log_factorial(k)
+                - log_factorial(trials - k)
+                + (k - mode) * (libm::log(p) - libm::log1p(-p));
+            if libm::log(v) <= over_mode {
+                return k as u32;
+            }
+        }
+    }
+
     /// A point that is uniform in the cube from −1 to 1.
     pub fn point(&mut self) -> DVec3 {
         DVec3::new(self.signed(), self.signed(), self.signed())
@@ -157,6 +223,10 @@ fn words(bits: u64) -> [u32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn square(x: f64) -> f64 {
+        x * x
+    }
 
     /// The known answers for philox4x32-10 of the authors' library, Random123 (tests/kat_vectors).
     #[test]
@@ -233,7 +303,6 @@ mod tests {
             let error = (variance / COUNT as f64).sqrt();
             assert!((mean - expected).abs() < 6.0 * error, "{mean} instead of {expected} ± {error}");
         };
-        let square = |x: f64| x * x;
         close(mean(&mut || rng.unit()), 0.5, 1.0 / 12.0);
         close(mean(&mut || square(rng.unit())), 1.0 / 3.0, 4.0 / 45.0);
         // The moments of the standard normal distribution are 0, 1, 0, 3, 0, 15, 0, 105.
@@ -246,6 +315,45 @@ mod tests {
         close(mean(&mut || rng.direction().z), 0.0, 1.0 / 3.0);
         close(mean(&mut || square(rng.direction().x)), 1.0 / 3.0, 4.0 / 45.0);
         close(mean(&mut || rng.below(7) as f64), 3.0, 4.0);
+    }
+
+    /// Counts of successes have the probabilities of the binomial distribution: χ² of 40,000 draws over k values is k − 1 ± √(2(k − 1)),
+    /// and lies within five of its standard deviations. Both ways of drawing, and their border.
+    #[test]
+    fn successes_have_the_binomial_distribution() {
+        const DRAWS: usize = 40_000;
+        let mut rng = Rng::new(2);
+        for (trials, p) in
+            [(5, 0.3), (40, 0.02), (1000, 0.0099), (1000, 0.0101), (100, 0.4), (60, 0.8), (5000, 0.1)]
+        {
+            let mut counts = vec![0_u32; trials as usize + 1];
+            (0..DRAWS).for_each(|_| counts[rng.binomial(trials, p) as usize] += 1);
+            let (mut chi2, mut values, mut rest) = (0.0, 0.0, (DRAWS as f64, DRAWS as f64));
+            for (k, &count) in (0..).zip(&counts) {
+                let log_choose = libm::lgamma(f64::from(trials) + 1.0)
+                    - libm::lgamma(f64::from(k) + 1.0)
+                    - libm::lgamma(f64::from(trials - k) + 1.0);
+                let log_p =
+                    log_choose + f64::from(k) * libm::log(p) + f64::from(trials - k) * libm::log1p(-p);
+                let expected = DRAWS as f64 * libm::exp(log_p);
+                // Values of which fewer than 20 draws are expected count as one.
+                if expected >= 20.0 {
+                    chi2 += square(f64::from(count) - expected) / expected;
+                    values += 1.0;
+                    rest = (rest.0 - expected, rest.1 - f64::from(count));
+                }
+            }
+            if rest.0 > 5.0 {
+                chi2 += square(rest.1 - rest.0) / rest.0;
+                values += 1.0;
+            }
+            let freedom: f64 = values - 1.0;
+            assert!(
+                (chi2 - freedom).abs() < 5.0 * (2.0 * freedom).sqrt(),
+                "{trials} {p}: {chi2} of {freedom}"
+            );
+        }
+        assert_eq!([(0, 0.5), (9, 0.0), (9, 1.0)].map(|(n, p)| rng.binomial(n, p)), [0, 0, 9]);
     }
 
     #[test]

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use crate::run::Bytes;
 use crate::run::facts::{
-    AlphaFacts, BeamsFacts, DepthFacts, FileFacts, ImageFacts, MeasurementFacts, RangeSigma, SceneFacts,
-    SensorSizes, SequenceFacts, WayFacts,
+    AlphaFacts, BeamsFacts, DepthFacts, FileFacts, ImageFacts, MeasurementFacts, RangeShift, RangeSigma,
+    SceneFacts, SensorSizes, SequenceFacts, WayFacts,
 };
 use crate::source::words::{counted, on_one_line, quoted, runs};
 
@@ -117,6 +117,22 @@ fn write_measurement(text: &mut String, facts: &MeasurementFacts) {
     }
     if facts.false_alarms_per_frame > 0.0 {
         fact!(text, "false alarms", "{} a frame{nominal}", tidy(facts.false_alarms_per_frame));
+    }
+    if let Some(spad) = &facts.spad {
+        let (bin_m, blind) = (tidy(spad.bin_m), tenths(spad.blind * 1e2));
+        fact!(
+            text,
+            "counts",
+            "photons of {} cycles in bins of {bin_m} m; at {range_80} m {} are detected, and background blinds {blind} % of the \
+             cycles before{nominal}",
+            grouped(spad.cycles.into()),
+            spad.least_counts
+        );
+        let shift = |shift: &RangeShift| format!("{} mm at {} m", tenths(shift.shift_m * 1e3), shift.range_m);
+        let shifts: Vec<String> = spad.shifts.iter().map(shift).collect();
+        if !shifts.is_empty() {
+            fact!(text, "pile-up", "{} on 80 %{nominal}", shifts.join(", "));
+        }
     }
     let is_exact = facts.range_sigmas.iter().all(|sigma| sigma.sigma_m == 0.0);
     if !is_exact {
@@ -289,6 +305,7 @@ mod tests {
                 detection: 0.9,
                 exponent: 3.27,
                 misfit: 0.0,
+                spad: None,
                 false_alarms_per_frame: 0.108,
                 range_sigmas: vec![RangeSigma { range_m: 10.0, sigma_m: 0.0123 }],
             }),

@@ -4,6 +4,7 @@
 //! | file | topic |
 //! |---|---|
 //! | `air` | extinction by haze, fog, rain and dust; the way there and back through them |
+//! | `binomial` | the binomial distribution of counts |
 //! | `depth_quality` | the measures of depth on a flat target that RealSense's tool has |
 //! | `detection` | thresholds, false alarms, the sensitivity that range limits of data sheets imply, and the noise of a range |
 //! | `disparity` | triangulation: depth and disparity, its steps, and how a projector's dots are found |
@@ -12,6 +13,7 @@
 //! | `film` | diffuse ground under a film of water |
 //! | `footprint` | where the light of a beam goes: fixed sets of sub-rays of equal energy |
 //! | `fresnel` | Snell's law, and the reflectance of a face for both polarisations |
+//! | `histogram` | histograms of a single-photon detector: pile-up, detection and the range of an echo |
 //! | `infrared` | the noise of an infrared camera's image |
 //! | `intensity` | the scales of intensity of LiDAR makers |
 //! | `pane` | a pane of two faces: transmission, reflectance, delay and shift |
@@ -33,6 +35,7 @@
 //! Angles of incidence are given by their cosines, 1 at normal incidence and 0 at grazing incidence.
 
 pub mod air;
+pub mod binomial;
 pub mod depth_quality;
 pub mod detection;
 pub mod disparity;
@@ -41,6 +44,7 @@ pub mod echo;
 pub mod film;
 pub mod footprint;
 pub mod fresnel;
+pub mod histogram;
 pub mod infrared;
 pub mod intensity;
 pub mod pane;

@@ -1,5 +1,5 @@
-//! The first count of a single-photon avalanche diode (SPAD) in each cycle, and pile-up: after its first count, the detector is
-//! blind until the cycle ends.
+//! Single-photon avalanche diodes (SPADs): the first count in each cycle, and pile-up, by which a count blinds the detector for those
+//! that come soon after it. `histogram` is about histograms of counts over many cycles, and the echoes in them.
 //!
 //! Source: P. B. Coates, "The correction for photon 'pile-up' in the measurement of radiative lifetimes", J. Phys. E 1, 878
 //! (1968). Counts are a Poisson process: a bin with the mean λ has none with the probability exp(−λ).

@@ -365,5 +365,5 @@ mod tests;
 
 pub use appearance::{AlphaFacts, ImageFacts};
 pub use depth::DepthFacts;
-pub use measurement::{BeamsFacts, MeasurementFacts, RangeSigma};
+pub use measurement::{BeamsFacts, MeasurementFacts, RangeShift, RangeSigma, SpadFacts};
 pub use sequence::{SequenceFacts, WayFacts};

@@ -24,6 +24,8 @@ pub(super) enum Effect {
     Rain = 9,
     /// Flakes of snow, by pulse.
     Snow = 10,
+    /// The counts of an echo, by pulse and path.
+    Counts = 11,
     /// The noise of a disparity, by pixel.
     Disparity = 20,
     /// The noise of a stereo camera's own image, by pixel.

@@ -69,6 +69,8 @@ causes! {
     Dust "dust",
     /// The return is the halo of a bright return of another beam.
     Blooming "blooming",
+    /// The return is the light of another channel that fires at the same time.
+    Crosstalk "crosstalk",
     /// A surface that the second viewpoint of a depth camera does not see, or does not light.
     Occluded "occluded",
     /// The window of a stereo camera has too little texture to be matched.
@@ -124,7 +126,7 @@ pub struct Terms {
     /// The beam's width: the peak of all the light together. Of a depth camera, what other depths in the pixel or its window and
     /// indirect light add, and all that matching two images does.
     pub footprint_m: f64,
-    /// What is left of the walk of a fixed threshold.
+    /// What is left of the walk of a fixed threshold; of a receiver that counts photons, the shift by pile-up.
     pub walk_m: f64,
     /// The noise of this pulse.
     pub noise_m: f64,

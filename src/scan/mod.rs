@@ -31,7 +31,7 @@ use frame::ReturnsMut;
 pub use frame::{Cause, Echo, Frame, Images, NO_OBJECT, Return, Returns, Terms};
 pub use progress::Progress;
 use ray_batch::{Ray, RayBatch};
-pub use story::{Fate, Met, Sent, Signal, SignalPeak, Story};
+pub use story::{Counts, Fate, Met, Sent, Signal, SignalPeak, SignalUnit, Story};
 use strips::{STRIP, SensorPose, TILE};
 use surface::SeenTriangle;
 use through::Through;
@@ -102,7 +102,7 @@ struct Strip<'f> {
 impl Strip<'_> {
     /// The number of a ray's pixel in an image of so many columns.
     fn pixel(&self, batch: &Batch, ray: usize, columns: usize) -> u32 {
-        let (row, column) = batch.pixels[ray];
+        let (row, column) = batch.rays.known()[ray];
         ((self.first_row + usize::from(row)) * columns + self.first_column + usize::from(column)) as u32
     }
 }

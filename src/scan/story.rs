@@ -54,7 +54,8 @@ pub struct Sent {
 /// Something that sends light of a pulse back: an object's surface of one material, or particles of one kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Met {
-    /// How the light comes: straight, by a mirror or through glass, from particles, or in the halo of another beam.
+    /// How the light comes: straight, by a mirror or through glass, from particles, in the halo of another beam, or
+    /// from another channel.
     pub cause: Cause,
     /// The index into [`Geometry::objects`](crate::scene::Geometry::objects), if it is an object.
     pub object: Option<u32>,
@@ -62,7 +63,7 @@ pub struct Met {
     pub material: Option<u32>,
     /// The semantic label.
     pub label: u32,
-    /// The number of sub-rays whose light it sends back; 0 of particles and halos.
+    /// The number of sub-rays whose light it sends back; 0 of particles, halos and crosstalk.
     pub sub_rays: usize,
     /// The number of paths on which light comes back from it.
     pub paths: usize,
@@ -76,19 +77,44 @@ pub struct Met {
     pub transmission: f64,
 }
 
-/// What a receiver makes of the light of a pulse: a waveform of Gaussian pulses, and its peaks. Energies and heights are
-/// signal-to-noise ratios if the receiver's sensitivity is known, and else relative to a white plane at 1 m that takes the whole
-/// beam.
+/// What a receiver makes of the light of a pulse: a waveform of Gaussian pulses, and its peaks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signal {
+    /// What energies and heights are.
+    pub unit: SignalUnit,
     /// The standard deviation of the pulse in range, in metres.
     pub sigma_m: f64,
-    /// The height that a peak must exceed, if the receiver's sensitivity is known.
+    /// The height that a peak must exceed, if the receiver's sensitivity is known and it measures power.
     pub threshold: Option<f64>,
     /// The light by range, with the beam's gain.
     pub parts: Vec<Part>,
     /// The peaks, and what is detected without any light, the nearest first.
     pub peaks: Vec<SignalPeak>,
+}
+
+/// What the energies and the heights of a [`Signal`] are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SignalUnit {
+    /// The power relative to that of a white plane at 1 m that takes the whole beam.
+    Energy,
+    /// The power over the standard deviation of the noise.
+    Snr,
+    /// The mean number of counts in the gate of an echo, if no count blinded the detector for others. The heights of the peaks are with
+    /// those that are blinded, and with background.
+    Counts,
+}
+
+/// The counts of an echo, by a receiver that counts photons.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Counts {
+    /// The number in this histogram.
+    pub drawn: u32,
+    /// Its mean.
+    pub mean: f64,
+    /// The mean number that background alone has there.
+    pub background: f64,
+    /// The least number that is detected.
+    pub least: u32,
 }
 
 /// A peak of a [`Signal`].
@@ -98,8 +124,10 @@ pub struct SignalPeak {
     pub range_m: f64,
     /// The mean height; 0 of what no light makes.
     pub height: f64,
-    /// The height with the noise of this pulse, which the threshold is held to.
+    /// The height with the noise of this pulse, which the threshold is held to. Of what no light makes it is a signal-to-noise ratio.
     pub amplitude: f64,
+    /// The counts, if the receiver counts photons and light makes the peak.
+    pub counts: Option<Counts>,
     /// The standard deviation of the peak in range, in metres.
     pub width_m: f64,
     /// The origin of the peak.

@@ -6,7 +6,7 @@
 //! have range pairs of their own are replayed apart; noise, biases and false alarms are those of the beams that come first.
 //!
 //! What no figure states is left out, so that each expectation has a closed form: the errors of directions, the walk of the
-//! threshold, blooming (the pulses have one direction, so that all would lie in each other's halo) and interference. All returns
+//! threshold, blooming (the pulses have one direction, so that all would lie in each other's halo), crosstalk and interference. All returns
 //! of a pulse are asked for, so that a false alarm does not take the place of a plane's return.
 //!
 //! A beam's gain is e^(γz) with a normal deviate z, which the seed fixes. Where γ is not 0, expectations are means over z, and the
@@ -25,8 +25,8 @@ use crate::scene::{
     SurfaceKind,
 };
 use crate::sensor::{
-    Capture, DimmerBeams, Limited, Measurement, Noise, Pattern, Pulse, RangeLimits, RayTable, Receiver,
-    ReturnMode, Sensor,
+    Capture, Counter, DimmerBeams, Limited, Measurement, Noise, Pattern, Pulse, RangeLimits, RayTable,
+    Receiver, ReturnMode, Sensor,
 };
 use crate::trace::Tracer;
 
@@ -280,6 +280,8 @@ struct Bench<'a> {
     limits: RangeLimits,
     /// The sensitivity by the stated pairs, whatever the sensor's own is.
     fit: Option<Sensitivity>,
+    /// What counts the light, if the stated receiver counts photons.
+    counter: Option<Counter>,
     groups: Vec<Group<'a>>,
 }
 
@@ -291,6 +293,7 @@ impl<'a> Bench<'a> {
             separation_m: 0.0,
             walk_residual: 0.0,
             interference_hz: 0.0,
+            crosstalk: 0.0,
             ..receiver
         });
         let still = Angle::default();
@@ -308,6 +311,7 @@ impl<'a> Bench<'a> {
             limits,
             fit: Sensitivity::fit(pairs),
             groups: Group::all(sensor.pattern.rows(), stated.receiver.as_ref()),
+            counter: stated.receiver.as_ref().and_then(|receiver| receiver.counter(limits.max_m, 1.0)),
         }
     }
 
@@ -434,7 +438,13 @@ impl<'a> Bench<'a> {
         let pulses = frame.pixels() as f64;
         let found = (0..frame.pixels()).filter(|&pixel| of_wall(&frame, pixel).is_some()).count() as f64;
         let (snr, threshold) = self.snr(group, reflectivity, wall_m);
-        let detected = |gain: f64| normal_below(gain * snr - threshold);
+        let counted = |counter: &Counter, gain: f64| {
+            counter.plane(group.power * gain * reflectivity, wall_m).map_or(0.0, |plane| plane.detection)
+        };
+        let detected = |gain: f64| match &self.counter {
+            Some(counter) => counted(counter, gain),
+            None => normal_below(gain * snr - threshold),
+        };
         let (expected, between) = self.over_gains(detected);
         let (within, _) = self.over_gains(|gain| detected(gain) * (1.0 - detected(gain)));
         let sigma = (between / beams as f64 + within / pulses).sqrt();
@@ -470,7 +480,11 @@ impl<'a> Bench<'a> {
         let rounding = if is_rounded { unit_m * unit_m / 12.0 } else { 0.0 };
         let variance = |gain: f64| {
             let sigma_m = self.noise.range_sigma_m(gain * snr);
-            sigma_m * sigma_m + rounding
+            let of_counts_m = match &self.counter {
+                Some(counter) => counter.plane(gain * BRIGHT, wall_m).map_or(0.0, |plane| plane.sigma_m),
+                None => 0.0,
+            };
+            sigma_m * sigma_m + of_counts_m * of_counts_m + rounding
         };
         let range_of = |slot: usize| match frame.echo(slot) {
             Some(echo) if !is_rounded => echo.terms.unrounded_m(),

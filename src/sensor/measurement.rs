@@ -80,9 +80,15 @@ pub struct Receiver {
     pub interference_hz: f64,
     /// The mean signal-to-noise ratio of a foreign pulse.
     pub interference_snr: f64,
+    /// The share of each return's energy that the other channels receive which fire at the same time; 0: none.
+    pub crosstalk: f64,
     /// The interval of ranges, in metres, over which the fields of view of transmitter and receiver come to overlap. Near air is
     /// not seen before it.
     pub overlap_m: [f64; 2],
+    /// How the receiver counts photons; `None`: it measures power, with noise of its own. [`Receiver::counting`] sets it.
+    pub spad: Option<Spad>,
+    /// The mean number of counts a cycle of a plane at the range of the nearest pair, if the receiver counts.
+    pub limit_counts: f64,
 }
 
 /// Rows of the image whose beams see less far than most of their sensor.
@@ -110,9 +116,17 @@ impl Receiver {
             (false, Some(sensitivity)) => sensitivity.range_m(1.0),
             (false, None) => 0.0,
         };
-        let false_alarm =
-            if self.false_alarm > 0.0 { self.false_alarm } else { Self::FALSE_ALARM_OF_THRESHOLD };
-        threshold(false_alarm, end_m, self.pulse_fwhm_s)
+        threshold(self.false_alarm_of_threshold(), end_m, self.pulse_fwhm_s)
+    }
+
+    /// The probability of a false alarm that the threshold is made for.
+    pub fn false_alarm_of_threshold(&self) -> f64 {
+        if self.false_alarm > 0.0 { self.false_alarm } else { Self::FALSE_ALARM_OF_THRESHOLD }
+    }
+
+    /// The background in a scene with so many times the sunlight of the range pairs, relative to theirs.
+    pub fn background(&self, sun: f64) -> f64 {
+        1.0 - self.sun_share + self.sun_share * sun
     }
 
     /// The factor on the power that the beam of a row gets, relative to that of the range pairs.
@@ -158,9 +172,25 @@ impl Default for Receiver {
             sun_klx: 100.0,
             interference_hz: 0.0,
             interference_snr: 20.0,
+            crosstalk: 0.0,
             overlap_m: [0.9, 1.0],
+            spad: None,
+            limit_counts: 0.0,
         }
     }
+}
+
+/// How a receiver counts photons.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spad {
+    /// The cycles of a histogram: those of the laser times the diodes that look at the same place.
+    pub cycles: u32,
+    /// The width of a bin in seconds.
+    pub bin_s: f64,
+    /// The time for which a diode is blind after a count, in seconds; infinite: until the next cycle.
+    pub dead_s: f64,
+    /// The counts a second without the pulse, of sunlight and in the dark, under the conditions of the range pairs.
+    pub background_hz: f64,
 }
 
 /// The returns that a receiver reports of a pulse.

@@ -4,6 +4,7 @@
 //! rotating raster mirror risley rays   the patterns of LiDARs, one file each
 //! camera     the directions of a camera's pixels; lens: models of distortion; polynomial: where a model folds
 //! measurement  how a sensor measures: its beams' width, its receiver, its noise
+//! spad       a receiver that counts photons
 //! shutter    the times at which the rows of an image are exposed
 //! capture    one frame of one sensor: the only door to pulses
 //! sight      where a sensor looks
@@ -24,6 +25,7 @@ mod risley;
 mod rotating;
 mod shutter;
 mod sight;
+mod spad;
 
 use std::cmp::Ordering;
 
@@ -38,7 +40,7 @@ pub use depth::{
     TimeOfFlight,
 };
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
-pub use measurement::{Blooming, DimmerBeams, Footprint, Measurement, Noise, Receiver, ReturnMode};
+pub use measurement::{Blooming, DimmerBeams, Footprint, Measurement, Noise, Receiver, ReturnMode, Spad};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};
 pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};
@@ -46,6 +48,7 @@ pub use risley::{Prism, Ripple, Risley, RisleyError, Tilted, TurningMirror};
 pub use rotating::{Beam, Phase, Rotating, RotatingError};
 pub use shutter::{RowOrder, Shutter};
 pub use sight::Sight;
+pub use spad::{CountedPlane, Counter};
 
 /// A LiDAR or a depth camera.
 #[derive(Clone, Debug, PartialEq)]

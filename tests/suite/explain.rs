@@ -151,7 +151,7 @@ fn a_measured_pulses_story_has_the_returns_of_its_frame() {
     }
 }
 
-/// Weather, sunlight and halos of other pixels' light are part of a story as they are of a frame.
+/// Weather, sunlight, halos and crosstalk of other pixels' light are part of a story as they are of a frame.
 #[test]
 fn weather_sun_and_blooming_are_in_a_story_as_in_its_frame() {
     let mut scene = street();
@@ -167,12 +167,13 @@ fn weather_sun_and_blooming_are_in_a_story_as_in_its_frame() {
     };
     let measurement = Measurement {
         footprint: footprint(20.0),
-        receiver: Some(receiver()),
+        receiver: Some(Receiver { crosstalk: 1e-3, ..receiver() }),
         noise: Some(noise()),
         blooming: Some(blooming),
     };
     let stories = stories_of(&scene, &sensor(measurement));
     let met = |cause| stories.iter().flat_map(|story| &story.met).filter(|met| met.cause == cause).count();
+    assert!(met(Cause::Crosstalk) > 0, "all pixels of a camera are exposed at the same time");
     assert!(met(Cause::Rain) > 0 && met(Cause::Fog) > 0 && met(Cause::Blooming) > 0);
     assert!(stories.iter().flat_map(|story| &story.met).all(|met| met.transmission <= 1.0));
     assert!(stories.iter().flat_map(|s| &s.returns).any(|(_, echo)| echo.is_some_and(|e| e.ambient > 0.0)));

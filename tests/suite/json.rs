@@ -69,6 +69,11 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
             job(0.0, 36, "exact")
                 + "[sensor.receiver]\nrange_pairs = [[0.8, 50.0]]\nbeams = [{ rows = [1], range_pairs = [[0.8, 40.0]] }]\n",
         ),
+        (
+            "counting.toml",
+            job(0.0, 36, "exact")
+                + "[sensor.receiver]\nrange_pairs = [[0.8, 15.0]]\ndetector = \"spad\"\nspad_cycles = 400\nspad_bin_ns = 1.0\n",
+        ),
         ("wrong.toml", "scene = 3\n".to_owned()),
         ("triangle.gltf", TRIANGLE.to_owned()),
     ] {
@@ -128,7 +133,12 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
                 diff("/top/000000.ply", "d"),
             ],
         ),
-        ("explain", vec![json(&["explain", "measured.toml", "1", "18", "--json"])]),
+        (
+            "explain",
+            ["measured.toml", "counting.toml"]
+                .map(|job| json(&["explain", job, "1", "18", "--json"]))
+                .to_vec(),
+        ),
         (
             "lint",
             vec![json(&[
@@ -138,6 +148,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
                 "measured.toml",
                 "stereo.toml",
                 "tof.toml",
+                "counting.toml",
                 "wrong.toml",
                 "--json",
             ])],

@@ -43,6 +43,7 @@ mod scenes;
 mod selftest;
 mod sequence_checks;
 mod shapes;
+mod spad;
 mod textures;
 mod timing;
 mod trace;

@@ -226,6 +226,45 @@ fn a_retroreflector_blooms_as_far_as_the_halo_says() {
     assert!(seen.iter().all(|&pixel| (frame.get(0, pixel).unwrap().range_m - 10.0).abs() < 1e-2));
 }
 
+/// Pairs of channels fire at the same time, of which one sees a retroreflector and the other nothing. With the share T/S of its light, S
+/// above the noise, the other has a ghost at the retroreflector's range half of the time: 5000 ± 200 of 10⁴, 4 standard deviations. A
+/// channel that fires 10 ns later has none.
+#[test]
+fn a_retroreflector_has_ghosts_in_the_channels_that_fire_with_it() {
+    let plate = Plate(DVec3::new(10.0, 0.0, 0.0), DVec3::Y * 0.1, DVec3::Z * 0.1, 1.0);
+    let scene = optics(scene(&[plate]), &[kind(SurfaceKind::Retroreflector { r_a: 300.0, lobe_rad: 1.0 })]);
+    let receiver = Receiver { false_alarm: 0.0, ..receiver() };
+    let snr = receiver.snr(300.0 * std::f64::consts::PI, 10.0, 120.0);
+    let crosstalk = receiver.threshold(120.0) / snr;
+    let (pairs, beside) = (10_000, DVec3::new(0.8, 0.6, 0.0));
+    let ghosts = |crosstalk: f64, later_s: f64| {
+        let pulse = |i: usize| {
+            let (direction, later_s) = if i.is_multiple_of(2) { (DVec3::X, 0.0) } else { (beside, later_s) };
+            Pulse::new(DVec3::ZERO, direction, (i / 2) as f64 * 1e-6 + later_s)
+        };
+        let pattern = Pattern::Rays(RayTable::new((0..2 * pairs).map(pulse).collect(), None).unwrap());
+        let measurement = with(Receiver { crosstalk, ..receiver.clone() });
+        let frame = cast(
+            &scene,
+            &Sensor { measurement, ..Sensor { pattern, ..sensor(1, Measurement::default()) } },
+            0,
+        );
+        let of = |first: usize| (0..pairs).map(move |pair| 2 * pair + first);
+        assert!(of(0).all(|pixel| frame.causes()[pixel] == Cause::Surface));
+        let seen: Vec<usize> = of(1).filter(|&pixel| !frame.slots(pixel).is_empty()).collect();
+        for &pixel in &seen {
+            let ghost = frame.get(0, pixel).unwrap();
+            assert_eq!((frame.causes()[pixel], ghost.instance), (Cause::Crosstalk, 0));
+            assert!((ghost.range_m - 10.0).abs() < 1e-9, "{ghost:?}");
+        }
+        seen.len()
+    };
+    let half = ghosts(crosstalk, 0.0);
+    assert!((4800..=5200).contains(&half), "{half}");
+    assert_eq!((ghosts(crosstalk, 1e-8), ghosts(0.0, 0.0)), (0, 0));
+    assert_eq!(ghosts(4.0 * crosstalk, 0.0), pairs);
+}
+
 /// A wall in a sun of 80 klx that stands 60° from its normal is as bright as ρ·cos 60°·.8, and 0 behind a plate that shades it.
 #[test]
 fn the_sun_lights_what_nothing_shades() {

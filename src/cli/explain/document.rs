@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::told::Told;
+use super::told::{Told, unit_in_files};
 use super::words;
 use crate::scan::{Echo, Fate, NO_OBJECT, Return, Terms};
 
@@ -58,6 +58,12 @@ pub fn of(told: &Told) -> Value {
                     "range_m": peak.range_m,
                     "height": peak.height,
                     "amplitude": peak.amplitude,
+                    "counts": peak.counts.map(|counts| json!({
+                        "drawn": counts.drawn,
+                        "mean": counts.mean,
+                        "background": counts.background,
+                        "least": counts.least,
+                    })),
                     "width_m": peak.width_m,
                     "cause": peak.cause.name(),
                     "fate": fate,
@@ -67,7 +73,7 @@ pub fn of(told: &Told) -> Value {
             })
             .collect();
         json!({
-            "unit": if signal.threshold.is_some() { "snr" } else { "energy" },
+            "unit": unit_in_files(signal),
             "sigma_m": signal.sigma_m,
             "threshold": signal.threshold,
             "parts": signal.parts.iter().map(|part| json!({ "range_m": part.range_m, "energy": part.energy })).collect::<Vec<_>>(),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use quick_xml::escape::escape;
 
-use super::told::{Told, unit, window_m};
+use super::told::{Told, unit, unit_in_files, window_m};
 use super::words::{fixed, significant, title};
 use crate::scan::{Fate, Signal, SignalPeak};
 use crate::source::words::printable;
@@ -23,7 +23,7 @@ pub fn csv(told: &Told, signal: &Signal) -> String {
     let [from_m, to_m] = window_m(told, signal);
     // A Gaussian between samples σ/20 apart is known to 3·10⁻⁴ of its height by a straight line.
     let steps = libm::ceil((to_m - from_m) / (0.05 * signal.sigma_m)).clamp(1.0, MOST_ROWS) as usize;
-    let name = if signal.threshold.is_some() { "snr" } else { "energy" };
+    let name = unit_in_files(signal);
     let mut table = format!("range_m,{name}\n");
     for step in 0..=steps {
         let range_m = from_m + (to_m - from_m) * step as f64 / steps as f64;

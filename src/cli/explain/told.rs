@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::scan::{Signal, Story};
+use crate::scan::{Signal, SignalUnit, Story};
 use crate::scene::Scene;
 use crate::sensor::Sensor;
 
@@ -24,5 +24,18 @@ pub fn window_m(told: &Told, signal: &Signal) -> [f64; 2] {
 
 /// The name of what the heights of a signal are.
 pub fn unit(signal: &Signal) -> &'static str {
-    if signal.threshold.is_some() { "signal-to-noise ratio" } else { "relative energy" }
+    match signal.unit {
+        SignalUnit::Energy => "relative energy",
+        SignalUnit::Snr => "signal-to-noise ratio",
+        SignalUnit::Counts => "counts without pile-up",
+    }
+}
+
+/// The name of the same in files.
+pub fn unit_in_files(signal: &Signal) -> &'static str {
+    match signal.unit {
+        SignalUnit::Energy => "energy",
+        SignalUnit::Snr => "snr",
+        SignalUnit::Counts => "counts",
+    }
 }

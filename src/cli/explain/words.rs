@@ -2,7 +2,7 @@
 
 use super::told::{Told, unit};
 use crate::angle::Angle;
-use crate::scan::{Cause, Echo, Fate, Met, Return, Sent, Signal, SignalPeak, Terms};
+use crate::scan::{Cause, Counts, Echo, Fate, Met, Return, Sent, Signal, SignalPeak, SignalUnit, Terms};
 use crate::sensor::{Limited, ReturnMode};
 use crate::source::words::{joined, quoted};
 
@@ -30,7 +30,7 @@ pub fn lines(told: &Told) -> Vec<String> {
     lines.append(&mut met);
     lines.extend(air(told));
     if let Some(signal) = &story.signal {
-        lines.push(threshold(signal));
+        lines.push(threshold(told, signal));
         let (faint, others): (Vec<_>, Vec<_>) = signal.peaks.iter().partition(|peak| is_faint(signal, peak));
         if let [_, _, ..] = faint.as_slice() {
             lines.extend(others.iter().map(|peak| echo(told, signal, peak)));
@@ -104,6 +104,9 @@ fn meeting(told: &Told, met: &Met) -> String {
         Cause::Fog => format!("Fog sends light back, the most of it {place}"),
         Cause::Dust => format!("Dust sends light back, the most of it {place}"),
         Cause::Blooming => format!("The halo of {name}, which other beams meet {place}, adds light"),
+        Cause::Crosstalk => {
+            format!("Light of {name}, which channels that fire at the same time meet {place}, leaks in")
+        }
         _ => format!("{rays} meet{s} {name} {place}"),
     };
     let energy = height(signal, met.energy);
@@ -146,20 +149,35 @@ fn air(told: &Told) -> Option<String> {
     })
 }
 
-fn threshold(signal: &Signal) -> String {
-    match signal.threshold {
-        Some(threshold) => {
+fn threshold(told: &Told, signal: &Signal) -> String {
+    let receiver = told.sensor.measurement.receiver.as_ref();
+    match (receiver.and_then(|receiver| receiver.spad), signal.threshold) {
+        (Some(spad), _) => format!(
+            "The receiver counts photons in {} cycles, in bins of {} m, and detects an echo whose counts background alone has \
+             but rarely.",
+            spad.cycles,
+            significant(spad.bin_m())
+        ),
+        (None, Some(threshold)) => {
             format!("The receiver detects what is above a {} of {threshold:.2}.", unit(signal))
         }
-        None => "The receiver detects all light, because it has no range pairs that tell its sensitivity."
-            .to_owned(),
+        (None, None) => {
+            "The receiver detects all light, because it has no range pairs that tell its sensitivity."
+                .to_owned()
+        }
     }
 }
 
 /// Whether a peak is so far below the threshold that several of them are told in one sentence.
 fn is_faint(signal: &Signal, peak: &SignalPeak) -> bool {
     peak.fate == Fate::Lost(Cause::BelowThreshold)
-        && signal.threshold.is_some_and(|threshold| peak.height < 0.1 * threshold)
+        && match (&peak.counts, signal.threshold) {
+            (Some(counts), _) => {
+                counts.mean - counts.background < 0.1 * (f64::from(counts.least) - counts.background)
+            }
+            (None, Some(threshold)) => peak.height < 0.1 * threshold,
+            (None, None) => false,
+        }
 }
 
 /// Two or more faint peaks, the nearest first.
@@ -175,7 +193,8 @@ fn faint_echoes(peaks: &[&SignalPeak]) -> String {
 /// A peak, and what becomes of it.
 fn echo(told: &Told, signal: &Signal, peak: &SignalPeak) -> String {
     let place = at(peak.range_m);
-    let mut text = match peak.cause {
+    let mut text = match (peak.cause, &peak.counts) {
+        (_, Some(counts)) => counted(&place, counts),
         _ if peak.height > 0.0 => {
             let mut text = format!("An echo stands at {place} with {}", height(signal, peak.height));
             if let Some(threshold) = signal.threshold {
@@ -187,16 +206,11 @@ fn echo(told: &Told, signal: &Signal, peak: &SignalPeak) -> String {
             }
             text + "."
         }
-        Cause::Interference => {
-            let amplitude = significant(peak.amplitude);
-            format!(
-                "The pulse of another device arrives as if from {place}, with {} of {amplitude}.",
-                a_unit(signal)
-            )
+        (Cause::Interference, None) => {
+            format!("The pulse of another device arrives as if from {place}{}.", strength(signal, peak))
         }
         _ => {
-            let amplitude = significant(peak.amplitude);
-            format!("Noise alone makes a peak at {place}, with {} of {amplitude}.", a_unit(signal))
+            format!("Noise alone makes a peak at {place}{}.", strength(signal, peak))
         }
     };
     if let [(main, _), .., (_, _)] = peak.sources.as_slice()
@@ -213,6 +227,24 @@ fn echo(told: &Told, signal: &Signal, peak: &SignalPeak) -> String {
         text += &format!(" {}.", capital(&joined(&parts, "and")));
     }
     text + " " + &fate(told, peak)
+}
+
+/// The strength of what no light makes: `, with a signal-to-noise ratio of 7.2`. A receiver that counts tells none.
+fn strength(signal: &Signal, peak: &SignalPeak) -> String {
+    match signal.unit {
+        SignalUnit::Counts => String::new(),
+        _ => format!(", with {} of {}", a_unit(signal), significant(peak.amplitude)),
+    }
+}
+
+/// The counts of an echo.
+fn counted(place: &str, counts: &Counts) -> String {
+    let Counts { drawn, mean, background, least } = counts;
+    let (mean, background) = (significant(*mean), significant(*background));
+    format!(
+        "An echo stands at {place}. There are {mean} counts on average, {background} of background alone, and {least} are \
+         detected; this time there are {drawn}."
+    )
 }
 
 fn fate(told: &Told, peak: &SignalPeak) -> String {
@@ -266,7 +298,7 @@ fn reporting(told: &Told, number: usize, one: &Return, echo: &Option<Echo>) -> S
     };
     let sum = match echo {
         None => ", which is the exact range".to_owned(),
-        Some(echo) if echo.snr > 0.0 => budget(&echo.terms),
+        Some(echo) if echo.snr > 0.0 => budget(told, &echo.terms),
         Some(_) => String::new(),
     };
     let intensity = significant(f64::from(one.intensity));
@@ -278,11 +310,13 @@ fn reporting(told: &Told, number: usize, one: &Return, echo: &Option<Echo>) -> S
 }
 
 /// The sum of the exact range and its errors: `: 12.310 m exactly, −4.0 mm by the beam's width and +1.2 mm by noise`.
-fn budget(terms: &Terms) -> String {
-    const BY: [&str; 6] = [
+fn budget(told: &Told, terms: &Terms) -> String {
+    let receiver = told.sensor.measurement.receiver.as_ref();
+    let is_counting = receiver.is_some_and(|receiver| receiver.spad.is_some());
+    let by: [&str; 6] = [
         "by the pulse's direction",
         "by the beam's width",
-        "by the walk of the threshold",
+        if is_counting { "by pile-up" } else { "by the walk of the threshold" },
         "by noise",
         "by the beam's bias",
         "by rounding",
@@ -290,7 +324,7 @@ fn budget(terms: &Terms) -> String {
     let errors: Vec<String> = terms
         .errors_m()
         .iter()
-        .zip(BY)
+        .zip(by)
         .map(|(error_m, by)| (signed(error_m * 1e3, 1), by))
         .filter(|(error_mm, _)| error_mm != "0.0")
         .map(|(error_mm, by)| format!("{error_mm} mm {by}"))
@@ -313,6 +347,7 @@ fn cause_of_return(cause: Cause) -> &'static str {
         Cause::Fog => "the return is from fog",
         Cause::Dust => "the return is from dust",
         Cause::Blooming => "the return is the halo of a bright return of another beam",
+        Cause::Crosstalk => "the return is the light of another channel that fires at the same time",
         _ => "the pulse came back from a surface",
     }
 }
@@ -378,6 +413,7 @@ fn short_name(told: &Told, met: &Met) -> String {
         Cause::Mirror => " by a mirror",
         Cause::Glass => " by way of glass",
         Cause::Blooming => " in a halo",
+        Cause::Crosstalk => " by crosstalk",
         _ => "",
     };
     name(told, met) + &material + way
@@ -414,7 +450,10 @@ fn a_unit(signal: &Signal) -> String {
 }
 
 fn height(signal: &Signal, energy: f64) -> String {
-    format!("{} of {}", a_unit(signal), significant(energy))
+    match signal.unit {
+        SignalUnit::Counts => format!("{} counts without pile-up", significant(energy)),
+        _ => format!("{} of {}", a_unit(signal), significant(energy)),
+    }
 }
 
 /// The sentences in lines of at most 100 characters, unless a word is longer. A number and its unit stay together.

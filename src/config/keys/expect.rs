@@ -271,6 +271,7 @@ pub(crate) mod cause_share {
             ("fog", Cause::Fog),
             ("dust", Cause::Dust),
             ("blooming", Cause::Blooming),
+            ("crosstalk", Cause::Crosstalk),
         ]),
         "The cause of the returns that count.",
     )

@@ -113,7 +113,13 @@ pub(crate) mod receiver {
             &SUN_KLX,
             &INTERFERENCE,
             &INTERFERENCE_SNR,
+            &CROSSTALK,
             &OVERLAP,
+            &DETECTOR,
+            &SPAD_CYCLES,
+            &SPAD_BIN,
+            &SPAD_DEAD,
+            &SPAD_BACKGROUND,
         ],
     )
     .partial();
@@ -235,12 +241,44 @@ pub(crate) mod receiver {
     pub static INTERFERENCE_SNR: Key<Number> =
         key("interference_snr", Number::POSITIVE, "The mean signal-to-noise ratio of a foreign pulse.")
             .or("20.0");
+    pub static CROSSTALK: Key<Number> = key(
+        "crosstalk",
+        Number::SHARE,
+        "The share of each return's light that the other channels receive which fire at the same time, at the same range.",
+    )
+    .or("0.0");
     pub static OVERLAP: Key<Vector<2>> = key(
         "overlap_m",
         Vector("from, to"),
         "The ranges from which and to which the fields of view of transmitter and receiver come to overlap; nearer air is not seen.",
     )
     .or("[0.9, 1.0]");
+    /// Whether the detector counts photons.
+    pub static DETECTOR: Key<Choice<bool>> = key(
+        "detector",
+        Choice(&[("linear", false), ("spad", true)]),
+        "What receives the light: \"linear\" measures its power, and \"spad\" (a single-photon avalanche diode) counts photons in a \
+         histogram.",
+    )
+    .or("\"linear\"");
+    pub static SPAD_CYCLES: Key<Integer<u32>> = key(
+        "spad_cycles",
+        Integer::within(1, 1_000_000),
+        "The cycles of a histogram: those of the laser times the diodes that look at the same place.",
+    );
+    pub static SPAD_BIN: Key<Number> =
+        key("spad_bin_ns", Number::POSITIVE, "The width of a bin of the histogram; 1 ns is 15 cm.");
+    pub static SPAD_DEAD: Key<Number> = key(
+        "spad_dead_ns",
+        Number::POSITIVE.or_infinite(),
+        "The time for which a diode is blind after a count; left out: until the next cycle.",
+    );
+    pub static SPAD_BACKGROUND: Key<Number> = key(
+        "spad_background_hz",
+        Number::NOT_NEGATIVE,
+        "The counts a second that a diode has without the pulse where the range pairs hold, of sunlight and in the dark; left out: \
+         none.",
+    );
 }
 
 /// `[noise]`.

@@ -6,6 +6,7 @@ use super::second::Second;
 use super::shade::{Lit, Shader, sunlight};
 use crate::physics::dots::Dots;
 use crate::scan::frame::Frame;
+use crate::scan::ray_batch::Ray;
 use crate::scan::{Batch, Progress, SensorPose, Strip, scan_ideal};
 use crate::scene::Scene;
 use crate::sensor::{Capture, Imager, Projector};
@@ -63,9 +64,9 @@ impl<C: Cast> Light<'_, C> {
         let mut rays = Vec::new();
         for (ray, hit) in batch.hits.iter().enumerate() {
             let Some(hit) = hit else { continue };
-            let pose = source.fixed.as_ref().unwrap_or_else(|| &batch.poses[ray]);
-            let place = pose.world_from_sensor.point(source.place);
-            let one = shader.light(batch.origins[ray], batch.directions[ray], hit, Some(place));
+            let place = source.pose(batch, ray).world_from_sensor.point(source.place);
+            let Ray { origin, direction, .. } = batch.rays.ray(ray);
+            let one = shader.light(origin, direction, hit, Some(place));
             seen.push(Seen {
                 pixel: strip.pixel(batch, ray, columns),
                 grey: (self.imager.ambient * one.diffuse * batch.through.share(ray)) as f32,
@@ -76,8 +77,9 @@ impl<C: Cast> Light<'_, C> {
         if self.imager.sun > 0.0
             && let Some(sun) = self.scene.environment.sun
         {
-            let times_s: Vec<f64> = rays.iter().filter_map(|&ray| batch.times_s.get(ray).copied()).collect();
-            for (seen, share) in seen.iter_mut().zip(sunlight(self.tracer, &sun, &lit, &times_s)) {
+            let times_s: Vec<f64> = rays.iter().map(|&ray| batch.rays.ray(ray).time_s).collect();
+            let of_sun = sunlight(self.scene, self.tracer, &sun, &lit, &times_s);
+            for (seen, share) in seen.iter_mut().zip(of_sun) {
                 seen.grey += (self.imager.sun * share) as f32;
             }
         }
@@ -89,9 +91,9 @@ impl<C: Cast> Light<'_, C> {
                 if hidden.next_if_eq(&seen.pixel).is_some() || lit.back <= 0.0 {
                     continue;
                 }
-                let pose = source.fixed.as_ref().unwrap_or_else(|| &batch.poses[ray]);
+                let pose = source.pose(batch, ray);
                 let (row, column) = (seen.pixel as usize / columns, seen.pixel as usize % columns);
-                let pixel = SeenPixel { capture, row, column, origin: batch.origins[ray], pose };
+                let pixel = SeenPixel { capture, row, column, origin: batch.rays.ray(ray).origin, pose };
                 let irradiance = self.pattern(&pixel, lit, source, (projector, dots));
                 seen.grey +=
                     (self.imager.projected_at_1_m * lit.back * irradiance * batch.through.share(ray)) as f32;

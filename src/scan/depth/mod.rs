@@ -1,7 +1,7 @@
 //! Scans of depth cameras that are not ideal.
 //!
 //! ```text
-//! second          the second viewpoint: which surfaces it sees
+//! second          the second viewpoint: which surfaces it sees; sight: lines of sight
 //! disparity       disparities from exact depths, with noise, holes and rounding; from disparities to returns
 //! infrared        what the imagers see; matched: disparities by matching that
 //! shade           how surfaces look in the light of the camera and of the sun
@@ -15,6 +15,7 @@ mod infrared;
 mod matched;
 mod second;
 mod shade;
+mod sight;
 mod time_of_flight;
 
 use super::story::Story;

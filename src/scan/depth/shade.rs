@@ -104,13 +104,19 @@ impl<'a> Shader<'a> {
     }
 }
 
-/// The sunlight that each surface scatters to a viewer, relative to a white plane that faces a sun of 100 klx. `times_s` is empty if
-/// nothing in the scene moves.
-pub(super) fn sunlight(tracer: &impl Cast, sun: &Sun, lit: &[Lit], times_s: &[f64]) -> Vec<f64> {
+/// The sunlight that each surface scatters to a viewer, relative to a white plane that faces a sun of 100 klx. `times_s` has the
+/// time of each on the scene's clock.
+pub(super) fn sunlight(
+    scene: &Scene,
+    tracer: &impl Cast,
+    sun: &Sun,
+    lit: &[Lit],
+    times_s: &[f64],
+) -> Vec<f64> {
     let origins: Vec<DVec3> = lit.iter().map(|lit| lit.point + lit.normal * CLEARANCE_M).collect();
     let directions = vec![sun.direction; lit.len()];
     let rays = Rays {
-        times_s: (!times_s.is_empty()).then_some(times_s),
+        times_s: scene.arrangement.window.is_some().then_some(times_s),
         ..Rays::unlimited(Origins::Each(&origins), &directions)
     };
     let mut is_shaded = vec![false; lit.len()];

@@ -13,16 +13,18 @@ use rayon::prelude::*;
 
 use super::Pixel;
 use super::shade::{CLEARANCE_M, Lit, Shader, sunlight};
+use super::sight::Sights;
 use crate::physics::phasor::{Demodulated, ModulatedLight, TofPixel};
 use crate::physics::unwrap::{Reliable, Unreliable, Unwrapped, Unwrapper};
 use crate::rng::FrameStreams;
 use crate::scan::effects::Effect;
 use crate::scan::frame::{Cause, Echo, Frame, Images, Return, Terms};
+use crate::scan::ray_batch::{Ray, RayBatch};
 use crate::scan::through::Through;
 use crate::scan::{Progress, STRIP, SensorPose, TILE, scan_ideal};
 use crate::scene::Scene;
 use crate::sensor::{Capture, TimeOfFlight};
-use crate::trace::{Cast, Hit, Origins, Rays};
+use crate::trace::{Cast, Hit};
 
 /// The most taps of a pixel.
 const MOST_TAPS: usize = 8;
@@ -105,62 +107,36 @@ struct Memory {
     indirect: Bundle,
     /// The sub-ray from whose hit each indirect ray starts.
     of_ray: Vec<u32>,
-    through: Through,
 }
 
-/// Rays that are cast together.
+/// Rays that are cast together, and their hits behind holes and panes.
 #[derive(Default)]
 struct Bundle {
-    origins: Vec<DVec3>,
-    directions: Vec<DVec3>,
-    times_s: Vec<f64>,
+    rays: RayBatch<()>,
     hits: Vec<Option<Hit>>,
+    through: Through,
 }
 
 impl Bundle {
     fn clear(&mut self) {
-        self.origins.clear();
-        self.directions.clear();
-        self.times_s.clear();
+        self.rays.clear();
     }
 
     fn len(&self) -> usize {
-        self.directions.len()
+        self.rays.len()
     }
 
-    fn push(&mut self, origin: DVec3, direction: DVec3, time_s: Option<f64>) {
-        self.origins.push(origin);
-        self.directions.push(direction);
-        self.times_s.extend(time_s);
+    fn push(&mut self, origin: DVec3, direction: DVec3, time_s: f64) {
+        self.rays.push((), Ray { origin, direction, time_s }, None);
     }
 
-    /// Casts the rays, and looks through holes and panes.
-    fn cast(&mut self, scene: &Scene, tracer: &impl Cast, through: &mut Through) {
-        let Self { origins, directions, times_s, hits } = self;
-        hits.clear();
-        hits.resize(directions.len(), None);
-        let common = origins.first().copied().filter(|first| origins.iter().all(|o| o == first));
-        let rays = Rays {
-            times_s: (!times_s.is_empty()).then_some(&times_s[..]),
-            ..Rays::unlimited(common.map_or(Origins::Each(origins), Origins::Common), directions)
-        };
-        tracer.cast(&rays, hits);
+    fn cast(&mut self, scene: &Scene, tracer: &impl Cast) {
+        let Self { rays, hits, through } = self;
+        rays.cast(scene, tracer, hits);
         through.clear();
         if scene.is_see_through() {
-            through.look(scene, tracer, &rays, hits, |_, _| Ordering::Equal);
+            through.look(scene, tracer, rays, hits, |_, _| Ordering::Equal);
         }
-    }
-
-    /// Whether something lies on the way of each ray before its end, which its direction reaches.
-    fn are_blocked(&self, tracer: &impl Cast) -> Vec<bool> {
-        let rays = Rays {
-            times_s: (!self.times_s.is_empty()).then_some(&self.times_s[..]),
-            t_max: 1.0,
-            ..Rays::unlimited(Origins::Each(&self.origins), &self.directions)
-        };
-        let mut blocked = vec![false; self.len()];
-        tracer.blocked(&rays, &mut blocked);
-        blocked
     }
 }
 
@@ -220,8 +196,8 @@ impl<C: Cast> Camera<'_, C> {
             (first_row + pixel / columns) * self.capture.columns() + first_column + pixel % columns
         };
         self.send(&poses, (first_row, first_column), (rows, columns), memory);
-        let Memory { of_pixel, rays, indirect, of_ray, through } = memory;
-        rays.cast(self.scene, self.tracer, through);
+        let Memory { of_pixel, rays, indirect, of_ray } = memory;
+        rays.cast(self.scene, self.tracer);
 
         let mut shader = Shader::new(self.scene, self.sensing.wavelength_m);
         let white = self.sensing.electrons_at_1_m / self.samples() as f64;
@@ -233,8 +209,9 @@ impl<C: Cast> Camera<'_, C> {
                 lit.push(None);
                 continue;
             };
-            let one = shader.light(rays.origins[ray], rays.directions[ray], hit, None);
-            let electrons = white * one.back * through.share(ray) / (hit.t * hit.t);
+            let Ray { origin, direction, .. } = rays.rays.ray(ray);
+            let one = shader.light(origin, direction, hit, None);
+            let electrons = white * one.back * rays.through.share(ray) / (hit.t * hit.t);
             lit.push(Some(one));
             if electrons > 0.0 {
                 let pixel = of_pixel[ray];
@@ -246,9 +223,8 @@ impl<C: Cast> Camera<'_, C> {
         if let Some(sun) = self.scene.environment.sun.filter(|_| self.sensing.sun_electrons > 0.0) {
             let rays_lit: Vec<usize> = (0..lit.len()).filter(|&ray| lit[ray].is_some()).collect();
             let surfaces: Vec<Lit> = lit.iter().flatten().copied().collect();
-            let times_s: Vec<f64> =
-                rays_lit.iter().filter_map(|&ray| rays.times_s.get(ray).copied()).collect();
-            let of_sun = sunlight(self.tracer, &sun, &surfaces, &times_s);
+            let times_s: Vec<f64> = rays_lit.iter().map(|&ray| rays.rays.ray(ray).time_s).collect();
+            let of_sun = sunlight(self.scene, self.tracer, &sun, &surfaces, &times_s);
             for (&ray, share) in rays_lit.iter().zip(of_sun) {
                 ambient[of_pixel[ray] as usize] += share * self.sensing.sun_electrons / self.samples() as f64;
             }
@@ -266,7 +242,7 @@ impl<C: Cast> Camera<'_, C> {
                 let brightest = |ray: usize| {
                     let hit = rays.hits[ray].as_ref()?;
                     let pose = &poses[pixel / columns];
-                    Some(shader.receive(&pose.sensor_from_world, rays.directions[ray], hit))
+                    Some(shader.receive(&pose.sensor_from_world, rays.rays.ray(ray).direction, hit))
                 };
                 self.measure(number_of(pixel), of_pixel, ambient[pixel], &direct[pixel], brightest)
             })
@@ -284,19 +260,14 @@ impl<C: Cast> Camera<'_, C> {
         let Memory { of_pixel, rays, .. } = memory;
         rays.clear();
         of_pixel.clear();
-        let moves = self.scene.arrangement.window.is_some();
         for first in (0..columns).step_by(TILE.1) {
             for row in 0..rows {
                 let world_from_sensor = poses[row].world_from_sensor;
                 let origin = world_from_sensor.point(DVec3::ZERO);
                 for column in first..columns.min(first + TILE.1) {
                     let (image_row, image_column) = (first_row + row, first_column + column);
-                    let time_s = match moves {
-                        true => {
-                            self.capture.time_s(image_row, image_column).map(|t| self.capture.cast_at_s(t))
-                        }
-                        false => None,
-                    };
+                    let own_s = self.capture.time_s(image_row, image_column).unwrap_or(0.0);
+                    let time_s = self.capture.cast_at_s(own_s);
                     for sample in 0..self.samples() {
                         let direction =
                             self.capture.direction_in_pixel(image_row, image_column, self.place(sample));
@@ -345,18 +316,19 @@ impl<C: Cast> Camera<'_, C> {
                 if lit.diffuse > 0.0 {
                     of_ray.push(ray as u32);
                     let origin = lit.point + lit.normal * CLEARANCE_M;
-                    indirect.push(origin, direction, rays.times_s.get(ray).copied());
+                    indirect.push(origin, direction, rays.rays.ray(ray).time_s);
                 }
             }
         }
-        indirect.cast(self.scene, self.tracer, &mut Through::default());
-        let mut shadows = Bundle::default();
+        indirect.cast(self.scene, self.tracer);
+        let mut shadows = Sights::default();
         let mut found = Vec::new();
         for (number, hit) in indirect.hits.iter().enumerate() {
             let Some(hit) = hit else { continue };
             let ray = of_ray[number] as usize;
-            let (Some(near), source) = (&lit[ray], rays.origins[ray]) else { continue };
-            let far = shader.light(indirect.origins[number], indirect.directions[number], hit, Some(source));
+            let (Some(near), source) = (&lit[ray], rays.rays.ray(ray).origin) else { continue };
+            let Ray { origin, direction, time_s } = indirect.rays.ray(number);
+            let far = shader.light(origin, direction, hit, Some(source));
             let to_source = source - far.point;
             let range_m = to_source.length();
             let cosine = far.normal.dot(to_source) / range_m;
@@ -368,9 +340,9 @@ impl<C: Cast> Camera<'_, C> {
             let own_m = (near.point - source).length();
             found.push(Path { pixel: of_pixel[ray], electrons, length_m: range_m + hit.t + own_m });
             let origin = far.point + far.normal * CLEARANCE_M;
-            shadows.push(origin, source - origin, indirect.times_s.get(number).copied());
+            shadows.push(origin, source, time_s);
         }
-        let blocked = shadows.are_blocked(self.tracer);
+        let blocked = shadows.are_blocked(self.scene, self.tracer);
         paths.extend(found.into_iter().zip(blocked).filter(|(_, blocked)| !blocked).map(|(path, _)| path));
     }
 

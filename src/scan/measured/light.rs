@@ -69,5 +69,8 @@ pub(super) const PARTICLES: u32 = 1 << 20;
 /// The first number of the paths of halos.
 pub(super) const HALOS: u32 = 1 << 31;
 
+/// The first number of the paths of crosstalk.
+pub(super) const CROSSTALK: u32 = 3 << 30;
+
 /// The number of the path of the ideal ray, which carries no light.
 pub(super) const IDEAL_SAMPLE: u16 = u16::MAX;

@@ -4,9 +4,10 @@
 //! beams    the sub-rays of each pulse, in the direction that it really takes
 //! paths    the ways of their light through the scene
 //! air      what fog, dust, rain and snow send back
-//! halo     how other beams see bright returns
+//! spill    what pulses take of others' returns; halo: the halos of bright ones
 //! light    what comes back, path by path
 //! receive  the receiver: from light to returns, each with its cause and its error budget
+//! counts   a receiver that counts photons
 //! story    one pulse on all of this way, and what became of each peak
 //! ```
 //!
@@ -15,11 +16,13 @@
 
 mod air;
 mod beams;
+mod counts;
 mod halo;
 mod light;
 
 mod paths;
 mod receive;
+mod spill;
 mod story;
 
 use std::sync::atomic::Ordering::Relaxed;
@@ -28,10 +31,10 @@ use rayon::prelude::*;
 
 use self::air::{Air, AirRay};
 use self::beams::Beams;
-use self::halo::{Brightness, Halo, Source};
 use self::light::{IDEAL_SAMPLE, Light, Target};
 use self::paths::{Back, Paths, Wave, Waves, Way};
 use self::receive::{Detector, Received, Reception, Scratch, Watch};
+use self::spill::{Brightness, Sources, Spill};
 pub(super) use self::story::explain;
 use super::ray_batch::Ray;
 use super::{Cause, Echo, Frame, NO_OBJECT, Progress, Return, STRIP, SensorPose, TILE};
@@ -57,7 +60,7 @@ pub(super) fn scan_into(
     let (rows, columns) = (capture.rows(), capture.columns());
     let (strips, width) = (scanner.strips(), strip_columns(scanner.beams.samples()));
     let is_cancelled = || progress.cancelled.load(Relaxed);
-    let received: Vec<Strip> = match &measurement.blooming {
+    let received: Vec<Strip> = match Brightness::of(capture) {
         None => strips
             .par_iter()
             .map_init(Memory::default, |memory, &first| {
@@ -70,9 +73,8 @@ pub(super) fn scan_into(
             })
             .collect(),
         // The returns of the whole frame are known before any is received.
-        Some(blooming) => {
-            let brightness = Brightness::of(blooming, capture);
-            let lit: Vec<(Lit, Vec<Source>)> = strips
+        Some(brightness) => {
+            let lit: Vec<(Lit, Sources)> = strips
                 .par_iter()
                 .map_init(Memory::default, |memory, &first| {
                     if is_cancelled() {
@@ -84,11 +86,11 @@ pub(super) fn scan_into(
                     (lit, sources)
                 })
                 .collect();
-            let (lit, sources): (Vec<Lit>, Vec<Vec<Source>>) = lit.into_iter().unzip();
-            let halo = Halo::new(blooming, sources.concat());
+            let (lit, sources): (Vec<Lit>, Vec<Sources>) = lit.into_iter().unzip();
+            let spill = Spill::new(capture, Sources::concat(sources));
             let receive = |desk: &mut Desk, mut lit: Lit| match is_cancelled() {
                 true => Strip::default(),
-                false => scanner.receive_all(&mut lit, Some(&halo), desk),
+                false => scanner.receive_all(&mut lit, Some(&spill), desk),
             };
             lit.into_par_iter().map_init(Desk::default, receive).collect()
         }
@@ -267,8 +269,8 @@ impl<'a, C: Cast> Scanner<'a, C> {
     }
 
     /// The light of a strip that pulses beside it may see.
-    fn sources(&self, lit: &Lit, brightness: &Brightness) -> Vec<Source> {
-        let mut sources = Vec::new();
+    fn sources(&self, lit: &Lit, brightness: &Brightness) -> Sources {
+        let mut sources = Sources::default();
         for (number, pulse) in lit.pulses.iter().enumerate() {
             brightness.add(
                 lit.pixel(number, self.capture.columns()),
@@ -281,7 +283,7 @@ impl<'a, C: Cast> Scanner<'a, C> {
     }
 
     /// Receives the light of a strip.
-    fn receive_all(&self, lit: &mut Lit, halo: Option<&Halo>, desk: &mut Desk) -> Strip {
+    fn receive_all(&self, lit: &mut Lit, spill: Option<&Spill>, desk: &mut Desk) -> Strip {
         let (rows, columns) = (lit.rows, lit.columns);
         // A pixel without a pulse stays without light.
         let mut of_pixel = vec![None; rows * columns];
@@ -298,8 +300,8 @@ impl<'a, C: Cast> Scanner<'a, C> {
                 None => strip.causes.push(Cause::NoPulse),
                 Some(pulse) => {
                     match self.keeps_waveforms {
-                        true => self.receive(lit, pulse, halo, desk, &mut strip.parts),
-                        false => self.receive(lit, pulse, halo, desk, &mut ()),
+                        true => self.receive(lit, pulse, spill, desk, &mut strip.parts),
+                        false => self.receive(lit, pulse, spill, desk, &mut ()),
                     }
                     strip.causes.push(desk.received.cause);
                     strip.returns.append(&mut desk.received.returns);
@@ -395,7 +397,7 @@ impl<'a, C: Cast> Scanner<'a, C> {
         &self,
         lit: &mut Lit,
         number: usize,
-        halo: Option<&Halo>,
+        spill: Option<&Spill>,
         desk: &mut Desk,
         watch: &mut impl Watch,
     ) {
@@ -404,7 +406,7 @@ impl<'a, C: Cast> Scanner<'a, C> {
         let Lit { pulses, poses, lights, first_light, .. } = lit;
         let (pulse, pose) = (&pulses[number], &poses[number]);
         let mut lights = &mut lights[first_light[number]..first_light[number + 1]];
-        if self.air.extinction_per_m > 0.0 || halo.is_some() {
+        if self.air.extinction_per_m > 0.0 || spill.is_some() {
             more.clear();
             more.extend_from_slice(lights);
             if self.air.extinction_per_m > 0.0 {
@@ -414,8 +416,8 @@ impl<'a, C: Cast> Scanner<'a, C> {
                 let ray = AirRay { pixel, number: number as u32, pulse, origin, direction, nearest_m };
                 self.air.add(&self.beams.streams, &ray, self.detector.white_at_1_m, more);
             }
-            if let Some(halo) = halo {
-                halo.add(pixel, number as u32, pulse, more);
+            if let Some(spill) = spill {
+                spill.add(pixel, number as u32, pulse, more);
             }
             lights = more;
         }

@@ -3,9 +3,11 @@
 use std::cmp::Ordering;
 
 use super::beams::Beam;
+use super::counts::{Counted, Gauge};
 use super::light::{Light, Target};
 use crate::physics::detection::walk_m;
 use crate::physics::echo::{Part, Peak, Waveform, pulse_sigma_m};
+use crate::physics::histogram::Exposure;
 use crate::physics::{IntensityScale, SPEED_OF_LIGHT_M_S};
 use crate::rng::FrameStreams;
 use crate::scan::effects::Effect;
@@ -28,6 +30,8 @@ pub(super) struct Detector<'a> {
     window_m: f64,
     /// The energy of a white Lambertian plane at 1 m that takes the whole beam.
     pub white_at_1_m: f64,
+    /// What counts the light, if the receiver does not measure power.
+    pub gauge: Option<Gauge>,
 }
 
 /// The memory of [`Detector::receive`].
@@ -36,6 +40,7 @@ pub(super) struct Scratch {
     parts: Vec<Part>,
     peaks: Vec<Peak>,
     candidates: Vec<Candidate>,
+    exposure: Exposure,
     by_object: Vec<(u32, f64)>,
     shares: Vec<f64>,
 }
@@ -73,10 +78,14 @@ pub(super) struct Candidate {
     pub snr: f64,
     /// The height with this pulse's noise.
     pub amplitude: f64,
+    /// The energy that the receiver takes the light for.
+    light: f64,
     pub sigma_m: f64,
     pub cause: Cause,
     /// The path that random numbers follow from.
     pub path: u32,
+    /// What the receiver counts, if it counts.
+    pub counted: Option<Counted>,
     ideal_m: f64,
     length_m: f64,
     target: Target,
@@ -112,18 +121,18 @@ impl<'a> Detector<'a> {
         sun: f64,
     ) -> Self {
         let window_m = if limits.max_m.is_finite() { limits.max_m } else { 0.0 };
-        // Sunlight beyond that of the data sheet adds to the variance of the noise.
-        let share = receiver.sun_share;
-        let noise_sigma = (1.0 - share + share * sun).sqrt();
+        let sigma_m = pulse_sigma_m(receiver.pulse_fwhm_s);
         let threshold = receiver.sensitivity.map(|_| receiver.threshold(limits.max_m));
+        let gauge = Gauge::new(receiver, limits.max_m, sun);
+        // Sunlight beyond that of the data sheet adds to the variance of the noise. What counts, counts it.
+        let noise_sigma = if gauge.is_some() { 1.0 } else { receiver.background(sun).sqrt() };
         let white_at_1_m = match (receiver.sensitivity, threshold) {
             (Some(sensitivity), Some(_)) => {
                 receiver.limit_snr(limits.max_m) / (sensitivity.least_power * noise_sigma)
             }
             _ => 1.0,
         };
-        let sigma_m = pulse_sigma_m(receiver.pulse_fwhm_s);
-        Self { receiver, noise, limits, streams, sigma_m, threshold, window_m, white_at_1_m }
+        Self { receiver, noise, limits, streams, sigma_m, threshold, window_m, white_at_1_m, gauge }
     }
 
     /// The standard deviation of a pulse in range, in metres.
@@ -147,7 +156,7 @@ impl<'a> Detector<'a> {
     ) {
         received.returns.clear();
         received.targets.clear();
-        let Scratch { parts, peaks, candidates, by_object, shares } = scratch;
+        let Scratch { parts, peaks, candidates, exposure, by_object, shares } = scratch;
         parts.clear();
         parts.extend(
             lights.iter().map(|light| Part { range_m: light.range_m, energy: light.energy * at.beam.gain }),
@@ -157,8 +166,19 @@ impl<'a> Detector<'a> {
         waveform.peaks(peaks);
         candidates.clear();
         let mut fate = Fate::default();
-        for peak in peaks.iter() {
-            let candidate = self.candidate(at, peak, lights, parts, &waveform, by_object, shares);
+        if let Some(gauge) = &self.gauge {
+            gauge.expose(parts, exposure);
+        }
+        for (number, peak) in peaks.iter().enumerate() {
+            let mut candidate = self.candidate(at, peak, lights, parts, &waveform, by_object, shares);
+            if let (Some(gauge), Some(threshold)) = (&self.gauge, self.threshold) {
+                let counts = self.stream(at, candidate.path, Effect::Counts);
+                candidate.counted = gauge.count(exposure, peaks, number, counts);
+                if let Some(counted) = &candidate.counted {
+                    [candidate.snr, candidate.amplitude] = counted.heights(threshold);
+                    candidate.light = counted.light;
+                }
+            }
             match self.judge(at, &candidate, lights) {
                 Ok(()) => candidates.push(candidate),
                 Err(cause) => {
@@ -232,16 +252,18 @@ impl<'a> Detector<'a> {
         let axis = lights.iter().filter(|light| light.is_of_axis()).find(is_part);
         let ideal_m = axis.map_or(main.range_m, |light| light.range_m);
         let noise = match self.threshold {
-            Some(_) => self.stream(at, main.path, Effect::Detection).normal(),
-            None => 0.0,
+            Some(_) if self.gauge.is_none() => self.stream(at, main.path, Effect::Detection).normal(),
+            _ => 0.0,
         };
         Candidate {
             range_m: peak.range_m,
             snr: peak.height,
             amplitude: peak.height + noise,
+            light: peak.height + noise,
             sigma_m: peak.sigma_m,
             cause,
             path: main.path,
+            counted: None,
             ideal_m,
             length_m: main.length_m,
             target: main.target,
@@ -266,6 +288,8 @@ impl<'a> Detector<'a> {
         }
         match self.limits.place_of(at.pulse, candidate.range_m) {
             Ordering::Less => Err(Cause::TooNear),
+            // The histogram ends with the range, even where depth is limited.
+            Ordering::Equal if self.gauge.is_some() && candidate.counted.is_none() => Err(Cause::OutOfRange),
             Ordering::Equal => Ok(()),
             Ordering::Greater => Err(Cause::OutOfRange),
         }
@@ -322,9 +346,11 @@ impl<'a> Detector<'a> {
             range_m,
             snr: 0.0,
             amplitude,
+            light: amplitude,
             sigma_m: self.sigma_m,
             cause,
             path: 0,
+            counted: None,
             ideal_m: range_m,
             length_m: at.pulse.along_m(range_m),
             target: Target::NOTHING,
@@ -391,13 +417,20 @@ impl<'a> Detector<'a> {
                 terms.angle_m = candidate.ideal_m - ideal_m;
                 terms.ideal_m = ideal_m;
             }
-            if let Some(threshold) = self.threshold {
-                let over = candidate.snr.min(self.receiver.saturation_snr) / threshold;
-                terms.walk_m = -self.receiver.walk_residual * walk_m(candidate.sigma_m, over);
+            match (candidate.counted, self.threshold) {
+                (Some(counted), _) => terms.walk_m = counted.shift_m,
+                (None, Some(threshold)) => {
+                    let over = candidate.snr.min(self.receiver.saturation_snr) / threshold;
+                    terms.walk_m = -self.receiver.walk_residual * walk_m(candidate.sigma_m, over);
+                }
+                (None, None) => {}
             }
             let sigma = self.noise.range_sigma_m(candidate.snr);
             if sigma > 0.0 {
                 terms.noise_m = sigma * self.stream(at, candidate.path, Effect::RangeNoise).normal();
+            }
+            if let Some(counted) = candidate.counted {
+                terms.noise_m += counted.noise_m;
             }
             terms.bias_m = at.beam.bias_m;
         }
@@ -405,9 +438,9 @@ impl<'a> Detector<'a> {
         let unit = self.noise.range_unit_m;
         let range_m = if unit > 0.0 { (unrounded_m / unit).round() * unit } else { unrounded_m };
         terms.rounding_m = range_m - terms.unrounded_m();
-        let amplitude = candidate.amplitude.min(self.receiver.saturation_snr);
+        let light = candidate.light.min(self.receiver.saturation_snr);
         let fall = fall(self.receiver, candidate.length_m);
-        let reflectivity = amplitude * fall / (self.white_at_1_m * at.beam.power);
+        let reflectivity = light * fall / (self.white_at_1_m * at.beam.power);
         let value = self.receiver.intensity.value(reflectivity);
         let target = &candidate.target;
         let normal = at.sensor_from_world * target.normal;

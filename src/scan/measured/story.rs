@@ -4,15 +4,15 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
-use super::halo::{Brightness, Halo, Source};
 use super::light::{Light, PATHS_A_SAMPLE};
 use super::receive::{Candidate, Watch};
+use super::spill::{Brightness, Sources, Spill};
 use super::{Memory, Scanner};
 use crate::physics::echo::{Part, Waveform};
-use crate::scan::story::{Fate, Met, Sent, Signal, SignalPeak, Story, material_of};
+use crate::scan::story::{Fate, Met, Sent, Signal, SignalPeak, SignalUnit, Story, material_of};
 use crate::scan::{Cause, NO_OBJECT, Progress};
 use crate::scene::Scene;
-use crate::sensor::{Blooming, Capture, Receiver};
+use crate::sensor::{Capture, Receiver};
 use crate::trace::Cast;
 
 /// Casts one pixel of a capture by the code that casts its frame, and tells what becomes of its pulse.
@@ -27,12 +27,12 @@ pub(in crate::scan) fn explain(
     let measurement = &capture.sensor.measurement;
     let receiver = measurement.receiver.as_ref().unwrap_or(&default_receiver);
     let scanner = Scanner::new(scene, tracer, capture, receiver);
-    let halo =
-        measurement.blooming.as_ref().map(|blooming| Halo::new(blooming, scanner.sources_of_frame(blooming)));
+    let spill =
+        Brightness::of(capture).map(|brightness| Spill::new(capture, scanner.sources_of_frame(&brightness)));
     let mut memory = Memory::default();
     scanner.illuminate_part((row, column), (1, 1), &mut memory, &Progress::default());
     let Memory { lit, desk, .. } = &mut memory;
-    let strip = scanner.receive_all(lit, halo.as_ref(), desk);
+    let strip = scanner.receive_all(lit, spill.as_ref(), desk);
 
     let mut story = Story::of_pixel(row, column);
     story.cause = strip.causes[0];
@@ -47,15 +47,23 @@ pub(in crate::scan) fn explain(
     story.extinction_per_m = scanner.air.extinction_per_m;
 
     let mut record = Record::default();
-    scanner.receive(lit, 0, halo.as_ref(), desk, &mut record);
-    let (met, group_of) = groups(scene, &record.lights, &record.parts, scanner.beams.samples());
+    scanner.receive(lit, 0, spill.as_ref(), desk, &mut record);
+    let (unit, in_unit) = match (&scanner.detector.gauge, scanner.detector.threshold()) {
+        (Some(gauge), _) => (SignalUnit::Counts, gauge.counts_of(1.0)),
+        (None, Some(_)) => (SignalUnit::Snr, 1.0),
+        (None, None) => (SignalUnit::Energy, 1.0),
+    };
+    let part = |part: &Part| Part { energy: part.energy * in_unit, ..*part };
+    let parts: Vec<Part> = record.parts.iter().map(part).collect();
+    let (met, group_of) = groups(scene, &record.lights, &parts, scanner.beams.samples());
     story.met = met;
     story.sub_rays = scanner.beams.samples();
     story.lost_rays = story.sub_rays - samples(record.lights.iter(), story.sub_rays).len();
     let mut signal = Signal {
+        unit,
         sigma_m: scanner.detector.sigma_m(),
-        threshold: scanner.detector.threshold(),
-        parts: record.parts.clone(),
+        threshold: scanner.detector.threshold().filter(|_| unit == SignalUnit::Snr),
+        parts,
         peaks: Vec::new(),
     };
     signal.peaks = record.peaks(&signal, &group_of);
@@ -65,21 +73,20 @@ pub(in crate::scan) fn explain(
 
 impl<C: Cast> Scanner<'_, C> {
     /// The light of a whole frame that other pulses may see, in the order in which a scan of the frame has it.
-    fn sources_of_frame(&self, blooming: &Blooming) -> Vec<Source> {
-        let brightness = Brightness::of(blooming, self.capture);
-        let sources: Vec<Vec<Source>> = self
+    fn sources_of_frame(&self, brightness: &Brightness) -> Sources {
+        let sources: Vec<Sources> = self
             .strips()
             .par_iter()
             .map_init(Memory::default, |memory, &first| {
                 self.illuminate(first, memory, &Progress::default());
-                self.sources(&memory.lit, &brightness)
+                self.sources(&memory.lit, brightness)
             })
             .collect();
-        sources.concat()
+        Sources::concat(sources)
     }
 }
 
-/// Which of so many sub-rays light comes back on. The paths to particles and of halos have larger numbers.
+/// Which of so many sub-rays light comes back on. The paths to particles, of halos and of crosstalk have larger numbers.
 fn samples<'l>(lights: impl Iterator<Item = &'l Light>, count: usize) -> BTreeSet<u32> {
     lights.map(|light| light.path / PATHS_A_SAMPLE).filter(|sample| (*sample as usize) < count).collect()
 }
@@ -169,8 +176,9 @@ impl Record {
         };
         let peak = |one: &Candidate, fate: Fate| SignalPeak {
             range_m: one.range_m,
-            height: one.snr,
-            amplitude: one.amplitude,
+            height: one.counted.map_or(one.snr, |counted| counted.counts.mean),
+            amplitude: one.counted.map_or(one.amplitude, |counted| f64::from(counted.counts.drawn)),
+            counts: one.counted.map(|counted| counted.counts),
             width_m: one.sigma_m,
             cause: one.cause,
             fate,

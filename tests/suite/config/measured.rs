@@ -57,6 +57,52 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "max_m = 100.0\n[footprint]\nkind = \"1/e2\"\ndivergence_mrad = [3.0, 1.5]\nexit_radius_m = -0.1",
         "sensor.toml:13:17: `exit_radius_m` is -0.1 | expected a number of metres, 0 or more | ",
     ),
+    // Receivers that count photons.
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\nspad_cycles = 400",
+        "sensor.toml:11:15: `spad_cycles` is of a detector that counts photons, and this one is linear | needs `detector = \"spad\"` | add `detector = \"spad\"`, or leave the keys out that begin with `spad_`",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\ndetector = \"spad\"\nrange_pairs = [[0.1, 90.0]]\nspad_bin_ns = 1.0",
+        "sensor.toml:10:1: `[receiver]` has no `spad_cycles` | needs `spad_cycles` | add `spad_cycles = 500`, the laser's cycles times the diodes of a histogram",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\ndetector = \"spad\"\nrange_pairs = [[0.1, 90.0]]\nspad_cycles = 400",
+        "sensor.toml:10:1: `[receiver]` has no `spad_bin_ns` | needs `spad_bin_ns` | add `spad_bin_ns = 1.0`, the width of a bin",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\ndetector = \"spad\"\nspad_cycles = 400\nspad_bin_ns = 1.0",
+        "sensor.toml:11:12: a detector that counts photons has no range pairs | needs `range_pairs` | give `[receiver]` some `range_pairs`: they say how much light comes back from a plane",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\ndetector = \"spad\"\nrange_pairs = [[0.1, 90.0]]\nspad_cycles = 400\nspad_bin_ns = 0.001",
+        "sensor.toml:14:15: a bin of 0.001 ns is one of 333564 up to 50 m | expected at most 65536 bins | 1 ns is 15 cm",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\ndetector = \"spad\"\nrange_pairs = [[0.1, 90.0]]\nspad_cycles = 400\nspad_bin_ns = 1.0\nspad_dead_ns = 10.0",
+        "sensor.toml:15:16: a diode is blind for 10 ns, less than an echo lasts | expected at least 14.9 ns, seven standard deviations of the pulse | leave it out for a diode that is blind until the next cycle",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\ndetector = \"spad\"\nrange_pairs = [[0.1, 90.0]]\nspad_cycles = 400\nspad_bin_ns = 1.0\nspad_background_hz = 1e8",
+        "sensor.toml:13:15: no light from 90 m is detected in 50 % of histograms of 400 cycles with 100000000 background counts a second | expected cycles that are left at the ranges of `range_pairs` | expect more cycles, less background, or a shorter dead time",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\ndetector = \"spad\"\nrange_pairs = [[0.1, 90.0]]\nspad_cycles = 400\nspad_bin_ns = 1.0\nwalk_residual = 0.1",
+        "sensor.toml:15:17: `walk_residual` is 0.1, and a detector that counts photons has no threshold that a pulse walks over | is of `detector = \"linear\"` | leave it out, or give 0: the ranges of bright targets follow from pile-up",
+    ),
+    (
+        "max_m = 100.0",
+        "max_m = 100.0\n[receiver]\ndetector = \"spad\"\nrange_pairs = [[0.1, 90.0]]\nspad_cycles = 400\nspad_bin_ns = 1.0\n[noise]\nrange_a_m = 0.1",
+        "sensor.toml:16:13: `range_a_m` is 0.1, and the noise of a detector that counts photons follows from its counts | is of `detector = \"linear\"` | give `range_a_m = 0.0`; `range_floor_m` adds to the noise of the counts",
+    ),
     // Receivers.
     (
         "max_m = 100.0",
@@ -157,6 +203,11 @@ const MISTAKES: &[(&str, &str, &str)] = &[
         "max_m = 100.0",
         "max_m = 100.0\n[receiver]\noverlap_m = [1.0, 0.9]",
         "sensor.toml:11:13: the fields of view come to overlap from 1 m to 0.9 m | expected 0 or more first, then more than that | ",
+    ),
+    (
+        "max_m = 50",
+        "max_m = inf\n[sensor.receiver]\ndetector = \"spad\"\nrange_pairs = [[0.1, 90.0]]\nspad_cycles = 400\nspad_bin_ns = 1.0",
+        "job.toml:12:12: a detector that counts photons has a range without an end | needs `max_m` in `[range]` | give `[range]` a `max_m`, the end of the histogram",
     ),
     (
         "max_m = 50",

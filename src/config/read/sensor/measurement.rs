@@ -5,9 +5,10 @@ use super::super::super::kinds::{List, Vector};
 use super::super::super::plausibility;
 use super::super::super::table::{AnyKey, Key, Table};
 use crate::angle::Angle;
+use crate::physics::SPEED_OF_LIGHT_M_S;
 use crate::physics::detection::{RangePair, Sensitivity};
 use crate::physics::footprint::E2_IN_FWHM;
-use crate::sensor::{Blooming, DimmerBeams, Footprint, Measurement, Noise, RangeLimits, Receiver};
+use crate::sensor::{Blooming, DimmerBeams, Footprint, Measurement, Noise, RangeLimits, Receiver, Spad};
 use crate::source::Span;
 use crate::source::words::{counted, number};
 
@@ -78,7 +79,9 @@ fn receiver(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Receiver {
         sun_klx: t.value(&receiver::SUN_KLX),
         interference_hz,
         interference_snr: t.value(&receiver::INTERFERENCE_SNR),
+        crosstalk: t.value(&receiver::CROSSTALK),
         overlap_m: t.value(&receiver::OVERLAP),
+        ..Receiver::default()
     };
     let [from, to] = receiver.overlap_m;
     if from < 0.0 || from >= to {
@@ -86,7 +89,103 @@ fn receiver(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Receiver {
         let label = "expected 0 or more first, then more than that";
         t.report().error(t.span_of(&receiver::OVERLAP), message, label, None);
     }
-    receiver
+    match spad(t, &receiver, range) {
+        Some(spad) => counting(t, receiver, spad, range),
+        None => receiver,
+    }
+}
+
+/// How the receiver counts photons, if it does, and all that this needs is right.
+fn spad(t: &Table<'_>, receiver: &Receiver, range: RangeLimits) -> Option<Spad> {
+    let is_spad = t.value(&receiver::DETECTOR);
+    let cycles = t.read(&receiver::SPAD_CYCLES);
+    let [bin_ns, dead_ns, background_hz] =
+        [&receiver::SPAD_BIN, &receiver::SPAD_DEAD, &receiver::SPAD_BACKGROUND].map(|key| t.read(key));
+    let report = t.report();
+    if !is_spad {
+        let first: [(&dyn AnyKey, Option<Span>); 4] = [
+            (&receiver::SPAD_CYCLES, cycles.map(|cycles| cycles.span)),
+            (&receiver::SPAD_BIN, bin_ns.map(|bin| bin.span)),
+            (&receiver::SPAD_DEAD, dead_ns.map(|dead| dead.span)),
+            (&receiver::SPAD_BACKGROUND, background_hz.map(|background| background.span)),
+        ];
+        if let Some((key, Some(span))) = first.into_iter().find(|(_, span)| span.is_some()) {
+            let message =
+                format!("`{}` is of a detector that counts photons, and this one is linear", key.name());
+            let help = "add `detector = \"spad\"`, or leave the keys out that begin with `spad_`";
+            report.error(span, message, "needs `detector = \"spad\"`", Some(help.into()));
+        }
+        return None;
+    }
+    t.need(&receiver::SPAD_CYCLES, "`spad_cycles = 500`, the laser's cycles times the diodes of a histogram");
+    t.need(&receiver::SPAD_BIN, "`spad_bin_ns = 1.0`, the width of a bin");
+    let at = t.span_of(&receiver::DETECTOR);
+    if receiver.range_pairs.is_empty() {
+        let message = "a detector that counts photons has no range pairs".to_owned();
+        let help = "give `[receiver]` some `range_pairs`: they say how much light comes back from a plane";
+        report.error(at, message, "needs `range_pairs`", Some(help.into()));
+        return None;
+    }
+    if !range.max_m.is_finite() {
+        let message = "a detector that counts photons has a range without an end".to_owned();
+        let help = "give `[range]` a `max_m`, the end of the histogram";
+        report.error(at, message, "needs `max_m` in `[range]`", Some(help.into()));
+        return None;
+    }
+    if receiver.walk_residual > 0.0 {
+        let message = format!(
+            "`walk_residual` is {}, and a detector that counts photons has no threshold that a pulse walks over",
+            receiver.walk_residual
+        );
+        let help = "leave it out, or give 0: the ranges of bright targets follow from pile-up";
+        let label = "is of `detector = \"linear\"`";
+        report.error(t.span_of(&receiver::WALK_RESIDUAL), message, label, Some(help.into()));
+    }
+    let (cycles, bin_ns) = (cycles?.value, bin_ns?);
+    let bins = range.max_m / (bin_ns.value * 1e-9 * 0.5 * SPEED_OF_LIGHT_M_S);
+    if bins > Spad::MOST_BINS as f64 {
+        let message = format!("a bin of {} ns is one of {bins:.0} up to {} m", bin_ns.value, range.max_m);
+        let label = format!("expected at most {} bins", Spad::MOST_BINS);
+        report.error(bin_ns.span, message, label, Some("1 ns is 15 cm".into()));
+        return None;
+    }
+    let least_ns = 1e9 * Spad::least_dead_s(receiver.pulse_fwhm_s);
+    if let Some(dead_ns) = &dead_ns
+        && dead_ns.value < least_ns
+    {
+        let message = format!("a diode is blind for {} ns, less than an echo lasts", dead_ns.value);
+        let label = format!("expected at least {least_ns:.1} ns, seven standard deviations of the pulse");
+        let help = "leave it out for a diode that is blind until the next cycle";
+        report.error(dead_ns.span, message, label, Some(help.into()));
+        return None;
+    }
+    Some(Spad {
+        cycles,
+        bin_s: bin_ns.value * 1e-9,
+        dead_s: dead_ns.map_or(f64::INFINITY, |dead| dead.value * 1e-9),
+        background_hz: background_hz.map_or(0.0, |background| background.value),
+    })
+}
+
+/// The receiver as one that counts photons. Where it can't detect its range pairs, that is reported.
+fn counting(t: &Table<'_>, receiver: Receiver, spad: Spad, range: RangeLimits) -> Receiver {
+    let linear = receiver.clone();
+    match receiver.counting(spad, range.max_m) {
+        Ok(counting) => counting,
+        Err(pair) => {
+            let message = format!(
+                "no light from {} m is detected in {} % of histograms of {} cycles with {} background counts a second",
+                pair.range_m,
+                number(linear.detection * 1e2),
+                spad.cycles,
+                number(spad.background_hz)
+            );
+            let label = "expected cycles that are left at the ranges of `range_pairs`";
+            let help = "expect more cycles, less background, or a shorter dead time";
+            t.report().error(t.span_of(&receiver::SPAD_CYCLES), message, label, Some(help.into()));
+            linear
+        }
+    }
 }
 
 /// Reports what arrives at random times where there is no last time: a range window has an end.
@@ -241,7 +340,14 @@ fn noise(t: &Table<'_>, receiver: Option<&Receiver>) -> Noise {
         beam_angle: degrees(&noise::BEAM_ANGLE),
         range_unit_m: t.value(&noise::UNIT),
     };
-    if noise.range_a_m > 0.0 && receiver.is_none_or(|receiver| receiver.sensitivity.is_none()) {
+    if noise.range_a_m > 0.0 && receiver.is_some_and(|receiver| receiver.spad.is_some()) {
+        let message = format!(
+            "`range_a_m` is {}, and the noise of a detector that counts photons follows from its counts",
+            noise.range_a_m
+        );
+        let help = "give `range_a_m = 0.0`; `range_floor_m` adds to the noise of the counts";
+        t.report().error(t.span_of(&noise::A), message, "is of `detector = \"linear\"`", Some(help.into()));
+    } else if noise.range_a_m > 0.0 && receiver.is_none_or(|receiver| receiver.sensitivity.is_none()) {
         let message = format!(
             "`range_a_m` is {}: it scales with the signal-to-noise ratio, and no range pairs say what that is",
             noise.range_a_m
