@@ -123,6 +123,7 @@ impl<'a> Capture<'a> {
     pub fn depth_over_range(&self, row: usize, column: usize) -> Option<f64> {
         match &self.sensor.pattern {
             Pattern::Camera(camera) => camera.optical_direction(row, column).map(|direction| direction.z),
+            Pattern::Orthographic(_) => Some(1.0),
             _ => None,
         }
     }

@@ -3,6 +3,7 @@
 //! ```text
 //! rotating raster mirror risley rays   the patterns of LiDARs, one file each
 //! camera     the directions of a camera's pixels; lens: models of distortion; polynomial: where a model folds
+//! orthographic  a camera of parallel rays
 //! measurement  how a sensor measures: its beams' width, its receiver, its noise
 //! shutter    the times at which the rows of an image are exposed
 //! capture    one frame of one sensor: the only door to pulses
@@ -17,6 +18,7 @@ pub mod facts;
 mod lens;
 mod measurement;
 mod mirror;
+mod orthographic;
 mod polynomial;
 mod raster;
 mod rays;
@@ -40,6 +42,7 @@ pub use depth::{
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
 pub use measurement::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};
+pub use orthographic::{Orthographic, OrthographicError};
 pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};
 pub use risley::{Prism, Ripple, Risley, RisleyError, Tilted, TurningMirror};
@@ -168,6 +171,8 @@ pub enum Pattern {
     Rays(RayTable),
     /// A camera with a lens.
     Camera(Camera),
+    /// A camera of parallel rays.
+    Orthographic(Orthographic),
 }
 
 /// One beam of one firing, or one pixel.
@@ -273,6 +278,7 @@ impl Pattern {
             Self::Mirror(p) => p.beams().len(),
             Self::Rays(p) => p.rows(),
             Self::Camera(p) => p.height(),
+            Self::Orthographic(p) => p.height(),
         }
     }
 
@@ -285,6 +291,7 @@ impl Pattern {
             Self::Risley(p) => p.columns(),
             Self::Rays(p) => p.columns(),
             Self::Camera(p) => p.width(),
+            Self::Orthographic(p) => p.width(),
         }
     }
 
@@ -307,18 +314,39 @@ impl Pattern {
                 let direction = p.direction(row, column)?;
                 Some(Pulse::new(DVec3::ZERO, direction, p.time_s(row)))
             }
+            Self::Orthographic(p) => Some(p.pulse(row, column)),
         }
     }
 
     /// Whether the sensor is a camera. A camera's image has planar depth, and its points are given in the optical frame.
     pub fn is_camera(&self) -> bool {
-        matches!(self, Self::Camera(_))
+        matches!(self, Self::Camera(_) | Self::Orthographic(_))
+    }
+
+    /// The image point of a point in a camera's optical frame, in pixels from the image's top left corner. It may lie outside of
+    /// the image. `None` if the camera has no image of it, or if the sensor is no camera.
+    pub fn project(&self, optical: DVec3) -> Option<(f64, f64)> {
+        match self {
+            Self::Camera(p) => p.project(optical),
+            Self::Orthographic(p) => p.project(optical),
+            _ => None,
+        }
+    }
+
+    /// The shutter, if the rows are seen as wholes.
+    pub fn shutter(&self) -> Option<&Shutter> {
+        match self {
+            Self::Camera(p) => Some(p.shutter()),
+            Self::Orthographic(p) => Some(p.shutter()),
+            Self::Raster(p) => p.shutter(),
+            _ => None,
+        }
     }
 
     /// Whether rows and columns are neighbours in space, so that the frame is a picture. In other patterns a row lists the
     /// pulses of a beam in the order of firing, whatever their directions are.
     pub fn is_image(&self) -> bool {
-        matches!(self, Self::Rotating(_) | Self::Raster(_) | Self::Camera(_))
+        matches!(self, Self::Rotating(_) | Self::Raster(_)) || self.is_camera()
     }
 
     /// The name of the pattern in a sensor file.
@@ -333,6 +361,7 @@ impl Pattern {
                 Lens::Ideal | Lens::BrownConrady(_) => "pinhole",
                 Lens::KannalaBrandt(_) => "fisheye",
             },
+            Self::Orthographic(_) => "orthographic",
         }
     }
 
@@ -345,6 +374,7 @@ impl Pattern {
             Self::Risley(p) => Some(p.rate_hz()),
             Self::Rays(p) => p.rate_hz(),
             Self::Camera(p) => p.rate_hz(),
+            Self::Orthographic(p) => p.rate_hz(),
         }
     }
 
@@ -366,6 +396,7 @@ impl Pattern {
             Self::Risley(p) => p.last_pulse_s(),
             Self::Rays(p) => p.last_pulse_s(),
             Self::Camera(p) => p.shutter().last_s(p.height()),
+            Self::Orthographic(p) => p.shutter().last_s(p.height()),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `[pinhole]`, `[fisheye]` and `[equirectangular]`.
+//! `[pinhole]`, `[fisheye]`, `[equirectangular]` and `[orthographic]`.
 
 use super::super::super::keys::sensor::FRAME_RATE;
 use super::super::super::keys::sensor::camera as keys;
@@ -7,7 +7,7 @@ use super::super::super::plausibility;
 use super::super::super::table::{Key, Table};
 use super::limit::check_rays;
 use crate::angle::Angle;
-use crate::sensor::{BrownConrady, Camera, CameraError, KannalaBrandt, Lens, Raster, Shutter};
+use crate::sensor::{BrownConrady, Camera, CameraError, KannalaBrandt, Lens, Orthographic, Raster, Shutter};
 use crate::source::{Doubt, Spanned};
 
 /// A pinhole; `distortion` has OpenCV's 4, 5 or 8 numbers.
@@ -164,6 +164,22 @@ pub(super) fn equirectangular(t: &Table<'_>) -> Option<Raster> {
     let fields = (Angle::deg(hfov?.value), Angle::deg(vfov?.value));
     Raster::equirectangular(size, fields, rate.map(|rate| rate.value))
         .map(|raster| raster.with_shutter(shutter))
+        .map_err(|error| t.report().error(t.span, error.to_string(), "", None))
+        .ok()
+}
+
+/// A camera of parallel rays; its pixels are square unless the image has a height of its own.
+pub(super) fn orthographic(t: &Table<'_>) -> Option<Orthographic> {
+    let (width, height) = (t.read(&keys::WIDTH), t.read(&keys::HEIGHT));
+    let rate = t.read(&FRAME_RATE);
+    let shutter = shutter(t, height.map(|height| height.value), rate.map(|rate| rate.value));
+    let (width_m, height_m) = (t.read(&keys::WIDTH_M), t.read(&keys::HEIGHT_M));
+    let (width, height, width_m) = (width?, height?, width_m?.value);
+    check_rays(t.report(), height.value, width.value, width.span)?;
+    let square_m = width_m / width.value as f64 * height.value as f64;
+    let size_m = (width_m, height_m.map_or(square_m, |height| height.value));
+    Orthographic::new((width.value as usize, height.value as usize), size_m, rate.map(|rate| rate.value))
+        .map(|camera| camera.with_shutter(shutter))
         .map_err(|error| t.report().error(t.span, error.to_string(), "", None))
         .ok()
 }

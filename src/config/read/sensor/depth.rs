@@ -46,10 +46,19 @@ pub(super) fn check(t: &Table<'_>, pattern: &Pattern, measurement: &Measurement)
     let name = key.name();
     let Pattern::Camera(camera) = pattern else {
         let message = format!(
-            "`[{name}]` is how a camera finds depth, and the sensor's pattern is `[{}]`",
+            "`[{name}]` is how a camera with a lens finds depth, and the sensor's pattern is `[{}]`",
             pattern.name()
         );
-        return fail(message, "needs a camera", "a LiDAR's measurement is set by `[receiver]` and `[noise]`");
+        return match pattern.is_camera() {
+            true => {
+                let help =
+                    "parallel rays have no focal length, and meet in no place that light could go back to";
+                fail(message, "needs a camera with a lens", help)
+            }
+            false => {
+                fail(message, "needs a camera", "a LiDAR's measurement is set by `[receiver]` and `[noise]`")
+            }
+        };
     };
     if matches!(sensing, DepthSensing::Stereo(_)) && !matches!(camera.lens(), Lens::Ideal) {
         let message = format!("`[{name}]` compares rectified images, and the camera's lens distorts");
