@@ -79,6 +79,11 @@ impl Sensor {
         self.measurement.receiver.as_ref().map_or(1, |receiver| receiver.returns.most())
     }
 
+    /// The time in seconds before and after a pulse's own time at which the sensor looks, too.
+    pub(crate) fn half_exposure_s(&self) -> f64 {
+        self.measurement.depth.as_ref().map_or(0.0, DepthSensing::half_exposure_s)
+    }
+
     /// Whether the length of a ray alone says what the sensor reports of a hit: its range counts along the ray from the
     /// pulse's origin, and the limits are those of the range.
     pub(crate) fn judges_by_length(&self) -> bool {

@@ -1,11 +1,21 @@
 //! Cameras besides the pinhole, each against its closed form.
 
+use std::sync::Arc;
+
 use beamcast::frame::{BODY_FROM_OPTICAL, Pose};
+use beamcast::motion::{Blending, Clock, Link, Motion, Track, Trajectory};
+use beamcast::physics::phasor::{Phasor, range_m};
+use beamcast::scan::{Frame, Progress, scan};
+use beamcast::scene::{Material, Scene, SceneBuilder, SourceInstance};
 use beamcast::sensor::facts::SensorFacts;
-use beamcast::sensor::{Capture, Orthographic, Pattern, RowOrder, Sensor, Shutter};
+use beamcast::sensor::{
+    Camera, Capture, DepthSensing, Measurement, Orthographic, Pattern, RowOrder, Sensor, Shutter,
+    TimeOfFlight,
+};
 use beamcast::trace::Tracer;
 use glam::{DAffine3, DVec3};
 
+use crate::plates::{lambert, optics, scene, wall};
 use crate::shapes::{cuboid, placed, quad, seen_from};
 
 /// A camera of parallel rays with pixels of 25 cm.
@@ -70,4 +80,106 @@ fn a_camera_of_parallel_rays_has_a_shutter_and_limits_of_depth() {
     let pulse = capture.pulse(0, 15).unwrap();
     let place = |range_m| sensor.range.place_of(&pulse, range_m).is_eq();
     assert!(place(1.0) && place(9.0) && !place(0.999) && !place(9.001));
+}
+
+/// A camera of one pixel, as narrow as a ray, that gathers light for a while about each tenth of a second.
+fn exposed(mhz: f64, exposure_s: f64) -> Sensor {
+    let sensing = TimeOfFlight {
+        frequencies_hz: vec![mhz * 1e6],
+        wavelength_m: 850e-9,
+        electrons_at_1_m: 1e16,
+        contrast: 0.8,
+        sun_electrons: 0.0,
+        read_noise: 0.0,
+        full_well: f64::INFINITY,
+        taps: 4,
+        samples: 2,
+        indirect_rays: 0,
+        third_harmonic: 0.0,
+        least_amplitude: 0.0,
+        exposure_s,
+        disagreement_m: f64::INFINITY,
+    };
+    let camera = Camera::new((1, 1), (1e6, 1e6), (0.5, 0.5), Some(10.0)).unwrap();
+    let measurement =
+        Measurement { depth: Some(DepthSensing::TimeOfFlight(sensing)), ..Measurement::default() };
+    Sensor { measurement, ..Sensor::new(Pattern::Camera(camera)) }
+}
+
+/// The second frame, which is exposed about 0.1 s, of a sensor on a body.
+fn second_frame(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory) -> Frame {
+    let capture = Capture::new(sensor, Pose::IDENTITY, trajectory, 1, 7);
+    let scene = scene.during(capture.window(), None);
+    scan(&scene, &Tracer::build(&scene), &capture, &Progress::default()).unwrap()
+}
+
+/// The range of light that comes back from surfaces at these distances for equal parts of the time.
+fn mean_of_paths(distances_m: &[f64], mhz: f64) -> f64 {
+    let of = |&m: &f64| Phasor::of_path(1.0 / (m * m), 2.0 * m, mhz * 1e6);
+    let sum = distances_m.iter().map(of).reduce(|a, b| a + b).unwrap();
+    range_m(sum.phase(), mhz * 1e6)
+}
+
+/// A plate that stands before a wall for half of the exposure flies between the two, as a pixel on an edge does.
+#[test]
+fn what_jumps_during_an_exposure_adds_up_as_light() {
+    let plate =
+        quad([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| DVec3::new(1.0, y, z)));
+    let wall = quad([[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[y, z]| DVec3::new(2.0, y, z)));
+    // The plate is there until 0.1 s, the middle of the exposure.
+    let track = Track::new(vec![0.0, 0.1], vec![true, false], Blending::Step).unwrap();
+    let shown = beamcast::motion::Channel { track: Arc::new(track), clock: Clock::once(1.0) };
+    let motion = Some(Arc::new(Motion { links: vec![Link::Visible(shown)] }));
+    let instances = vec![
+        SourceInstance { mesh: 0, motion, ..SourceInstance::default() },
+        SourceInstance { mesh: 1, ..SourceInstance::default() },
+    ];
+    let builder = SceneBuilder {
+        meshes: vec![plate, wall],
+        instances,
+        materials: vec![Material::default()],
+        files: vec![],
+        groups: vec![],
+    };
+    let scene = optics(builder.build().unwrap(), &[lambert(0.5)]);
+    // The table of two phasors of depth_cameras.rs, which was computed on its own: half of each at 20 and at 60 MHz.
+    for (mhz, expected) in [(20.0, 1.1884), (60.0, 1.0723)] {
+        let frame = second_frame(&scene, &exposed(mhz, 0.02), &Trajectory::Fixed(Pose::IDENTITY));
+        let range_m = frame.get(0, 0).unwrap().range_m;
+        // Half of the table's last digit, and the noise of 10¹⁵ electrons, 10⁻⁷ m.
+        assert!((range_m - expected).abs() < 5.1e-5, "{mhz} MHz: {range_m}");
+        assert!((range_m - mean_of_paths(&[1.0, 2.0], mhz)).abs() < 1e-6);
+        // All at once, the plate is gone.
+        let moment = second_frame(&scene, &exposed(mhz, 0.0), &Trajectory::Fixed(Pose::IDENTITY));
+        assert!((moment.get(0, 0).unwrap().range_m - 2.0).abs() < 1e-6);
+    }
+}
+
+/// A camera that comes nearer sees the wall at the distances of its own exposure, and where nothing moves an exposure changes no bit.
+#[test]
+fn a_camera_that_moves_gathers_the_light_of_its_whole_exposure() {
+    let scene = optics(scene(&[wall(3.0, 0.5)]), &[lambert(0.5)]);
+    let (speed_m_s, exposure_s) = (10.0, 0.04);
+    let trajectory = Trajectory::Twist {
+        start: Pose::IDENTITY,
+        linear_m_s: DVec3::X * speed_m_s,
+        angular_rad_s: DVec3::ZERO,
+    };
+    for mhz in [20.0, 60.0] {
+        let frame = second_frame(&scene, &exposed(mhz, exposure_s), &trajectory);
+        // After 0.1 s it is 2 m from the wall. Four sub-rays see it in the middles of the quarters of 40 cm.
+        let expected = mean_of_paths(&[2.15, 2.05, 1.95, 1.85], mhz);
+        let range_m = frame.get(0, 0).unwrap().range_m;
+        assert!((range_m - expected).abs() < 1e-6, "{mhz} MHz: {range_m} {expected}");
+    }
+    let still = Trajectory::Fixed(Pose::IDENTITY);
+    let ranges = [0.0, exposure_s].map(|exposure_s| {
+        let mut sensor = exposed(20.0, exposure_s);
+        let Some(DepthSensing::TimeOfFlight(sensing)) = &mut sensor.measurement.depth else { panic!() };
+        // Few electrons have noise.
+        sensing.electrons_at_1_m = 1e4;
+        second_frame(&scene, &sensor, &still).get(0, 0).unwrap().range_m
+    });
+    assert_eq!(ranges[0].to_bits(), ranges[1].to_bits());
+    assert!((ranges[0] - 3.0).abs() > 1e-4, "the noise is there");
 }
