@@ -33,7 +33,7 @@ use glam::DVec3;
 
 use crate::angle::Angle;
 
-pub use camera::{Camera, CameraError};
+pub use camera::{Camera, CameraError, Registered};
 pub use capture::{Capture, NumberProblem};
 pub use depth::{
     AnalyticDisparity, DepthSensing, Imager, Matching, Projector, SecondViewpoint, Stereo, StereoMethod,

@@ -1,9 +1,12 @@
 //! Cameras besides the pinhole, each against its closed form.
 
+use std::io::Cursor;
 use std::sync::Arc;
 
+use beamcast::error::Error;
 use beamcast::frame::{BODY_FROM_OPTICAL, Pose};
 use beamcast::motion::{Blending, Clock, Link, Motion, Track, Trajectory};
+use beamcast::output::{Format, SensorFrame};
 use beamcast::physics::phasor::{Phasor, range_m};
 use beamcast::scan::{Frame, Progress, scan};
 use beamcast::scene::{Material, Scene, SceneBuilder, SourceInstance};
@@ -15,7 +18,7 @@ use beamcast::sensor::{
 use beamcast::trace::Tracer;
 use glam::{DAffine3, DVec3};
 
-use crate::plates::{lambert, optics, scene, wall};
+use crate::plates::{Plate, lambert, optics, scene, wall};
 use crate::shapes::{cuboid, placed, quad, seen_from};
 
 /// A camera of parallel rays with pixels of 25 cm.
@@ -35,7 +38,7 @@ fn parallel_rays_show_a_surface_as_large_at_every_distance() {
     let far = cuboid([12.0, -1.5, -0.25], [13.0, -0.5, 0.25]);
     let at = |mesh| (mesh, DAffine3::IDENTITY);
     let scene = placed(vec![slanted, near, far], vec![at(0), at(1), at(2)]);
-    let (sensor, tracer) = (parallel(), Tracer::new(&scene));
+    let (sensor, tracer) = (parallel(), Tracer::build(&scene));
     let capture = Capture::at_origin(&sensor);
     let frame = seen_from(&scene, &tracer, &sensor, &Pose::IDENTITY);
     let mut seen = [0; 3];
@@ -182,4 +185,94 @@ fn a_camera_that_moves_gathers_the_light_of_its_whole_exposure() {
     });
     assert_eq!(ranges[0].to_bits(), ranges[1].to_bits());
     assert!((ranges[0] - 3.0).abs() > 1e-4, "the noise is there");
+}
+
+/// A depth camera of 64 by 48 pixels and a focal length of 60, with a colour camera of the same kind at a place of its body frame.
+fn with_colour_camera(position_m: [f64; 3]) -> Sensor {
+    let camera = "width_px = 64\nheight_px = 48\nfx_px = 60\n";
+    let text = format!("[pinhole]\n{camera}[pinhole.registered]\n{camera}position_m = {position_m:?}\n");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sensor.toml");
+    std::fs::write(&path, text).unwrap();
+    beamcast::config::load_sensor(&path).unwrap().sensor
+}
+
+/// The rows of millimetres of a depth image that is registered to the colour camera.
+fn registered_mm(scene: &Scene, sensor: &Sensor) -> Vec<Vec<u16>> {
+    let frame = seen_from(scene, &Tracer::build(scene), sensor, &Pose::IDENTITY);
+    let seen = SensorFrame::new(Capture::at_origin(sensor), &frame, "depth");
+    let file = Format::named("registered").unwrap().encode(&seen).unwrap();
+    let mut decoder = png::Decoder::new(Cursor::new(file));
+    decoder.set_transformations(png::Transformations::IDENTITY);
+    let mut reader = decoder.read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    let width = reader.info().width as usize;
+    let numbers: Vec<u16> = bytes.chunks(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect();
+    numbers.chunks(width).map(<[u16]>::to_vec).collect()
+}
+
+/// Columns of one depth after the other: how many, and their millimetres.
+fn columns(runs: &[(usize, u16)]) -> Vec<u16> {
+    runs.iter().flat_map(|&(count, mm)| vec![mm; count]).collect()
+}
+
+/// A surface at the depth Z moves by f·b/Z pixels from the image of one camera to that of another a baseline b beside it, so a gap of
+/// f·b·(1/near − 1/far) opens on one side of a near surface, and on the other it hides as much.
+#[test]
+fn registered_depth_has_holes_where_the_depth_camera_does_not_see() {
+    // The left half of the image is a plate at 1 m, the right half a wall at 2 m.
+    let plate = Plate(DVec3::new(1.0, 5.0, 0.0), DVec3::Y * 5.0, DVec3::Z * 5.0, 0.5);
+    let halves = scene(&[wall(2.0, 0.5), plate]);
+    // f·b is 6 m px: 6 pixels at 1 m and 3 at 2 m. A camera to the right sees all farther left.
+    let right = columns(&[(26, 1000), (3, 0), (32, 2000), (3, 0)]);
+    let left = columns(&[(6, 0), (32, 1000), (26, 2000)]);
+    let own = columns(&[(32, 1000), (32, 2000)]);
+    for (left_m, expected) in [(-0.1, right), (0.1, left), (0.0, own)] {
+        let rows = registered_mm(&halves, &with_colour_camera([0.0, left_m, 0.0]));
+        assert_eq!(rows.len(), 48);
+        assert!(rows.iter().all(|row| *row == expected), "{left_m}: {:?}", rows[0]);
+    }
+    // Above, the same happens along the columns: the wall moves down by 3 pixels.
+    let rows = registered_mm(&scene(&[wall(2.0, 0.5)]), &with_colour_camera([0.0, 0.0, 0.1]));
+    let of_column: Vec<u16> = rows.iter().map(|row| row[10]).collect();
+    assert_eq!(of_column, columns(&[(3, 0), (45, 2000)]));
+}
+
+/// Depth is that of the colour camera, and the pixels of a camera that is nearer have no gaps between them, nor have those of a slope.
+#[test]
+fn registered_depth_is_that_of_the_colour_camera_and_has_no_gaps() {
+    let rows = registered_mm(&scene(&[wall(2.0, 0.5)]), &with_colour_camera([0.5, 0.0, 0.0]));
+    assert!(rows.iter().flatten().all(|mm| *mm == 1500));
+    // A wall that runs away to the right: x = 2 − y.
+    let slope = Plate(DVec3::new(2.0, 0.0, 0.0), DVec3::new(-9.0, 9.0, 0.0), DVec3::Z * 9.0, 0.5);
+    let rows = registered_mm(&scene(&[slope]), &with_colour_camera([0.0, -0.1, 0.0]));
+    let depth_m = |column: f64| {
+        // Z·(1 + (32 − u)/60) = 2 + 0.1, as the camera is at y = −0.1.
+        2.1 / (1.0 + (32.0 - column) / 60.0)
+    };
+    for row in &rows {
+        // The right edge of the depth image is 2/(1 − 32/60) m away, where it moves by 1.4 pixels.
+        for (column, mm) in row.iter().enumerate().take(62) {
+            // The depth is of a pixel of the depth camera that touches this one, so of a place less than a pixel beside it, and rounded.
+            let [near, far] = [-1.0, 1.0].map(|off| depth_m(column as f64 + 0.5 + off) * 1e3);
+            let mm = f64::from(*mm);
+            assert!((near - 0.5..=far + 0.5).contains(&mm), "column {column}: {mm}, not {near} to {far}");
+        }
+    }
+}
+
+/// A sensor without a colour camera has nothing to be registered to, which is told before casting.
+#[test]
+fn depth_is_registered_only_to_a_colour_camera_that_is_there() {
+    let format = Format::named("registered").unwrap();
+    let problem = format.check(&parallel()).unwrap_err().to_string();
+    assert!(problem.contains("no colour camera"), "{problem}");
+    assert!(format.check(&with_colour_camera([0.0; 3])).is_ok());
+    let text = "[pinhole]\nwidth_px = 4\nheight_px = 3\nhfov_deg = 60\n[pinhole.registered]\nwidth_px = 4\nhfov_deg = 60\n";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sensor.toml");
+    std::fs::write(&path, text).unwrap();
+    let Err(Error::Config(found)) = beamcast::config::load_sensor(&path) else { panic!() };
+    assert!(found[0].message.contains("`[registered]` has no `height_px`"), "{}", found[0].message);
 }

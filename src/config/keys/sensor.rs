@@ -385,7 +385,21 @@ pub(crate) mod camera {
 
     pub static PINHOLE_KEYS: TableKeys = table(
         "`[pinhole]`",
-        &[&WIDTH, &HEIGHT, &HFOV, &VFOV, &FX, &FY, &CX, &CY, &DISTORTION, &ROW_TIME, &ROW_ORDER, &FRAME_RATE],
+        &[
+            &WIDTH,
+            &HEIGHT,
+            &HFOV,
+            &VFOV,
+            &FX,
+            &FY,
+            &CX,
+            &CY,
+            &DISTORTION,
+            &ROW_TIME,
+            &ROW_ORDER,
+            &FRAME_RATE,
+            &REGISTERED,
+        ],
     )
     .partial();
     pub static FISHEYE_KEYS: TableKeys = table(
@@ -402,6 +416,7 @@ pub(crate) mod camera {
             &ROW_TIME,
             &ROW_ORDER,
             &FRAME_RATE,
+            &REGISTERED,
         ],
     )
     .partial();
@@ -411,6 +426,28 @@ pub(crate) mod camera {
     )
     .partial();
 
+    pub static REGISTERED: Key<Nested> = key(
+        "registered",
+        Nested(&REGISTERED_KEYS),
+        "The colour camera beside a depth camera, in whose image the format `registered` writes depth.",
+    );
+    pub static REGISTERED_KEYS: TableKeys = table(
+        "`[registered]`",
+        &[&WIDTH, &HEIGHT, &HFOV, &VFOV, &FX, &FY, &CX, &CY, &DISTORTION, &POSITION, &RPY],
+    )
+    .partial();
+    pub static POSITION: Key<Vector<3>> = key(
+        "position_m",
+        Vector("x, y, z"),
+        "x (forward), y (left), z (up) in metres of the colour camera in the depth camera's body frame.",
+    )
+    .or("[0.0, 0.0, 0.0]");
+    pub static RPY: Key<Vector<3>> = key(
+        "rpy_deg",
+        Vector("roll, pitch, yaw"),
+        "Roll, pitch, yaw in degrees of the colour camera: R = Rz(yaw) Ry(pitch) Rx(roll); a positive pitch looks down.",
+    )
+    .or("[0.0, 0.0, 0.0]");
     pub static ORTHOGRAPHIC_KEYS: TableKeys = table(
         "`[orthographic]`",
         &[&WIDTH, &HEIGHT, &WIDTH_M, &HEIGHT_M, &ROW_TIME, &ROW_ORDER, &FRAME_RATE],
