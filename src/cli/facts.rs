@@ -7,6 +7,7 @@ use crate::run::facts::{
     AlphaFacts, BeamsFacts, DepthFacts, FileFacts, ImageFacts, MeasurementFacts, RangeShift, RangeSigma,
     SceneFacts, SensorSizes, SequenceFacts, WayFacts,
 };
+use crate::sensor::facts::SensorFacts;
 use crate::source::words::{counted, on_one_line, quoted, runs};
 
 /// The most labels, materials or images that a line lists.
@@ -157,21 +158,14 @@ fn write_depth(text: &mut String, facts: &DepthFacts) {
     }
 }
 
-fn write_sensor(text: &mut String, sensor: &SensorSizes) {
-    let facts = &sensor.facts;
-    let name = sensor.name.as_deref().map_or(String::new(), |name| format!(" {name}"));
-    let _ = writeln!(text, "  {}{name}", facts.kind);
-    if let Some(stance) = &sensor.stance {
-        let [x, y, z] = stance.position_m.map(tidy);
-        fact!(text, "stands", "at ({x}, {y}, {z}) m, looks {}", stance.looks);
+/// What the image spans, and its steps.
+fn write_field(text: &mut String, facts: &SensorFacts) {
+    if let (Some(image), Some(pixel)) = (facts.image_m, facts.pixel_m) {
+        let ([width, height], [across, down]) = (image.map(tidy), pixel.map(|m| tidy(m * 1e3)));
+        fact!(text, "image spans", "{width} m × {height} m, parallel rays");
+        fact!(text, "a pixel", "{across} mm × {down} mm");
+        return;
     }
-    let (rows, columns) = (grouped(facts.rows as u64), grouped(facts.columns as u64));
-    fact!(
-        text,
-        "image",
-        "{rows} rows × {columns} columns, {} rays a frame",
-        grouped(facts.rays_per_frame as u64)
-    );
     let [low, high] = facts.elevation_deg.map(tidy);
     fact!(
         text,
@@ -189,6 +183,24 @@ fn write_sensor(text: &mut String, sensor: &SensorSizes) {
         let place = if facts.kind == "camera" { " in the middle" } else { "" };
         fact!(text, "steps", "{}°{vertical}{place}", tidy(horizontal));
     }
+}
+
+fn write_sensor(text: &mut String, sensor: &SensorSizes) {
+    let facts = &sensor.facts;
+    let name = sensor.name.as_deref().map_or(String::new(), |name| format!(" {name}"));
+    let _ = writeln!(text, "  {}{name}", facts.kind);
+    if let Some(stance) = &sensor.stance {
+        let [x, y, z] = stance.position_m.map(tidy);
+        fact!(text, "stands", "at ({x}, {y}, {z}) m, looks {}", stance.looks);
+    }
+    let (rows, columns) = (grouped(facts.rows as u64), grouped(facts.columns as u64));
+    fact!(
+        text,
+        "image",
+        "{rows} rows × {columns} columns, {} rays a frame",
+        grouped(facts.rays_per_frame as u64)
+    );
+    write_field(text, facts);
     if facts.blind_pixels > 0 {
         fact!(
             text,
@@ -263,7 +275,6 @@ pub fn grouped(n: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::facts::SensorFacts;
 
     #[test]
     fn numbers_are_readable() {
@@ -282,6 +293,8 @@ mod tests {
             elevation_deg: [-20.0, 10.0],
             azimuth_step_deg: Some(1.0),
             elevation_step_deg: Some([2.0, 28.0]),
+            image_m: None,
+            pixel_m: None,
             rate_hz: Some(10.0),
             points_per_second: Some(10_800.0),
             min_range_m: 0.5,

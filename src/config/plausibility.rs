@@ -224,6 +224,34 @@ pub(super) fn row_time(key: &str, row_time_us: f64, rows: u64, rate_hz: f64) -> 
     })
 }
 
+/// An exposure that lasts longer than the frame.
+pub(super) fn exposure(key: &str, exposure_s: f64, rate_hz: f64) -> Option<Doubt> {
+    let period_s = 1.0 / rate_hz;
+    (exposure_s > period_s * (1.0 + 1e-9)).then(|| {
+        let message = format!(
+            "the exposure takes {} ms, and a frame's period is {} ms",
+            number(exposure_s * 1e3),
+            number(period_s * 1e3)
+        );
+        let doubt = Doubt::new("exposure", key, message);
+        if exposure_s / 1e3 <= period_s {
+            let help = format!("if it is, write `{key} = {}`", number(exposure_s / 1e3));
+            doubt.label("is this in milliseconds?").help(help)
+        } else {
+            doubt.label("longer than a frame")
+        }
+    })
+}
+
+/// An exposure of which a pixel sees one moment only.
+pub(super) fn exposure_of_one_ray(key: &str, exposure_s: f64, samples: u32) -> Option<Doubt> {
+    (exposure_s > 0.0 && samples == 1).then(|| {
+        Doubt::new("exposure", key, "a pixel of one sub-ray sees one moment of the exposure")
+            .label("changes nothing")
+            .help("`samples = 4` sees 16 moments of it")
+    })
+}
+
 /// The order of the rows of a global shutter, which sees them all at once.
 pub(super) fn order_of_no_rows(key: &str) -> Doubt {
     Doubt::new("row-order", key, "all rows are exposed at once, so that they have no order")
@@ -407,6 +435,15 @@ mod tests {
             "{}",
             helped(16_000.0)
         );
+        assert_eq!(code(exposure("exposure_s", 1.0 / 30.0, 30.0)), "");
+        assert_eq!(code(exposure("exposure_s", 0.034, 30.0)), "exposure");
+        let told = exposure("exposure_s", 12.8, 30.0).and_then(|doubt| doubt.help).unwrap_or_default();
+        assert!(told.contains("exposure_s = 0.0128`"), "{told}");
+        assert_eq!(
+            [(0.0, 1), (0.01, 2)].map(|(s, n)| code(exposure_of_one_ray("exposure_s", s, n))),
+            [""; 2]
+        );
+        assert_eq!(code(exposure_of_one_ray("exposure_s", 0.01, 1)), "exposure");
         assert!(helped(20_000.5).is_empty() || helped(20_000.5).contains("row_time_us = 20.0005"));
         assert_eq!(code(home_folder("scene", "~/a.glb")), "home-folder");
         assert_eq!(code(home_folder("scene", "~a.glb")), "");

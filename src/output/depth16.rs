@@ -20,7 +20,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
         "m / scale, rounded; 0 is nothing",
     )]),
     read_by: "PIL, OpenCV 4 and 5, Open3D",
-    options: &[SCALE],
+    options: OPTIONS,
     check: |sensor, _| check_sides(sensor),
     loses,
     lost: |frame, options| {
@@ -32,8 +32,11 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     ..FormatSpec::PLAIN
 };
 
+/// The options of images of depth with 16 bits.
+pub(super) const OPTIONS: &[OptionSpec] = &[SCALE];
+
 /// The bounds hold a step of 10 m and one of 10 µm.
-const SCALE: OptionSpec = OptionSpec {
+pub(super) const SCALE: OptionSpec = OptionSpec {
     name: "scale",
     about: "What a metre counts in a pixel: 1000 is millimetres, 5000 as in TUM's data sets, 256 as in KITTI's. Depths that \
             65535 can't hold are written as 0.",
@@ -53,7 +56,7 @@ fn depths(frame: &SensorFrame) -> Vec<f32> {
 }
 
 /// The number in a pixel: 0 for a depth that has none. `None` where nothing came back.
-fn pixel(depth_m: f32, options: &Options) -> Option<u16> {
+pub(super) fn pixel(depth_m: f32, options: &Options) -> Option<u16> {
     // The product is exact for whole scales, so that what an EXR says decides how it is rounded.
     let number = (f64::from(depth_m) * options.number(&SCALE)).round();
     let fits = number >= 1.0 && number <= f64::from(u16::MAX);
@@ -71,7 +74,7 @@ fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
 }
 
 /// Of a sensor that sees farther than a pixel can tell.
-fn loses(sensor: &Sensor, options: &Options) -> Option<String> {
+pub(super) fn loses(sensor: &Sensor, options: &Options) -> Option<String> {
     let scale = options.number(&SCALE);
     let most_m = f64::from(u16::MAX) / scale;
     // A depth is at most the range.

@@ -171,6 +171,12 @@ fn attributes(frame: &SensorFrame) -> LayerAttributes {
                 set("beamcast:distortion", text(&numbers.join(", ")));
             }
         }
+        Pattern::Orthographic(camera) => {
+            let world_from_optical = frame.world_from_sensor() * BODY_FROM_OPTICAL;
+            set("beamcast:world_from_optical", text(&pose_as_toml(&world_from_optical)));
+            set("beamcast:width_m", AttributeValue::F64(camera.size_m().0));
+            set("beamcast:height_m", AttributeValue::F64(camera.size_m().1));
+        }
         _ => {}
     }
     LayerAttributes { other, ..LayerAttributes::default() }

@@ -8,7 +8,7 @@ use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::options::{Channels, OptionSpec, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
-use super::{depth16, exr, labels, npy, npz, pcd, ply, png, poses, waveform};
+use super::{depth16, exr, labels, npy, npz, pcd, ply, png, poses, registered, waveform};
 use crate::sensor::Sensor;
 
 /// Every format that a job can name, in the order in which lists show them.
@@ -17,6 +17,7 @@ pub static FORMATS: &[&FormatSpec] = &[
     &ply::FORMAT,
     &png::FORMAT,
     &depth16::FORMAT,
+    &registered::FORMAT,
     &labels::LABELS,
     &labels::INSTANCES,
     &npz::FORMAT,

@@ -448,12 +448,12 @@ fn geometry(sensor: &Sensor, frame: &Frame) -> Vec<Check> {
     let mut checks = angles(&capture, frame, &|row, column, range| seen.point(row, column, range));
     let time = |row, column| capture.time_s(row, column);
     checks.extend(times((capture.rows(), capture.columns()), sensor.pattern.rate_hz(), &time));
-    let shutter = match &sensor.pattern {
-        Pattern::Camera(camera) => Some(camera.shutter()),
-        Pattern::Raster(raster) => raster.shutter(),
-        _ => None,
-    };
-    checks.extend(shutter.map(|shutter| exposures((capture.rows(), capture.columns()), shutter, &time)));
+    checks.extend(
+        sensor
+            .pattern
+            .shutter()
+            .map(|shutter| exposures((capture.rows(), capture.columns()), shutter, &time)),
+    );
     checks
 }
 
@@ -477,6 +477,7 @@ fn angles(
             continue;
         };
         let d = pulse.direction;
+        let whole = p;
         let p = p - pulse.origin;
         direction.add(p.cross(d).length() / p.length(), at);
         range.add((pulse.range_m(p.length()) - hit.range_m).abs(), at);
@@ -491,14 +492,16 @@ fn angles(
                 // Straight up there is no azimuth, so the distance sideways counts.
                 azimuth.add(off.abs() * level / p.length(), at);
             }
+            Pattern::Orthographic(camera) => {
+                pixel.add(off_pixel(pattern, whole, at), at);
+                // Each of the coordinate, its sum with half of the side and the quotient by a pixel's side is rounded a few times,
+                // by at most u of the side.
+                pixel.allowed = 8.0 * U * camera.width().max(camera.height()) as f64;
+            }
             Pattern::Camera(camera) => {
-                let p = BODY_FROM_OPTICAL.inverse().direction(p);
                 let (fx, fy) = camera.focal_px();
                 let (cx, cy) = camera.principal_px();
-                let off = camera.project(p).map_or(f64::INFINITY, |(u, v)| {
-                    (u - column as f64 - 0.5).abs().max((v - row as f64 - 0.5).abs())
-                });
-                pixel.add(off, at);
+                pixel.add(off_pixel(pattern, p, at), at);
                 // A pixel is 1/f of a radian or less, and its coordinate is a sum with the principal point. Lenses are inverted
                 // to 1e-12 of the focal length, and no lens that can be inverted magnifies that by much.
                 let largest = (column as f64 + 0.5).max(row as f64 + 0.5) + cx.abs().max(cy.abs());
@@ -511,10 +514,17 @@ fn angles(
     let mut checks = vec![direction, range];
     checks.extend(match pattern {
         Pattern::Rotating(_) => vec![elevation, azimuth],
-        Pattern::Camera(_) => vec![pixel],
+        Pattern::Camera(_) | Pattern::Orthographic(_) => vec![pixel],
         _ => vec![],
     });
     checks
+}
+
+/// The pixels that a camera's image of a point in the body frame is from the centre of a pixel (row, column), the larger of across
+/// and down.
+fn off_pixel(camera: &Pattern, point: DVec3, (row, column): (usize, usize)) -> f64 {
+    let place = camera.project(BODY_FROM_OPTICAL.inverse().direction(point));
+    place.map_or(f64::INFINITY, |(u, v)| (u - column as f64 - 0.5).abs().max((v - row as f64 - 0.5).abs()))
 }
 
 /// Checks the times at which the rows of an image are exposed: each pixel's is that of the last row exposed before its own,

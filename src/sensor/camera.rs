@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{Lens, Shutter};
 use crate::angle::Angle;
-use crate::frame::BODY_FROM_OPTICAL;
+use crate::frame::{BODY_FROM_OPTICAL, Pose};
 
 /// A camera with an ideal or a distorting lens. Pixel (0, 0) is at the top left, and its centre lies at (0.5, 0.5).
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +22,16 @@ pub struct Camera {
     shutter: Shutter,
     rate_hz: Option<f64>,
     inverse: InverseLens,
+    registered: Option<Box<Registered>>,
+}
+
+/// The colour camera of a depth camera, to whose image depth can be registered. It casts no rays.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Registered {
+    /// The image and the lens of the colour camera.
+    pub camera: Camera,
+    /// The pose of the colour camera's body frame (x forward, y left, z up) in the depth camera's.
+    pub depth_from_colour: Pose,
 }
 
 /// The optical direction of each pixel, row by row, once it was computed. A pixel without a ray has NaN. Clones of a camera
@@ -91,6 +101,7 @@ impl Camera {
             shutter: Shutter::GLOBAL,
             rate_hz,
             inverse: InverseLens::default(),
+            registered: None,
         })
     }
 
@@ -98,6 +109,17 @@ impl Camera {
     #[must_use]
     pub fn with_lens(self, lens: Lens) -> Self {
         Self { lens, inverse: InverseLens::default(), ..self }
+    }
+
+    /// The same camera with a colour camera.
+    #[must_use]
+    pub fn with_registered(self, registered: Registered) -> Self {
+        Self { registered: Some(Box::new(registered)), ..self }
+    }
+
+    /// The colour camera to whose image depth can be registered, if there is one.
+    pub fn registered(&self) -> Option<&Registered> {
+        self.registered.as_deref()
     }
 
     /// The same camera with another shutter. A camera has a global one unless it is told otherwise.

@@ -123,6 +123,7 @@ impl<'a> Capture<'a> {
     pub fn depth_over_range(&self, row: usize, column: usize) -> Option<f64> {
         match &self.sensor.pattern {
             Pattern::Camera(camera) => camera.optical_direction(row, column).map(|direction| direction.z),
+            Pattern::Orthographic(_) => Some(1.0),
             _ => None,
         }
     }
@@ -138,11 +139,11 @@ impl<'a> Capture<'a> {
         if self.is_frozen { self.start_s } else { self.start_s + time_s }
     }
 
-    /// The times at which pulses are cast, from the first to the last.
+    /// The times at which pulses are cast, from the first to the last, and those of their exposures before and after.
     pub fn window(&self) -> Window {
-        let pattern = &self.sensor.pattern;
-        let [from_s, to_s] =
-            [pattern.first_pulse_s(), pattern.last_pulse_s()].map(|time_s| self.cast_at_s(time_s));
+        let (pattern, half_s) = (&self.sensor.pattern, self.sensor.half_exposure_s());
+        let [from_s, to_s] = [pattern.first_pulse_s() - half_s, pattern.last_pulse_s() + half_s]
+            .map(|time_s| self.cast_at_s(time_s));
         Window { from_s, to_s }
     }
 

@@ -15,6 +15,16 @@ pub enum DepthSensing {
     TimeOfFlight(TimeOfFlight),
 }
 
+impl DepthSensing {
+    /// The time in seconds before and after a pixel's own time in which it gathers light, too.
+    pub fn half_exposure_s(&self) -> f64 {
+        match self {
+            Self::Stereo(_) => 0.0,
+            Self::TimeOfFlight(sensing) => 0.5 * sensing.exposure_s,
+        }
+    }
+}
+
 /// A camera that sees, or lights, the scene from two viewpoints a baseline apart, and finds depth by the disparity between them. Its
 /// images are rectified: both viewpoints have the same intrinsics and axes.
 #[derive(Clone, Debug, PartialEq)]
@@ -177,6 +187,64 @@ pub struct TimeOfFlight {
     pub third_harmonic: f64,
     /// The least amplitude of a pixel with depth, in electrons.
     pub least_amplitude: f64,
+    /// The time in seconds over which a pixel gathers light, about its own time; 0: it gathers all light at once.
+    pub exposure_s: f64,
     /// The largest disagreement between the depths of the frequencies, in metres; infinite if they may disagree.
     pub disagreement_m: f64,
+}
+
+impl TimeOfFlight {
+    /// The time of a sub-ray from the pixel's own time, in seconds. The sub-rays of the square are numbered row by row.
+    ///
+    /// The exposure has as many equal parts as there are sub-rays, and each sub-ray is cast in the middle of one. The parts are dealt out
+    /// by a Latin square: with n sub-rays a side, the n of each n-th of the exposure lie in n rows and n columns, so that what
+    /// moves in any direction is seen in all places at all times, as far as n² sub-rays can.
+    pub fn time_of_sample_s(&self, sample: usize) -> f64 {
+        let side = self.samples as usize;
+        let (row, column) = (sample / side, sample % side);
+        let part = (row + column) % side * side + column;
+        self.exposure_s * ((part as f64 + 0.5) / (side * side) as f64 - 0.5)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each part of the exposure has one sub-ray, its mean is the pixel's own time, and an n-th of it sees all rows and all columns.
+    #[test]
+    fn each_part_of_an_exposure_has_a_sub_ray_and_each_nth_all_rows_and_columns() {
+        for side in 1..=8_usize {
+            let sensing = TimeOfFlight {
+                frequencies_hz: vec![1e8],
+                wavelength_m: 850e-9,
+                electrons_at_1_m: 1e6,
+                contrast: 1.0,
+                sun_electrons: 0.0,
+                read_noise: 0.0,
+                full_well: f64::INFINITY,
+                taps: 4,
+                samples: side as u32,
+                indirect_rays: 0,
+                third_harmonic: 0.0,
+                least_amplitude: 0.0,
+                exposure_s: 2.0,
+                disagreement_m: f64::INFINITY,
+            };
+            let count = side * side;
+            let part = |sample: usize| {
+                (((sensing.time_of_sample_s(sample) / 2.0 + 0.5) * count as f64 - 0.5).round()) as usize
+            };
+            let mut by_part: Vec<usize> = (0..count).collect();
+            by_part.sort_by_key(|&sample| part(sample));
+            assert!((0..count).all(|number| part(by_part[number]) == number));
+            for nth in by_part.chunks(side) {
+                for of in [|i: usize, side: usize| i / side, |i, side| i % side] {
+                    let mut lines: Vec<usize> = nth.iter().map(|&sample| of(sample, side)).collect();
+                    lines.sort_unstable();
+                    assert_eq!(lines, (0..side).collect::<Vec<_>>());
+                }
+            }
+        }
+    }
 }

@@ -15,7 +15,7 @@ pub struct SensorFacts {
     pub columns: usize,
     /// Pixels of a frame, including the pixels without a ray.
     pub rays_per_frame: usize,
-    /// The width of the field of view.
+    /// The width of the field of view, 0 of a camera of parallel rays.
     pub horizontal_fov_deg: f64,
     /// The lowest and the highest elevation. For a camera they are taken along the image's column through the principal
     /// point.
@@ -25,6 +25,10 @@ pub struct SensorFacts {
     /// The smallest and the largest step from one row to the next, in patterns that have them. For a camera both are the
     /// step at the principal point.
     pub elevation_step_deg: Option<[f64; 2]>,
+    /// The width and the height of the image in metres, of a camera of parallel rays.
+    pub image_m: Option<[f64; 2]>,
+    /// The width and the height of a pixel in metres, of a camera of parallel rays.
+    pub pixel_m: Option<[f64; 2]>,
     /// Frames a second, if the sensor has a rate.
     pub rate_hz: Option<f64>,
     /// Rays a second, if the sensor has a rate.
@@ -59,6 +63,10 @@ impl SensorFacts {
         };
         let blind = capture.blind_pixels(MOST_RAYS_TO_ASK);
         let limit = sensor.range.max_m;
+        let parallel = match pattern {
+            Pattern::Orthographic(p) => Some(p),
+            _ => None,
+        };
         Self {
             kind: if pattern.is_camera() { "camera" } else { "LiDAR" },
             rows,
@@ -68,6 +76,8 @@ impl SensorFacts {
             elevation_deg: angles.elevation,
             azimuth_step_deg: angles.azimuth_step,
             elevation_step_deg: angles.elevation_step,
+            image_m: parallel.map(|p| p.size_m().into()),
+            pixel_m: parallel.map(|p| p.pixel_m().into()),
             rate_hz: pattern.rate_hz(),
             points_per_second: pattern.rate_hz().map(|rate| rate * (rays - blind) as f64),
             min_range_m: sensor.range.min_m,

@@ -3,6 +3,7 @@
 //! ```text
 //! rotating raster mirror risley rays   the patterns of LiDARs, one file each
 //! camera     the directions of a camera's pixels; lens: models of distortion; polynomial: where a model folds
+//! orthographic  a camera of parallel rays
 //! measurement  how a sensor measures: its beams' width, its receiver, its noise
 //! spad       a receiver that counts photons
 //! shutter    the times at which the rows of an image are exposed
@@ -18,6 +19,7 @@ pub mod facts;
 mod lens;
 mod measurement;
 mod mirror;
+mod orthographic;
 mod polynomial;
 mod raster;
 mod rays;
@@ -33,7 +35,7 @@ use glam::DVec3;
 
 use crate::angle::Angle;
 
-pub use camera::{Camera, CameraError};
+pub use camera::{Camera, CameraError, Registered};
 pub use capture::{Capture, NumberProblem};
 pub use depth::{
     AnalyticDisparity, DepthSensing, Imager, Matching, Projector, SecondViewpoint, Stereo, StereoMethod,
@@ -42,6 +44,7 @@ pub use depth::{
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
 pub use measurement::{Blooming, DimmerBeams, Footprint, Measurement, Noise, Receiver, ReturnMode, Spad};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};
+pub use orthographic::{Orthographic, OrthographicError};
 pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};
 pub use risley::{Prism, Ripple, Risley, RisleyError, Tilted, TurningMirror};
@@ -77,6 +80,11 @@ impl Sensor {
     /// The largest number of returns of a pulse.
     pub fn most_returns(&self) -> usize {
         self.measurement.receiver.as_ref().map_or(1, |receiver| receiver.returns.most())
+    }
+
+    /// The time in seconds before and after a pulse's own time at which the sensor looks, too.
+    pub(crate) fn half_exposure_s(&self) -> f64 {
+        self.measurement.depth.as_ref().map_or(0.0, DepthSensing::half_exposure_s)
     }
 
     /// Whether the length of a ray alone says what the sensor reports of a hit: its range counts along the ray from the
@@ -171,6 +179,8 @@ pub enum Pattern {
     Rays(RayTable),
     /// A camera with a lens.
     Camera(Camera),
+    /// A camera of parallel rays.
+    Orthographic(Orthographic),
 }
 
 /// One beam of one firing, or one pixel.
@@ -276,6 +286,7 @@ impl Pattern {
             Self::Mirror(p) => p.beams().len(),
             Self::Rays(p) => p.rows(),
             Self::Camera(p) => p.height(),
+            Self::Orthographic(p) => p.height(),
         }
     }
 
@@ -288,6 +299,7 @@ impl Pattern {
             Self::Risley(p) => p.columns(),
             Self::Rays(p) => p.columns(),
             Self::Camera(p) => p.width(),
+            Self::Orthographic(p) => p.width(),
         }
     }
 
@@ -310,18 +322,39 @@ impl Pattern {
                 let direction = p.direction(row, column)?;
                 Some(Pulse::new(DVec3::ZERO, direction, p.time_s(row)))
             }
+            Self::Orthographic(p) => Some(p.pulse(row, column)),
         }
     }
 
     /// Whether the sensor is a camera. A camera's image has planar depth, and its points are given in the optical frame.
     pub fn is_camera(&self) -> bool {
-        matches!(self, Self::Camera(_))
+        matches!(self, Self::Camera(_) | Self::Orthographic(_))
+    }
+
+    /// The image point of a point in a camera's optical frame, in pixels from the image's top left corner. It may lie outside of
+    /// the image. `None` if the camera has no image of it, or if the sensor is no camera.
+    pub fn project(&self, optical: DVec3) -> Option<(f64, f64)> {
+        match self {
+            Self::Camera(p) => p.project(optical),
+            Self::Orthographic(p) => p.project(optical),
+            _ => None,
+        }
+    }
+
+    /// The shutter, if the rows are seen as wholes.
+    pub fn shutter(&self) -> Option<&Shutter> {
+        match self {
+            Self::Camera(p) => Some(p.shutter()),
+            Self::Orthographic(p) => Some(p.shutter()),
+            Self::Raster(p) => p.shutter(),
+            _ => None,
+        }
     }
 
     /// Whether rows and columns are neighbours in space, so that the frame is a picture. In other patterns a row lists the
     /// pulses of a beam in the order of firing, whatever their directions are.
     pub fn is_image(&self) -> bool {
-        matches!(self, Self::Rotating(_) | Self::Raster(_) | Self::Camera(_))
+        matches!(self, Self::Rotating(_) | Self::Raster(_)) || self.is_camera()
     }
 
     /// The name of the pattern in a sensor file.
@@ -336,6 +369,7 @@ impl Pattern {
                 Lens::Ideal | Lens::BrownConrady(_) => "pinhole",
                 Lens::KannalaBrandt(_) => "fisheye",
             },
+            Self::Orthographic(_) => "orthographic",
         }
     }
 
@@ -348,6 +382,7 @@ impl Pattern {
             Self::Risley(p) => Some(p.rate_hz()),
             Self::Rays(p) => p.rate_hz(),
             Self::Camera(p) => p.rate_hz(),
+            Self::Orthographic(p) => p.rate_hz(),
         }
     }
 
@@ -369,6 +404,7 @@ impl Pattern {
             Self::Risley(p) => p.last_pulse_s(),
             Self::Rays(p) => p.last_pulse_s(),
             Self::Camera(p) => p.shutter().last_s(p.height()),
+            Self::Orthographic(p) => p.shutter().last_s(p.height()),
         }
     }
 }

@@ -5,12 +5,13 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use super::facts::MOST_RAYS_TO_ASK;
-use super::{Camera, Capture, Pattern, azimuth_elevation};
+use super::{Capture, Pattern, azimuth_elevation};
 use crate::frame::BODY_FROM_OPTICAL;
 
 /// The directions that a frame of a sensor covers, as seen from the sensor's origin.
 ///
-/// A camera covers what its lens projects into the image, from edge to edge. Any other sensor covers a sector of azimuths and a
+/// A camera covers what it projects into the image, from edge to edge; of one with parallel rays that is the space before its
+/// image. Any other sensor covers a sector of azimuths and a
 /// span of elevations: a rotating one the sector of its head and the span from its lowest beam to its highest, and others what
 /// the pulses of the frame reach. The directions between two beams count as covered, and so do both ends.
 #[derive(Clone, Debug)]
@@ -18,7 +19,8 @@ pub struct Sight<'s>(Kind<'s>);
 
 #[derive(Clone, Debug)]
 enum Kind<'s> {
-    Camera(&'s Camera),
+    /// The pattern of a camera.
+    Camera(&'s Pattern),
     Sector {
         /// The azimuth in the middle of the sector, and half of its width, both in radians.
         middle: f64,
@@ -32,7 +34,7 @@ impl<'s> Sight<'s> {
     /// The sight of a capture. Of very many pulses, an evenly spaced part is asked.
     pub fn of(capture: &Capture<'s>) -> Self {
         match &capture.sensor.pattern {
-            Pattern::Camera(camera) => Self(Kind::Camera(camera)),
+            pattern if pattern.is_camera() => Self(Kind::Camera(pattern)),
             Pattern::Rotating(rotating) => {
                 let (from, to) = rotating.sector();
                 let (from, to) = (from.radians(), to.radians());
@@ -59,7 +61,7 @@ impl<'s> Sight<'s> {
         match &self.0 {
             Kind::Camera(camera) => {
                 let optical = BODY_FROM_OPTICAL.rotation.transpose() * point;
-                let (width, height) = (camera.width() as f64, camera.height() as f64);
+                let (width, height) = (camera.columns() as f64, camera.rows() as f64);
                 camera
                     .project(optical)
                     .is_some_and(|(u, v)| (0.0..=width).contains(&u) && (0.0..=height).contains(&v))

@@ -11,7 +11,7 @@ use crate::frame::Pose;
 use crate::motion::Velocity;
 use crate::scan::Frame;
 use crate::scene::Scene;
-use crate::sensor::{Capture, Pattern, Sight};
+use crate::sensor::{Capture, Sight};
 
 /// What is true of a target in a frame.
 #[derive(Clone, Debug)]
@@ -65,10 +65,7 @@ pub fn boxes<'t>(
 ) -> Vec<BoxTruth<'t>> {
     let seen = seen(targets, capture, frame);
     let sight = Sight::of(capture);
-    let camera = match &capture.sensor.pattern {
-        Pattern::Camera(camera) => Some(camera),
-        _ => None,
-    };
+    let camera = Some(&capture.sensor.pattern).filter(|pattern| pattern.is_camera());
     let mut shown = camera.map_or_else(BTreeMap::new, |_| image::shown(frame, targets));
     let mut found = Vec::new();
     for target in targets.iter() {

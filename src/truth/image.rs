@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::target::Targets;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::scan::Frame;
-use crate::sensor::Camera;
+use crate::sensor::Pattern;
 
 /// Bounds in an image, in pixels from its top left corner: left, top, right and bottom.
 pub type Bounds = [f64; 4];
@@ -58,16 +58,16 @@ pub fn shown(frame: &Frame, targets: &Targets) -> BTreeMap<u32, Shown> {
     growing.into_iter().map(finish).collect()
 }
 
-/// The bounds of the projections of points, cut off at the image's edges. Points that the lens has no projection of (they are
-/// behind a pinhole camera) do not count. `None` if nothing is within the image.
-pub fn projected(camera: &Camera, world_from_sensor: &Pose, points: &[DVec3]) -> Option<Bounds> {
+/// The bounds of the projections of points into a camera's image, cut off at the image's edges. Points that the camera has no
+/// projection of (they are behind a pinhole camera) do not count. `None` if nothing is within the image.
+pub fn projected(camera: &Pattern, world_from_sensor: &Pose, points: &[DVec3]) -> Option<Bounds> {
     let optical_from_world = (*world_from_sensor * BODY_FROM_OPTICAL).inverse();
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     for point in points {
         let Some((u, v)) = camera.project(optical_from_world.point(*point)) else { continue };
         (low, high) = ([low[0].min(u), low[1].min(v)], [high[0].max(u), high[1].max(v)]);
     }
-    let size = [camera.width() as f64, camera.height() as f64];
+    let size = [camera.columns() as f64, camera.rows() as f64];
     let [left, top] = low.map(|edge| edge.max(0.0));
     let [right, bottom] = [0, 1].map(|axis| high[axis].min(size[axis]));
     (left <= right && top <= bottom).then_some([left, top, right, bottom])

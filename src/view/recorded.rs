@@ -13,7 +13,7 @@ use crate::output::recorded::{
     BoxRow, Cloud, Folder, FrameKey, InstanceNames, Part, ReadError, Recorded, read_boxes, read_poses,
 };
 use crate::output::{Channel, Image, Samples};
-use crate::sensor::Camera;
+use crate::sensor::{Camera, Capture, Orthographic, Pattern, Sensor};
 
 /// The largest number of a folder's frames that one page shows. Browsers become slow with more.
 const MAX_FRAMES: usize = 16;
@@ -289,9 +289,12 @@ fn names_of_seen(
     listed.map_or_else(own, InstanceNames::clone).of(ids)
 }
 
-/// The points of a camera's image, by the intrinsics in its header: x forward, y left, z up.
+/// The points of a camera's image, by the intrinsics or, of parallel rays, the sides in its header: x forward, y left, z up.
 fn camera_points(part: &Part) -> Option<Vec<[f32; 3]>> {
     let number = |key: &str| part.attributes.get(key)?.parse::<f64>().ok();
+    if let (Some(width), Some(height)) = (number("beamcast:width_m"), number("beamcast:height_m")) {
+        return parallel_points(&part.image, (width, height));
+    }
     let focal = (number("beamcast:fx_px")?, number("beamcast:fy_px")?);
     let principal = (number("beamcast:cx_px")?, number("beamcast:cy_px")?);
     let image = &part.image;
@@ -301,6 +304,19 @@ fn camera_points(part: &Part) -> Option<Vec<[f32; 3]>> {
         let (column, row) = ((i % image.columns) as f64, (i / image.columns) as f64);
         let direction = BODY_FROM_OPTICAL.direction(camera.optical_direction_at(column + 0.5, row + 0.5)?);
         Some((direction * f64::from(range)).as_vec3().to_array())
+    };
+    Some(ranges.filter_map(point).collect())
+}
+
+/// The points of the image of a camera of parallel rays, with so many metres from edge to edge.
+fn parallel_points(image: &Image, size_m: (f64, f64)) -> Option<Vec<[f32; 3]>> {
+    let camera = Orthographic::new((image.columns, image.rows), size_m, None).ok()?;
+    let sensor = Sensor::new(Pattern::Orthographic(camera));
+    let capture = Capture::at_origin(&sensor);
+    let ranges = image.f32("range")?.iter().enumerate().filter(|(_, range)| range.is_finite());
+    let point = |(i, &range): (usize, &f32)| {
+        let pulse = capture.pulse(i / image.columns, i % image.columns)?;
+        Some(pulse.point(range.into()).as_vec3().to_array())
     };
     Some(ranges.filter_map(point).collect())
 }

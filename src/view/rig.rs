@@ -2,7 +2,7 @@
 
 use crate::check::{GroundMap, Vehicle};
 use crate::frame::Pose;
-use crate::sensor::{Capture, Sensor, azimuth_elevation};
+use crate::sensor::{Capture, Orthographic, Pattern, Sensor, azimuth_elevation};
 
 /// A rig in its vehicle's frame.
 #[derive(Clone, Debug, Default)]
@@ -39,8 +39,30 @@ const MOST_PULSES: usize = 200_000;
 /// Columns of directions, around the whole turn.
 const BINS: usize = 240;
 
+/// The length of the lines of a field of view in metres: as long as a person sees them beside a car, and never longer than the
+/// sensor sees.
+fn length_m(sensor: &Sensor) -> f64 {
+    (sensor.range.max_m / 20.0).clamp(0.3, 3.0)
+}
+
+/// The edges of the space that a camera of parallel rays sees: its image, the same rectangle ahead, and lines between their corners.
+fn edges_of_box(camera: &Orthographic, length_m: f64) -> Vec<[[f32; 3]; 2]> {
+    let (y, z) = (camera.size_m().0 / 2.0, camera.size_m().1 / 2.0);
+    let corner = |x: f64, i: usize| {
+        let (left, up) = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)][i % 4];
+        [x, left * y, up * z].map(|x| x as f32)
+    };
+    let around = |x: f64| (0..4).map(move |i| [corner(x, i), corner(x, i + 1)]);
+    let along = (0..4).map(|i| [corner(0.0, i), corner(length_m, i)]);
+    around(0.0).chain(around(length_m)).chain(along).collect()
+}
+
 /// The edges of a sensor's field of view: the highest and the lowest pulse of each azimuth, and lines to them from the sensor.
 fn edges(sensor: &Sensor) -> Vec<[[f32; 3]; 2]> {
+    let length = length_m(sensor);
+    if let Pattern::Orthographic(camera) = &sensor.pattern {
+        return edges_of_box(camera, length);
+    }
     let (rays, columns) = (sensor.pattern.rays(), sensor.pattern.columns());
     let capture = Capture::at_origin(sensor);
     // An odd step does not stay in the same columns.
@@ -59,8 +81,6 @@ fn edges(sensor: &Sensor) -> Vec<[[f32; 3]; 2]> {
         *span = [span[0].min(elevation), span[1].max(elevation)];
     }
     fill_gaps(&mut spans);
-    // Lines are as long as a person sees them beside a car, and never longer than the sensor sees.
-    let length = (sensor.range.max_m / 20.0).clamp(0.3, 3.0);
     let point = |bin: usize, elevation: f64| {
         let azimuth = (bin as f64 + 0.5) / BINS as f64 * std::f64::consts::TAU;
         let flat = length * libm::cos(elevation);
@@ -110,7 +130,7 @@ fn fill_gaps(spans: &mut [Option<[f64; 2]>]) {
 mod tests {
     use super::*;
     use crate::angle::Angle;
-    use crate::sensor::{Beam, Camera, Pattern, Rotating};
+    use crate::sensor::{Beam, Camera, Rotating};
 
     #[test]
     fn a_camera_has_a_pyramid_and_a_lidar_a_ring() {
@@ -122,6 +142,14 @@ mod tests {
         assert!(seen.iter().flatten().all(|p| p[0] >= 0.0 && p[1].abs() <= p[0] * 1.05 + 1e-6));
         let widest = seen.iter().flatten().map(|p| p[1] / p[0].max(1e-6)).fold(0.0, f32::max);
         assert!(widest > 0.9, "{widest}");
+        // Parallel rays fill a box: 0.6 m long with a range of 12 m.
+        let parallel = Orthographic::new((8, 4), (2.0, 1.0), None).unwrap();
+        let mut boxed = Sensor::new(Pattern::Orthographic(parallel));
+        boxed.range.max_m = 12.0;
+        let seen = edges(&boxed);
+        assert_eq!(seen.len(), 12);
+        assert!(seen.iter().flatten().all(|p| p[1].abs() == 1.0 && p[2].abs() == 0.5));
+        assert!(seen.iter().flatten().all(|p| [0.0, 0.6].contains(&p[0])));
         // A head with 36 columns sees all around, and has four pairs of spokes.
         let beam = |degrees| Beam {
             elevation: Angle::deg(degrees),

@@ -189,6 +189,7 @@ fn time_of_flight(frequencies_mhz: &[f64]) -> TimeOfFlight {
         indirect_rays: 0,
         third_harmonic: 0.0,
         least_amplitude: 0.0,
+        exposure_s: 0.0,
         disagreement_m: f64::INFINITY,
     }
 }

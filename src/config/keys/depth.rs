@@ -347,6 +347,7 @@ pub(crate) mod tof {
             &INDIRECT,
             &THIRD_HARMONIC,
             &LEAST_AMPLITUDE,
+            &EXPOSURE,
             &DISAGREEMENT,
         ],
     )
@@ -423,6 +424,13 @@ pub(crate) mod tof {
         "least_amplitude",
         Number::NOT_NEGATIVE,
         "The least amplitude of a pixel with depth, in electrons.",
+    )
+    .or("0.0");
+    pub static EXPOSURE: Key<Number> = key(
+        "exposure_s",
+        Number::NOT_NEGATIVE,
+        "The time over which a pixel gathers light, half of it before the pixel's own time: what moves then adds up as light does. 0: \
+         nothing moves in it.",
     )
     .or("0.0");
     pub static DISAGREEMENT: Key<Number> = key(

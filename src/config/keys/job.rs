@@ -122,6 +122,7 @@ pub(crate) static SENSOR: TableKeys = table(
         &sensor::PINHOLE,
         &sensor::FISHEYE,
         &sensor::EQUIRECTANGULAR,
+        &sensor::ORTHOGRAPHIC,
         &sensor::RANGE,
         &sensor::RING,
         &FOOTPRINT,

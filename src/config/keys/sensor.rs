@@ -24,6 +24,7 @@ pub(crate) static SENSOR_FILE: TableKeys = table(
         &PINHOLE,
         &FISHEYE,
         &EQUIRECTANGULAR,
+        &ORTHOGRAPHIC,
         &RANGE,
         &RING,
         &FOOTPRINT,
@@ -49,6 +50,7 @@ pub(crate) static MODE_KEYS: TableKeys = table(
         &PINHOLE,
         &FISHEYE,
         &EQUIRECTANGULAR,
+        &ORTHOGRAPHIC,
         &RANGE,
         &FOOTPRINT,
         &RECEIVER,
@@ -63,7 +65,7 @@ pub(crate) static MODE_KEYS: TableKeys = table(
 
 /// The tables of a sensor of which one is its pattern.
 pub(crate) const PATTERNS: &[&dyn AnyKey] =
-    &[&ROTATING, &RASTER, &MIRROR, &RISLEY, &RAYS, &PINHOLE, &FISHEYE, &EQUIRECTANGULAR];
+    &[&ROTATING, &RASTER, &MIRROR, &RISLEY, &RAYS, &PINHOLE, &FISHEYE, &EQUIRECTANGULAR, &ORTHOGRAPHIC];
 pub(crate) static ROTATING: Key<Nested> =
     key("rotating", Nested(&rotating::KEYS), "A LiDAR with a turning head.");
 pub(crate) static RASTER: Key<Nested> =
@@ -77,6 +79,8 @@ pub(crate) static FISHEYE: Key<Nested> =
     key("fisheye", Nested(&camera::FISHEYE_KEYS), "A camera with a fisheye lens.");
 pub(crate) static EQUIRECTANGULAR: Key<Nested> =
     key("equirectangular", Nested(&camera::EQUIRECTANGULAR_KEYS), "A spherical image, or a part of one.");
+pub(crate) static ORTHOGRAPHIC: Key<Nested> =
+    key("orthographic", Nested(&camera::ORTHOGRAPHIC_KEYS), "A depth camera of parallel rays.");
 pub(crate) static RANGE: Key<Nested> = key(
     "range",
     Nested(&range::KEYS),
@@ -375,13 +379,27 @@ pub(crate) mod rays {
     );
 }
 
-/// `[pinhole]`, `[fisheye]` and `[equirectangular]`.
+/// `[pinhole]`, `[fisheye]`, `[equirectangular]` and `[orthographic]`.
 pub(crate) mod camera {
     use super::*;
 
     pub static PINHOLE_KEYS: TableKeys = table(
         "`[pinhole]`",
-        &[&WIDTH, &HEIGHT, &HFOV, &VFOV, &FX, &FY, &CX, &CY, &DISTORTION, &ROW_TIME, &ROW_ORDER, &FRAME_RATE],
+        &[
+            &WIDTH,
+            &HEIGHT,
+            &HFOV,
+            &VFOV,
+            &FX,
+            &FY,
+            &CX,
+            &CY,
+            &DISTORTION,
+            &ROW_TIME,
+            &ROW_ORDER,
+            &FRAME_RATE,
+            &REGISTERED,
+        ],
     )
     .partial();
     pub static FISHEYE_KEYS: TableKeys = table(
@@ -398,6 +416,7 @@ pub(crate) mod camera {
             &ROW_TIME,
             &ROW_ORDER,
             &FRAME_RATE,
+            &REGISTERED,
         ],
     )
     .partial();
@@ -407,6 +426,45 @@ pub(crate) mod camera {
     )
     .partial();
 
+    pub static REGISTERED: Key<Nested> = key(
+        "registered",
+        Nested(&REGISTERED_KEYS),
+        "The colour camera beside a depth camera, in whose image the format `registered` writes depth.",
+    );
+    pub static REGISTERED_KEYS: TableKeys = table(
+        "`[registered]`",
+        &[&WIDTH, &HEIGHT, &HFOV, &VFOV, &FX, &FY, &CX, &CY, &DISTORTION, &POSITION, &RPY],
+    )
+    .partial();
+    pub static POSITION: Key<Vector<3>> = key(
+        "position_m",
+        Vector("x, y, z"),
+        "x (forward), y (left), z (up) in metres of the colour camera in the depth camera's body frame.",
+    )
+    .or("[0.0, 0.0, 0.0]");
+    pub static RPY: Key<Vector<3>> = key(
+        "rpy_deg",
+        Vector("roll, pitch, yaw"),
+        "Roll, pitch, yaw in degrees of the colour camera: R = Rz(yaw) Ry(pitch) Rx(roll); a positive pitch looks down.",
+    )
+    .or("[0.0, 0.0, 0.0]");
+    pub static ORTHOGRAPHIC_KEYS: TableKeys = table(
+        "`[orthographic]`",
+        &[&WIDTH, &HEIGHT, &WIDTH_M, &HEIGHT_M, &ROW_TIME, &ROW_ORDER, &FRAME_RATE],
+    )
+    .partial();
+
+    pub static WIDTH_M: Key<Number> = key(
+        "width_m",
+        Number::POSITIVE,
+        "Width of the image in metres, from the left edge to the right, at every distance.",
+    )
+    .required("`width_m = 4.0`");
+    pub static HEIGHT_M: Key<Number> = key(
+        "height_m",
+        Number::POSITIVE,
+        "Height of the image in metres, if pixels aren't square; left out: they are.",
+    );
     pub static WIDTH: Key<Integer<u64>> =
         key("width_px", SIDE, "Columns of the image.").required("`width_px = 640`");
     pub static HEIGHT: Key<Integer<u64>> =

@@ -206,7 +206,7 @@ fn check_times(report: &Report, sequence: &Sequence, sensors: &[MountedSensor], 
             name,
             count: sequence.frames_of(sensor),
             lead_s: zero.start_s,
-            takes_s: zero.cast_at_s(sensor.pattern.last_pulse_s()) - zero.start_s,
+            takes_s: zero.window().to_s - zero.start_s,
             step_s: one.start_s - zero.start_s,
         }
     });

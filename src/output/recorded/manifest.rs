@@ -72,6 +72,7 @@ pub struct RecordedSensor {
         alias = "risley",
         alias = "pinhole",
         alias = "fisheye",
+        alias = "orthographic",
         alias = "equirectangular"
     )]
     pattern: RecordedPattern,

@@ -3,6 +3,9 @@
 //! A pixel is a square of sub-rays. Each adds the light that its surface sends straight back. Rays from these surfaces, whose density
 //! goes with the cosine of their angle to the normal, find what else lights them: light that comes by way of one other surface. The
 //! source lies at the camera, and lights all directions alike.
+//!
+//! The sub-rays of a pixel are cast at times spread over its exposure, so the light of what moves adds up as phasors do, and never as
+//! depths.
 
 use std::cmp::Ordering;
 use std::f64::consts::TAU;
@@ -176,12 +179,18 @@ impl<C: Cast> Camera<'_, C> {
         [sample % side, sample / side].map(|i| (i as f64 + 0.5) / side as f64 - 0.5)
     }
 
-    fn pose(&self, row: usize) -> SensorPose {
+    /// The poses of the sensor from which a row is cast: one of each sub-ray if the sensor moves during the exposure, else one.
+    fn poses(&self, row: usize) -> Vec<SensorPose> {
+        if let Some(fixed) = self.fixed {
+            return vec![fixed];
+        }
         let time_s = |column| self.capture.time_s(row, column);
-        self.fixed.unwrap_or_else(|| {
-            let time_s = (0..self.capture.columns()).find_map(time_s).unwrap_or(0.0);
-            SensorPose::new(self.capture.world_from_sensor(time_s))
-        })
+        let own_s = (0..self.capture.columns()).find_map(time_s).unwrap_or(0.0);
+        let samples = if self.sensing.exposure_s > 0.0 { self.samples() } else { 1 };
+        let pose_of = |sample| {
+            SensorPose::new(self.capture.world_from_sensor(own_s + self.sensing.time_of_sample_s(sample)))
+        };
+        (0..samples).map(pose_of).collect()
     }
 
     /// Measures the pixels of a part of the image, so many rows and columns from its first pixel on.
@@ -191,7 +200,7 @@ impl<C: Cast> Camera<'_, C> {
         (rows, columns): (usize, usize),
         memory: &mut Memory,
     ) -> Vec<Measured> {
-        let poses: Vec<SensorPose> = (0..rows).map(|row| self.pose(first_row + row)).collect();
+        let poses: Vec<Vec<SensorPose>> = (0..rows).map(|row| self.poses(first_row + row)).collect();
         let number_of = |pixel: usize| {
             (first_row + pixel / columns) * self.capture.columns() + first_column + pixel % columns
         };
@@ -241,7 +250,8 @@ impl<C: Cast> Camera<'_, C> {
                 first = end;
                 let brightest = |ray: usize| {
                     let hit = rays.hits[ray].as_ref()?;
-                    let pose = &poses[pixel / columns];
+                    // All sub-rays of a pixel are cast if one is, and those of a part one pixel after the other.
+                    let pose = pose_of_sample(&poses[pixel / columns], ray % self.samples());
                     Some(shader.receive(&pose.sensor_from_world, rays.rays.ray(ray).direction, hit))
                 };
                 self.measure(number_of(pixel), of_pixel, ambient[pixel], &direct[pixel], brightest)
@@ -252,7 +262,7 @@ impl<C: Cast> Camera<'_, C> {
     /// Fills the bundle of a part's sub-rays, tile by tile.
     fn send(
         &self,
-        poses: &[SensorPose],
+        poses: &[Vec<SensorPose>],
         (first_row, first_column): (usize, usize),
         (rows, columns): (usize, usize),
         memory: &mut Memory,
@@ -262,13 +272,13 @@ impl<C: Cast> Camera<'_, C> {
         of_pixel.clear();
         for first in (0..columns).step_by(TILE.1) {
             for row in 0..rows {
-                let world_from_sensor = poses[row].world_from_sensor;
-                let origin = world_from_sensor.point(DVec3::ZERO);
                 for column in first..columns.min(first + TILE.1) {
                     let (image_row, image_column) = (first_row + row, first_column + column);
                     let own_s = self.capture.time_s(image_row, image_column).unwrap_or(0.0);
-                    let time_s = self.capture.cast_at_s(own_s);
                     for sample in 0..self.samples() {
+                        let time_s = self.capture.cast_at_s(own_s + self.sensing.time_of_sample_s(sample));
+                        let world_from_sensor = pose_of_sample(&poses[row], sample).world_from_sensor;
+                        let origin = world_from_sensor.point(DVec3::ZERO);
                         let direction =
                             self.capture.direction_in_pixel(image_row, image_column, self.place(sample));
                         if let Some(direction) = direction {
@@ -445,6 +455,11 @@ impl<C: Cast> Camera<'_, C> {
         let sigmas: Vec<f64> = measured.iter().map(|one| one.phase_sigma(self.sensing.read_noise)).collect();
         self.unwrapper.unwrap(&phases, &sigmas, 0.0)
     }
+}
+
+/// The pose from which a sub-ray of a row is cast.
+fn pose_of_sample(poses: &[SensorPose], sample: usize) -> &SensorPose {
+    &poses[if poses.len() > 1 { sample } else { 0 }]
 }
 
 /// The light that comes straight back to a pixel.

@@ -1,4 +1,4 @@
-//! `[pinhole]`, `[fisheye]` and `[equirectangular]`.
+//! `[pinhole]`, `[fisheye]`, `[equirectangular]` and `[orthographic]`.
 
 use super::super::super::keys::sensor::FRAME_RATE;
 use super::super::super::keys::sensor::camera as keys;
@@ -6,12 +6,23 @@ use super::super::super::kinds::{List, Number};
 use super::super::super::plausibility;
 use super::super::super::table::{Key, Table};
 use super::limit::check_rays;
+use glam::DVec3;
+
 use crate::angle::Angle;
-use crate::sensor::{BrownConrady, Camera, CameraError, KannalaBrandt, Lens, Raster, Shutter};
+use crate::frame::Pose;
+use crate::sensor::{
+    BrownConrady, Camera, CameraError, KannalaBrandt, Lens, Orthographic, Raster, Registered, Shutter,
+};
 use crate::source::{Doubt, Spanned};
 
 /// A pinhole; `distortion` has OpenCV's 4, 5 or 8 numbers.
 pub(super) fn pinhole(t: &Table<'_>) -> Option<Camera> {
+    let camera = behind_pinhole(t, true);
+    with_registered(t, camera?)
+}
+
+/// A camera behind a pinhole; `has_times` says whether its table has the keys of times.
+fn behind_pinhole(t: &Table<'_>, has_times: bool) -> Option<Camera> {
     let names = "k1, k2, p1, p2, then k3, then k4, k5, k6";
     let lens = lens(t, &keys::DISTORTION, &[4, 5, 8], names, |c| {
         let mut all = [0.0; 8];
@@ -19,7 +30,24 @@ pub(super) fn pinhole(t: &Table<'_>) -> Option<Camera> {
         BrownConrady::new(all).map(Lens::BrownConrady)
     });
     let fields = (t.read(&keys::HFOV), t.read(&keys::VFOV));
-    camera(t, lens, Lens::Ideal, &keys::HFOV, fields, "hfov_deg = 87.0")
+    camera(t, has_times, lens, Lens::Ideal, &keys::HFOV, fields, "hfov_deg = 87.0")
+}
+
+/// A camera with the colour camera of its table, if there is one.
+fn with_registered(t: &Table<'_>, camera: Camera) -> Option<Camera> {
+    if !t.has(&keys::REGISTERED) {
+        return Some(camera);
+    }
+    let t = t.read(&keys::REGISTERED)?.value;
+    let colour = behind_pinhole(&t, false);
+    let [roll, pitch, yaw] = t.value(&keys::RPY);
+    if let Some(doubt) = plausibility::rpy(keys::RPY.name(), [roll, pitch, yaw]) {
+        t.report().doubt(t.span_of(&keys::RPY), doubt);
+    }
+    let [roll, pitch, yaw] = [roll, pitch, yaw].map(Angle::deg);
+    let position = DVec3::from_array(t.value(&keys::POSITION));
+    let depth_from_colour = Pose::from_rpy(position, roll, pitch, yaw);
+    Some(camera.with_registered(Registered { camera: colour?, depth_from_colour }))
 }
 
 /// A fisheye; `distortion` has OpenCV's 4 numbers, and none is an equidistant lens.
@@ -27,7 +55,9 @@ pub(super) fn fisheye(t: &Table<'_>) -> Option<Camera> {
     let from = |c: &[f64]| KannalaBrandt::new(c.try_into().ok()?).map(Lens::KannalaBrandt);
     let lens = lens(t, &keys::FISHEYE_DISTORTION, &[4], "k1, k2, k3, k4", from);
     let fields = (t.read(&keys::FISHEYE_HFOV), None);
-    camera(t, lens, from(&[0.0; 4])?, &keys::FISHEYE_HFOV, fields, "hfov_deg = 180.0")
+    let example = "hfov_deg = 180.0";
+    let camera = camera(t, true, lens, from(&[0.0; 4])?, &keys::FISHEYE_HFOV, fields, example);
+    with_registered(t, camera?)
 }
 
 /// The lens of a `distortion`: `Some(None)` if that is left out.
@@ -56,6 +86,7 @@ fn lens(
 /// `example` is a right `hfov_key`.
 fn camera(
     t: &Table<'_>,
+    has_times: bool,
     lens: Option<Option<Lens>>,
     default: Lens,
     hfov_key: &Key<Number>,
@@ -64,8 +95,9 @@ fn camera(
 ) -> Option<Camera> {
     let width = t.read(&keys::WIDTH);
     let height = t.read(&keys::HEIGHT);
-    let rate = t.read(&FRAME_RATE);
-    let shutter = shutter(t, height.map(|height| height.value), rate.map(|rate| rate.value));
+    let rate = if has_times { t.read(&FRAME_RATE) } else { None };
+    let rows = height.map(|height| height.value);
+    let shutter = if has_times { shutter(t, rows, rate.map(|rate| rate.value)) } else { Shutter::GLOBAL };
     let (fx, fy) = (t.read(&keys::FX), t.read(&keys::FY));
     let (cx, cy) = (t.read(&keys::CX), t.read(&keys::CY));
 
@@ -164,6 +196,22 @@ pub(super) fn equirectangular(t: &Table<'_>) -> Option<Raster> {
     let fields = (Angle::deg(hfov?.value), Angle::deg(vfov?.value));
     Raster::equirectangular(size, fields, rate.map(|rate| rate.value))
         .map(|raster| raster.with_shutter(shutter))
+        .map_err(|error| t.report().error(t.span, error.to_string(), "", None))
+        .ok()
+}
+
+/// A camera of parallel rays; its pixels are square unless the image has a height of its own.
+pub(super) fn orthographic(t: &Table<'_>) -> Option<Orthographic> {
+    let (width, height) = (t.read(&keys::WIDTH), t.read(&keys::HEIGHT));
+    let rate = t.read(&FRAME_RATE);
+    let shutter = shutter(t, height.map(|height| height.value), rate.map(|rate| rate.value));
+    let (width_m, height_m) = (t.read(&keys::WIDTH_M), t.read(&keys::HEIGHT_M));
+    let (width, height, width_m) = (width?, height?, width_m?.value);
+    check_rays(t.report(), height.value, width.value, width.span)?;
+    let square_m = width_m / width.value as f64 * height.value as f64;
+    let size_m = (width_m, height_m.map_or(square_m, |height| height.value));
+    Orthographic::new((width.value as usize, height.value as usize), size_m, rate.map(|rate| rate.value))
+        .map(|camera| camera.with_shutter(shutter))
         .map_err(|error| t.report().error(t.span, error.to_string(), "", None))
         .ok()
 }

@@ -46,10 +46,19 @@ pub(super) fn check(t: &Table<'_>, pattern: &Pattern, measurement: &Measurement)
     let name = key.name();
     let Pattern::Camera(camera) = pattern else {
         let message = format!(
-            "`[{name}]` is how a camera finds depth, and the sensor's pattern is `[{}]`",
+            "`[{name}]` is how a camera with a lens finds depth, and the sensor's pattern is `[{}]`",
             pattern.name()
         );
-        return fail(message, "needs a camera", "a LiDAR's measurement is set by `[receiver]` and `[noise]`");
+        return match pattern.is_camera() {
+            true => {
+                let help =
+                    "parallel rays have no focal length, and meet in no place that light could go back to";
+                fail(message, "needs a camera with a lens", help)
+            }
+            false => {
+                fail(message, "needs a camera", "a LiDAR's measurement is set by `[receiver]` and `[noise]`")
+            }
+        };
     };
     if matches!(sensing, DepthSensing::Stereo(_)) && !matches!(camera.lens(), Lens::Ideal) {
         let message = format!("`[{name}]` compares rectified images, and the camera's lens distorts");
@@ -69,7 +78,23 @@ pub(super) fn check(t: &Table<'_>, pattern: &Pattern, measurement: &Measurement)
         let message = format!("the sensor has both `[{name}]` and `[{other}]`, which is a LiDAR's");
         return fail(message, "one too many", "keep one of the two");
     }
+    if let DepthSensing::TimeOfFlight(sensing) = sensing {
+        warn_of_exposure(t, sensing, pattern.rate_hz());
+    }
     Some(())
+}
+
+/// Warns of an exposure that is longer than a frame, or in which nothing can move.
+fn warn_of_exposure(t: &Table<'_>, sensing: &TimeOfFlight, rate_hz: Option<f64>) {
+    let Some(tof) = t.read(&keys::TOF).map(|tof| tof.value) else { return };
+    let key = tof::EXPOSURE.name();
+    let doubts = [
+        rate_hz.and_then(|rate_hz| plausibility::exposure(key, sensing.exposure_s, rate_hz)),
+        plausibility::exposure_of_one_ray(key, sensing.exposure_s, sensing.samples),
+    ];
+    for doubt in doubts.into_iter().flatten() {
+        t.report().doubt(tof.span_of(&tof::EXPOSURE), doubt);
+    }
 }
 
 /// The keys of a camera of two viewpoints.
@@ -264,6 +289,7 @@ fn time_of_flight(t: &Table<'_>) -> Option<TimeOfFlight> {
         indirect_rays: t.value(&tof::INDIRECT),
         third_harmonic: t.value(&tof::THIRD_HARMONIC),
         least_amplitude: t.value(&tof::LEAST_AMPLITUDE),
+        exposure_s: t.value(&tof::EXPOSURE),
         disagreement_m: t.value(&tof::DISAGREEMENT),
     };
     let sensing = sensing(

@@ -32,6 +32,7 @@ const PATTERNS: &[(&Key<Nested>, Read)] = &[
     (&keys::PINHOLE, |t, _| camera::pinhole(t).map(Pattern::Camera)),
     (&keys::FISHEYE, |t, _| camera::fisheye(t).map(Pattern::Camera)),
     (&keys::EQUIRECTANGULAR, |t, _| camera::equirectangular(t).map(Pattern::Raster)),
+    (&keys::ORTHOGRAPHIC, |t, _| camera::orthographic(t).map(Pattern::Orthographic)),
 ];
 
 /// Whether a key of a sensor is a pattern's.
@@ -111,7 +112,7 @@ fn check_limits(t: &Table<'_>, pattern: &Pattern, range: RangeLimits) -> Option<
         ),
         name => (
             format!("`[{name}]` has no depth that could be limited: a LiDAR measures along its beams"),
-            "leave `of` out: the limits apply to the range along the beam; \"depth\" is for `[pinhole]` and `[fisheye]`",
+            "leave `of` out: the limits apply to the range along the beam; \"depth\" is for cameras: `[pinhole]`, `[fisheye]` and `[orthographic]`",
         ),
     };
     let span = t.read(&keys::RANGE).map_or(t.span, |range| range.value.span_of(&range::OF));
