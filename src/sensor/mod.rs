@@ -18,6 +18,7 @@ mod lens;
 mod measurement;
 mod mirror;
 mod polynomial;
+mod published;
 mod raster;
 mod rays;
 mod risley;
@@ -40,6 +41,7 @@ pub use depth::{
 pub use lens::{BrownConrady, KannalaBrandt, Lens};
 pub use measurement::{Blooming, Footprint, Measurement, Noise, Receiver, ReturnMode};
 pub use mirror::{Axis, Mirror, MirrorError, Motion};
+pub use published::{Published, Quantity, StatedAt};
 pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};
 pub use risley::{Prism, Ripple, Risley, RisleyError, Tilted, TurningMirror};

@@ -61,6 +61,11 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ("leaky.toml", job(0.0, 36, "moller-trumbore")),
         ("measured.toml", job(0.0, 36, "exact") + "[sensor.receiver]\nrange_pairs = [[0.8, 50.0]]\n"),
         ("stereo.toml", camera("stereo = { baseline_m = 0.05 }")),
+        (
+            "promising.toml",
+            camera("stereo = { baseline_m = 0.05 }")
+                + "[nominal]\nsource = \"a data sheet\"\n[[nominal.published]]\nat_m = 1.0\nfill_rate_percent = 90.0\n",
+        ),
         ("tof.toml", camera("tof = { frequencies_mhz = [20.0, 100.0], electrons_at_1_m = 1e5 }")),
         ("wrong.toml", "scene = 3\n".to_owned()),
         ("triangle.gltf", TRIANGLE.to_owned()),
@@ -151,7 +156,10 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ),
         ("presets", vec![json(&["presets", "--json"])]),
         ("selftest", vec![json(&["selftest", "leaky.toml", "--json"])]),
-        ("selftest --datasheet", vec![json(&["selftest", "--datasheet", "measured.toml", "--json"])]),
+        (
+            "selftest --datasheet",
+            vec![json(&["selftest", "--datasheet", "measured.toml", "promising.toml", "--json"])],
+        ),
     ])
 }
 
