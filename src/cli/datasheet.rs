@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::depth_quality;
 use super::interrupt::Interrupt;
 use super::job::load_sensor_or_job;
 use super::json;
@@ -12,48 +13,95 @@ use super::terminal::Terminal;
 use crate::config::presets::BUILT_IN;
 use crate::config::{self, Config, Job, SensorFile};
 use crate::error::Error;
+use crate::run::memory;
+use crate::scan::Progress;
 use crate::selftest::datasheet::{self, Figure, Measured, Outcome, Replay, Stated};
-use crate::sensor::Sensor;
+use crate::selftest::quality::{self, QualityReport};
+use crate::sensor::{Measurement, Published, Sensor};
 use crate::source::words::{on_one_line, runs};
 
-/// A sensor that states figures.
+/// A sensor that states figures, or a camera that finds depth.
 struct Subject {
     name: String,
     sensor: Sensor,
-    /// Whether the figures are those of `[nominal]`.
+    /// Whether the figures by which it measures are those of `[nominal]`.
     is_nominal: bool,
-    /// The publication that they are from, where the sensor's file says it.
+    /// The publication that these, or the promises, are from, where the sensor's file says it.
     source: Option<String>,
+    /// What the data sheet promises of a depth camera.
+    published: Vec<Published>,
 }
 
-/// Replays the figures of sensors: of built-in ones, of sensor files, or of jobs. Without any, of all built-in sensors that have
-/// `[nominal]`.
+/// What was found of a sensor.
+enum Found {
+    /// Of a sensor with a receiver or with noise: the replay of its figures.
+    Replay(Replay),
+    /// Of a camera that finds depth: the quality of it.
+    Quality(QualityReport),
+}
+
+impl Found {
+    fn passed(&self) -> bool {
+        match self {
+            Self::Replay(replay) => replay.passed(),
+            Self::Quality(report) => report.passed(),
+        }
+    }
+}
+
+impl Subject {
+    fn rays(&self) -> u64 {
+        match self.sensor.measurement.depth {
+            Some(_) => quality::rays(&self.sensor, &self.published),
+            None => datasheet::rays(&self.sensor, &self.sensor.measurement),
+        }
+    }
+
+    fn find(&self, progress: &Progress) -> Result<Option<Found>, Error> {
+        let found = match self.sensor.measurement.depth {
+            Some(_) => {
+                quality::measure(&self.sensor, &self.published, progress).map(|q| q.map(Found::Quality))
+            }
+            None => datasheet::replay(&self.sensor, &self.sensor.measurement, progress)
+                .map(|replay| replay.map(Found::Replay)),
+        };
+        found.map_err(|e| Error::Usage(format!("{}: no plane can be set up for it: {e}", self.name)))
+    }
+}
+
+/// Whether there is something to be measured of a sensor.
+fn is_measurable(measurement: &Measurement) -> bool {
+    measurement.depth.is_some() || datasheet::states_figures(measurement)
+}
+
+/// Replays the figures of sensors, and measures the quality of depth cameras: of built-in ones, of sensor files, or of jobs. Without
+/// any, of all built-in sensors that state figures or find depth.
 ///
 /// # Errors
-/// [`Error::Difference`] if a figure disagrees; [`Error::Config`] with everything that is wrong in a file; [`Error::Usage`] if a
-/// sensor states nothing.
+/// [`Error::Difference`] if a figure disagrees or a promise is broken; [`Error::Config`] with everything that is wrong in a file;
+/// [`Error::Usage`] if a sensor states nothing, or if a frame does not fit into the machine's memory.
 pub(super) fn run(paths: &[PathBuf], prints_json: bool, terminal: &Terminal) -> Result<(), Error> {
     let interrupt = Interrupt::watch()?;
     let subjects = subjects(paths, terminal)?;
-    let rays = subjects.iter().map(|s| datasheet::rays(&s.sensor, &s.sensor.measurement)).sum();
-    let replay = |s: &Subject| {
-        datasheet::replay(&s.sensor, &s.sensor.measurement, interrupt.progress())
-            .map_err(|e| Error::Usage(format!("{}: no plane can be set up for it: {e}", s.name)))
-    };
-    let replay_all = || subjects.iter().map(replay).collect::<Result<Option<Vec<Replay>>, Error>>();
-    let replays = terminal.with_progress(rays, interrupt.progress(), replay_all)?;
+    for subject in subjects.iter().filter(|subject| subject.sensor.measurement.depth.is_some()) {
+        memory::check(&format!("a frame of {}", subject.name), memory::of_frame(&subject.sensor))?;
+    }
+    let rays = subjects.iter().map(Subject::rays).sum();
+    let find = |subject: &Subject| subject.find(interrupt.progress());
+    let find_all = || subjects.iter().map(find).collect::<Result<Option<Vec<Found>>, Error>>();
+    let found = terminal.with_progress(rays, interrupt.progress(), find_all)?;
     interrupt.check()?;
-    let replays = replays.unwrap_or_default();
-    let both = || subjects.iter().zip(&replays);
+    let found = found.unwrap_or_default();
+    let both = || subjects.iter().zip(&found);
     if prints_json {
-        let all: Vec<Value> = both().map(|(subject, replay)| as_json(subject, replay)).collect();
+        let all: Vec<Value> = both().map(|(subject, found)| as_json(subject, found)).collect();
         terminal.json(&json::SELFTEST_DATASHEET.of(json!({ "sensors": all })))?;
     } else {
-        let all: Vec<String> = both().map(|(subject, replay)| as_text(subject, replay)).collect();
+        let all: Vec<String> = both().map(|(subject, found)| as_text(subject, found)).collect();
         terminal.print(&all.join("\n"))?;
     }
     let failed: Vec<&str> =
-        both().filter(|(_, replay)| !replay.passed()).map(|(subject, _)| subject.name.as_str()).collect();
+        both().filter(|(_, found)| !found.passed()).map(|(subject, _)| subject.name.as_str()).collect();
     if failed.is_empty() { Ok(()) } else { Err(Error::Difference(format!("{} failed", failed.join(", ")))) }
 }
 
@@ -85,7 +133,7 @@ fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Erro
                         Err(message) => silent_here.push(message),
                     }
                 }
-                // A rig may well have a camera beside its LiDARs.
+                // A rig may well have an ideal camera beside its LiDARs.
                 if subjects.len() > before {
                     silent_here.drain(..).for_each(|message| terminal.warn(message));
                 }
@@ -106,22 +154,26 @@ fn subjects(paths: &[PathBuf], terminal: &Terminal) -> Result<Vec<Subject>, Erro
 fn nothing_of(name: &str, nominal: &str) -> String {
     format!(
         "{name} has nothing to replay: it has no `[receiver]` with `range_pairs`, no `[noise]` with `range_floor_m` or \
-         `bias_m`, and {nominal}"
+         `bias_m`, no `[stereo]`, `[structured_light]` or `[tof]`, and {nominal}"
     )
 }
 
 /// The sensor of a file as it stands or, if it states nothing so, with the figures of its `[nominal]`. Else a message.
 fn of_file(name: String, file: SensorFile) -> Result<Subject, String> {
     let SensorFile { sensor, nominal, .. } = file;
-    if datasheet::states_figures(&sensor.measurement) {
-        return Ok(Subject { name, sensor, is_nominal: false, source: None });
+    if is_measurable(&sensor.measurement) {
+        let promises = nominal.filter(|nominal| !nominal.published.is_empty());
+        let (source, published) = promises.map(|nominal| (nominal.source, nominal.published)).unzip();
+        let published = published.unwrap_or_default();
+        return Ok(Subject { name, sensor, is_nominal: false, source, published });
     }
     match nominal {
-        Some(nominal) if datasheet::states_figures(&nominal.measurement) => Ok(Subject {
+        Some(nominal) if is_measurable(&nominal.measurement) => Ok(Subject {
             name,
             sensor: Sensor { measurement: nominal.measurement, ..sensor },
             is_nominal: true,
             source: Some(nominal.source),
+            published: nominal.published,
         }),
         _ => Err(nothing_of(&name, "no `[nominal]` with them")),
     }
@@ -136,15 +188,16 @@ fn of_job(path: &Path, job: &Job, index: usize) -> Result<Subject, String> {
         sensor: sensor.clone(),
         is_nominal,
         source: None,
+        published: Vec::new(),
     };
-    if datasheet::states_figures(&mounted.sensor.measurement) {
+    if is_measurable(&mounted.sensor.measurement) {
         return Ok(subject(&mounted.sensor, mounted.is_nominal));
     }
     // The job that says so is an error where the preset has no such figures.
     let asked = format!("sensor.{}.nominal=true", mounted.name);
     let nominal = config::load_job(path, &[asked]).ok();
     let of_nominal = nominal.as_ref().and_then(|job| job.sensors.get(index));
-    match of_nominal.filter(|nominal| datasheet::states_figures(&nominal.sensor.measurement)) {
+    match of_nominal.filter(|nominal| is_measurable(&nominal.sensor.measurement)) {
         Some(nominal) => Ok(subject(&nominal.sensor, true)),
         None => Err(nothing_of(
             &name,
@@ -153,7 +206,7 @@ fn of_job(path: &Path, job: &Job, index: usize) -> Result<Subject, String> {
     }
 }
 
-fn as_text(subject: &Subject, replay: &Replay) -> String {
+fn as_text(subject: &Subject, found: &Found) -> String {
     let mut text = on_one_line(&subject.name).to_string();
     if subject.is_nominal {
         text += ", nominal";
@@ -162,6 +215,15 @@ fn as_text(subject: &Subject, replay: &Replay) -> String {
         let _ = write!(text, " ({})", on_one_line(source));
     }
     text += "\n";
+    text += &match found {
+        Found::Replay(replay) => replay_as_text(subject, replay),
+        Found::Quality(report) => depth_quality::text(report),
+    };
+    text
+}
+
+fn replay_as_text(subject: &Subject, replay: &Replay) -> String {
+    let mut text = String::new();
     if let Some(fit) = replay.fit.filter(|_| replay.pairs > 1) {
         let _ = writeln!(
             text,
@@ -234,16 +296,22 @@ fn shown(stated: &Stated, value: f64) -> String {
     }
 }
 
-fn as_json(subject: &Subject, replay: &Replay) -> Value {
-    let several = replay.fit.filter(|_| replay.pairs > 1);
+fn as_json(subject: &Subject, found: &Found) -> Value {
+    let (replay, report) = match found {
+        Found::Replay(replay) => (Some(replay), None),
+        Found::Quality(report) => (None, Some(report)),
+    };
+    let several = replay.and_then(|replay| replay.fit.filter(|_| replay.pairs > 1));
     json!({
         "name": subject.name,
         "is_nominal": subject.is_nominal,
         "source": subject.source,
-        "passed": replay.passed(),
+        "passed": found.passed(),
         "exponent": several.map(|fit| fit.exponent),
         "misfit": several.map(|fit| fit.misfit),
-        "figures": replay.figures.iter().map(|figure| figure_as_json(subject, figure)).collect::<Vec<_>>(),
+        "figures": replay.map_or_else(Vec::new, |replay| replay.figures.iter().map(|figure| figure_as_json(subject, figure)).collect()),
+        "walls": report.map_or_else(Vec::new, depth_quality::walls_as_json),
+        "published": report.map_or_else(Vec::new, depth_quality::published_as_json),
     })
 }
 

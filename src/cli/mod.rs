@@ -3,6 +3,7 @@
 mod bench;
 mod check;
 mod datasheet;
+mod depth_quality;
 pub mod diagnostics;
 mod diff;
 mod explain;

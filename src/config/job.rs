@@ -13,7 +13,7 @@ use crate::frame::{Pose, UpAxis};
 use crate::motion::{Motion, Trajectory};
 use crate::output::{CloudFrame, CloudTime, Format};
 use crate::scene::{Environment, Optics};
-use crate::sensor::{Capture, Measurement, Sensor};
+use crate::sensor::{Capture, Measurement, Published, Sensor};
 use crate::source::{Diagnostic, Place};
 use crate::trace::methods::Method;
 use crate::truth;
@@ -393,6 +393,8 @@ pub struct Nominal {
     pub source: String,
     /// The data sheet's figures, with the sensor's own tables over them.
     pub measurement: Measurement,
+    /// What the data sheet promises of a depth camera.
+    pub published: Vec<Published>,
 }
 
 /// A file, by its content.

@@ -21,6 +21,7 @@
 //! points as a cloud gives them, by other formulas than those that made the pulses.
 
 pub mod datasheet;
+pub mod quality;
 mod shapes;
 #[cfg(test)]
 mod tests;

@@ -4,6 +4,7 @@
 use crate::angle::Angle;
 use crate::matching::Settings;
 use crate::physics::dots::{Dots, Field};
+use crate::physics::phasor::{Phasor, range_m as range_of_phase_m};
 use crate::rng::Rng;
 
 /// How a depth camera finds depth. Without it a camera is ideal: its depth is exact.
@@ -194,6 +195,33 @@ pub struct TimeOfFlight {
 }
 
 impl TimeOfFlight {
+    /// The standard deviation in metres of the range of one surface at `range_m`, whose light frees so many electrons in all taps of
+    /// a frequency, without other light and as long as its phases are unwrapped rightly.
+    ///
+    /// Of N electrons in all n taps, σ_φ = √(2·(N + n·r²))/(m·N) with the contrast m and the read noise r
+    /// ([`phase_sigma`](crate::physics::phasor::Demodulated::phase_sigma)). Three taps multiply the variance by
+    /// k = 1 − m·N/(2·(N + n·r²))·cos 3φ. The frequencies' ranges are averaged with the weights w = 1/σ² that leave k out, so that the
+    /// variance of the mean is Σw·k/(Σw)².
+    pub fn range_sigma_m(&self, electrons: f64, range_m: f64) -> f64 {
+        let counted = electrons + f64::from(self.taps) * self.read_noise * self.read_noise;
+        let phase_sigma = (2.0 * counted).sqrt() / (self.contrast * electrons);
+        let (mut weights, mut variance) = (0.0, 0.0);
+        for &frequency_hz in &self.frequencies_hz {
+            let sigma_m = range_of_phase_m(phase_sigma, frequency_hz);
+            let weight = 1.0 / (sigma_m * sigma_m);
+            let of_taps = if self.taps == 3 {
+                let cos = Phasor::of_path(1.0, 2.0 * range_m, frequency_hz).re;
+                let cos_of_triple = cos * (4.0 * cos * cos - 3.0);
+                1.0 - 0.5 * self.contrast * electrons / counted * cos_of_triple
+            } else {
+                1.0
+            };
+            weights += weight;
+            variance += weight * of_taps;
+        }
+        variance.sqrt() / weights
+    }
+
     /// The time of a sub-ray from the pixel's own time, in seconds. The sub-rays of the square are numbered row by row.
     ///
     /// The exposure has as many equal parts as there are sub-rays, and each sub-ray is cast in the middle of one. The parts are dealt out

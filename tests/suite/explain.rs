@@ -170,7 +170,7 @@ fn weather_sun_and_blooming_are_in_a_story_as_in_its_frame() {
         receiver: Some(Receiver { crosstalk: 1e-3, ..receiver() }),
         noise: Some(noise()),
         blooming: Some(blooming),
-        depth: None,
+        ..Measurement::default()
     };
     let stories = stories_of(&scene, &sensor(measurement));
     let met = |cause| stories.iter().flat_map(|story| &story.met).filter(|met| met.cause == cause).count();

@@ -63,6 +63,11 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ("sequence.toml", job(0.0, 36, "exact") + "[sequence]\nframes = 2\n"),
         ("leaky.toml", job(0.0, 36, "moller-trumbore")),
         ("stereo.toml", camera("stereo = { baseline_m = 0.05 }")),
+        (
+            "promising.toml",
+            camera("stereo = { baseline_m = 0.05 }")
+                + "[nominal]\nsource = \"a data sheet\"\n[[nominal.published]]\nat_m = 1.0\nfill_rate_percent = 90.0\n",
+        ),
         ("tof.toml", camera("tof = { frequencies_mhz = [20.0, 100.0], electrons_at_1_m = 1e5 }")),
         (
             "measured.toml",
@@ -170,7 +175,10 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ),
         ("presets", vec![json(&["presets", "--json"])]),
         ("selftest", vec![json(&["selftest", "leaky.toml", "--json"])]),
-        ("selftest --datasheet", vec![json(&["selftest", "--datasheet", "measured.toml", "--json"])]),
+        (
+            "selftest --datasheet",
+            vec![json(&["selftest", "--datasheet", "measured.toml", "promising.toml", "--json"])],
+        ),
     ])
 }
 

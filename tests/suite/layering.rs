@@ -25,7 +25,10 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("output", &["angle", "error", "frame", "physics", "scan", "scene", "sensor", "source", "truth"]),
     ("check", &["angle", "frame", "output", "scan", "scene", "sensor", "source"]),
     ("view", &["check", "error", "frame", "output", "scan", "scene", "sensor", "source"]),
-    ("selftest", &["angle", "frame", "motion", "output", "physics", "scan", "scene", "sensor", "trace"]),
+    (
+        "selftest",
+        &["angle", "frame", "motion", "output", "physics", "rng", "scan", "scene", "sensor", "trace"],
+    ),
     ("kernels", &["angle", "error", "frame", "motion", "rng", "scan", "scene", "sensor", "trace"]),
     (
         "config",

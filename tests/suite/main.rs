@@ -11,6 +11,7 @@ mod datasets;
 mod datasheets;
 mod dead_zone;
 mod depth_cameras;
+mod depth_quality;
 mod docs;
 mod examples;
 mod explain;

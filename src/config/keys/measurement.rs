@@ -45,11 +45,64 @@ pub(crate) static IS_NOMINAL: Key<Flag> = key(
 
 pub(crate) static NOMINAL_KEYS: TableKeys = table(
     "`[nominal]`",
-    &[&SOURCE, &FOOTPRINT, &RECEIVER, &NOISE, &BLOOMING, &STEREO, &STRUCTURED_LIGHT, &TOF],
+    &[&SOURCE, &FOOTPRINT, &RECEIVER, &NOISE, &BLOOMING, &STEREO, &STRUCTURED_LIGHT, &TOF, &PUBLISHED],
 )
 .partial();
 pub(crate) static SOURCE: Key<Text> = key("source", Text, "The publication that the figures are from.")
     .required("`source = \"…\"`, the publication that the figures are from");
+pub(crate) static PUBLISHED: Key<Tables> = key(
+    "published",
+    Tables::with_headers(&published::KEYS, "bound", 1).at_most(published::MOST),
+    "What the data sheet promises of a depth camera, which `selftest --datasheet` judges.",
+);
+
+/// `[[nominal.published]]`.
+pub(crate) mod published {
+    use super::*;
+
+    /// Most tables: data sheets state a figure at two or three distances.
+    pub const MOST: usize = 64;
+    pub static KEYS: TableKeys = table(
+        "`[[nominal.published]]`",
+        &[&AT, &UP_TO, &Z_ACCURACY, &FILL_RATE, &PLANE_RMS, &SUBPIXEL_RMS, &SIGMA, &BIAS, &BIAS_PERCENT],
+    );
+    /// The figures, of which a table has at least one.
+    pub const BOUNDS: [&dyn AnyKey; 7] =
+        [&Z_ACCURACY, &FILL_RATE, &PLANE_RMS, &SUBPIXEL_RMS, &SIGMA, &BIAS, &BIAS_PERCENT];
+    pub static AT: Key<Number> = key(
+        "at_m",
+        Number::POSITIVE,
+        "The distance of the flat target that the figures are about; left out, as is `up_to_m`: any that the camera measures.",
+    );
+    pub static UP_TO: Key<Number> =
+        key("up_to_m", Number::POSITIVE, "The distance up to which the figures hold, in place of `at_m`.");
+    pub static Z_ACCURACY: Key<Number> =
+        key("z_accuracy_percent", Number::POSITIVE, "The largest median error of depth, of the distance.");
+    pub static FILL_RATE: Key<Number> = key(
+        "fill_rate_percent",
+        Number::within(Excluded(0.0), Included(100.0)),
+        "The least share of pixels that have a depth.",
+    );
+    pub static PLANE_RMS: Key<Number> = key(
+        "plane_rms_percent",
+        Number::POSITIVE,
+        "The largest root mean square distance from the plane that fits the target, of the distance.",
+    );
+    pub static SUBPIXEL_RMS: Key<Number> =
+        key("subpixel_rms_px", Number::POSITIVE, "The largest noise in pixels of disparity.");
+    pub static SIGMA: Key<Number> =
+        key("sigma_m", Number::POSITIVE, "The largest standard deviation of a pixel's depth over time.");
+    pub static BIAS: Key<Number> = key(
+        "bias_m",
+        Number::NOT_NEGATIVE,
+        "The largest difference between the mean depth and the distance.",
+    );
+    pub static BIAS_PERCENT: Key<Number> = key(
+        "bias_percent",
+        Number::NOT_NEGATIVE,
+        "The part of the distance that is added to `bias_m`, which counts as 0 if it is left out.",
+    );
+}
 
 /// `[footprint]`.
 pub(crate) mod footprint {

@@ -1,11 +1,15 @@
 //! The figures of a sensor's data sheet, which lie under the sensor's own tables if a job turns them on.
 
 use super::super::job::Nominal;
-use super::super::keys::measurement::{IS_NOMINAL, NOMINAL, NOMINAL_KEYS, PARTS, SOURCE};
+use super::super::keys::measurement::{
+    IS_NOMINAL, NOMINAL, NOMINAL_KEYS, PARTS, PUBLISHED, SOURCE, published as keys,
+};
 use super::super::keys::sensor::SENSOR_FILE;
+use super::super::kinds::Number;
 use super::super::overlay;
-use super::super::table::{AnyKey, Reading, Table};
+use super::super::table::{AnyKey, Key, Reading, Table};
 use super::sensor::{max_at, measurement, range};
+use crate::sensor::{Published, Quantity, StatedAt};
 use crate::source::Span;
 use crate::source::tree::{Entries, Node, Value};
 
@@ -13,9 +17,16 @@ use crate::source::tree::{Entries, Node, Value};
 pub(super) fn settle_nominal(reading: Reading<'_>, preset: &mut Entries, sensor: &Entries) {
     let given = preset.remove(NOMINAL.name()).map(|entry| entry.node);
     let Some(asked) = sensor.get(IS_NOMINAL.name()).map(|entry| &entry.node) else { return };
+    // Promises alone say nothing about how the sensor measures.
+    let has_figures = |nominal: &Node| match &nominal.value {
+        Value::Table(figures) => PARTS.into_iter().any(|part| figures.contains_key(part.name())),
+        _ => true, // reported when it is read
+    };
     match (&asked.value, given) {
-        (Value::Boolean(true), Some(nominal)) => lay_under(reading, preset, &nominal),
-        (Value::Boolean(true), None) => report_absence(reading, asked.span),
+        (Value::Boolean(true), Some(nominal)) if has_figures(&nominal) => {
+            lay_under(reading, preset, &nominal);
+        }
+        (Value::Boolean(true), _) => report_absence(reading, asked.span),
         _ => {} // reported when it is read
     }
 }
@@ -52,7 +63,8 @@ pub(super) fn nominal(reading: Reading<'_>, entries: &Entries, file: Span) -> Op
     let t = Table::new(reading, &SENSOR_FILE, entries, file);
     let given = t.read(&NOMINAL)?;
     let source = given.value.read(&SOURCE);
-    if !PARTS.into_iter().any(|part| given.value.has(part)) {
+    let published = published(&given.value);
+    if !given.value.has(&PUBLISHED) && !PARTS.into_iter().any(|part| given.value.has(part)) {
         let help = "such as `[nominal.receiver]` with `range_pairs`".to_owned();
         reading.report.error(given.span, "`[nominal]` has no figures", "needs a table", Some(help));
     }
@@ -63,5 +75,44 @@ pub(super) fn nominal(reading: Reading<'_>, entries: &Entries, file: Span) -> Op
     lay_under(reading, &mut laid, &figures);
     let t = Table::new(reading, &SENSOR_FILE, &laid, file);
     let measurement = measurement(&t, range(&t), max_at(&t));
-    Some(Nominal { source: source?.value.to_owned(), measurement })
+    Some(Nominal { source: source?.value.to_owned(), measurement, published })
+}
+
+/// The bounds that the data sheet of a depth camera states. Those that are wrong are reported and left out.
+fn published(nominal: &Table<'_>) -> Vec<Published> {
+    nominal.read(&PUBLISHED).iter().flat_map(|tables| &tables.value).flat_map(bounds).collect()
+}
+
+fn bounds(t: &Table<'_>) -> Vec<Published> {
+    let given = |key: &Key<Number>| t.read(key).map(|number| number.value);
+    let at = match (given(&keys::AT), given(&keys::UP_TO)) {
+        (Some(_), Some(_)) => {
+            let span = t.report().later(t.span_of(&keys::AT), t.span_of(&keys::UP_TO));
+            let help = "figures hold at a distance, or up to one".to_owned();
+            t.report().error(span, "both `at_m` and `up_to_m` are given", "one too many", Some(help));
+            return Vec::new();
+        }
+        (Some(at_m), None) => StatedAt::At(at_m),
+        (None, Some(end_m)) => StatedAt::UpTo(end_m),
+        (None, None) => StatedAt::All,
+    };
+    let of = |quantity, bound, share_of_distance| Published { quantity, at, bound, share_of_distance };
+    let plain: [(&Key<Number>, Quantity); 5] = [
+        (&keys::Z_ACCURACY, Quantity::ZAccuracy),
+        (&keys::FILL_RATE, Quantity::FillRate),
+        (&keys::PLANE_RMS, Quantity::PlaneRms),
+        (&keys::SUBPIXEL_RMS, Quantity::SubpixelRms),
+        (&keys::SIGMA, Quantity::Sigma),
+    ];
+    let mut all: Vec<Published> =
+        plain.into_iter().filter_map(|(key, quantity)| Some(of(quantity, given(key)?, 0.0))).collect();
+    let (bias_m, bias_percent) = (given(&keys::BIAS), given(&keys::BIAS_PERCENT));
+    if bias_m.is_some() || bias_percent.is_some() {
+        all.push(of(Quantity::Bias, bias_m.unwrap_or(0.0), bias_percent.unwrap_or(0.0) / 100.0));
+    }
+    if keys::BOUNDS.into_iter().all(|key| !t.has(key)) {
+        let help = "such as `z_accuracy_percent = 2.0`".to_owned();
+        t.report().error(t.span, "`[[nominal.published]]` bounds nothing", "needs a figure", Some(help));
+    }
+    all
 }

@@ -4,9 +4,11 @@ use serde::Serialize;
 
 use super::RangeSigma;
 use crate::physics::disparity::StereoPair;
-use crate::physics::phasor::range_m;
 use crate::physics::unwrap::Unwrapper;
-use crate::sensor::{DepthSensing, Pattern, SecondViewpoint, Sensor, StereoMethod, TimeOfFlight};
+use crate::sensor::{DepthSensing, Pattern, SecondViewpoint, Sensor, StereoMethod};
+
+/// The reflectance of the plane whose depth is noisy.
+const WHITE: f64 = 0.8;
 
 /// The facts about how a depth camera finds depth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -53,7 +55,7 @@ impl DepthFacts {
                 least_depth_m: None,
                 unambiguous_range_m: Unwrapper::new(&sensing.frequencies_hz)
                     .map(|unwrapper| unwrapper.range_m()),
-                depth_sigmas: at(|z| sigma_m(sensing, z)),
+                depth_sigmas: at(|z| sensing.range_sigma_m(WHITE * sensing.electrons_at_1_m / (z * z), z)),
             }),
         }
     }
@@ -62,16 +64,4 @@ impl DepthFacts {
 /// Standard deviations at the distances that depth cameras are compared at.
 fn at(sigma_m: impl Fn(f64) -> f64) -> Vec<RangeSigma> {
     [1.0, 2.0, 4.0].into_iter().map(|range_m| RangeSigma { range_m, sigma_m: sigma_m(range_m) }).collect()
-}
-
-/// σ of the mean of the frequencies' ranges with the weights 1/σ²: of N electrons in all n taps, σ_φ = √(2·(N + n·r²))/(m·N).
-fn sigma_m(sensing: &TimeOfFlight, depth_m: f64) -> f64 {
-    let electrons = 0.8 * sensing.electrons_at_1_m / (depth_m * depth_m);
-    let read = f64::from(sensing.taps) * sensing.read_noise * sensing.read_noise;
-    let phase_sigma = (2.0 * (electrons + read)).sqrt() / (sensing.contrast * electrons);
-    let weight = |hz: &f64| {
-        let sigma = range_m(phase_sigma, *hz);
-        1.0 / (sigma * sigma)
-    };
-    1.0 / sensing.frequencies_hz.iter().map(weight).sum::<f64>().sqrt()
 }
