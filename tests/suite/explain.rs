@@ -157,6 +157,7 @@ fn weather_sun_and_blooming_are_in_a_story_as_in_its_frame() {
         receiver: Some(receiver()),
         noise: Some(noise()),
         blooming: Some(blooming),
+        depth: None,
     };
     let stories = stories_of(&scene, &sensor(measurement));
     let met = |cause| stories.iter().flat_map(|story| &story.met).filter(|met| met.cause == cause).count();
