@@ -222,9 +222,16 @@ fn a_ray_at_a_right_angle_to_the_axis_has_no_depth() {
 /// The case camera_depth_limit: data sheets of depth cameras state limits of Z, and the built-in cameras say so.
 #[test]
 fn built_in_depth_cameras_have_limits_of_depth() {
-    for (preset, max_m) in
-        [("realsense/d435", 10.0), ("kinect/v1", 4.0), ("kinect/v2", 4.5), ("azure/kinect", 3.86)]
-    {
+    for (preset, max_m) in [
+        ("realsense/d415", 10.0),
+        ("realsense/d435", 10.0),
+        ("realsense/d455", 10.0),
+        ("luxonis/oak-d", 12.0),
+        ("stereolabs/zed-2", 20.0),
+        ("kinect/v1", 4.0),
+        ("kinect/v2", 4.5),
+        ("azure/kinect", 3.86),
+    ] {
         let at = max_m * 0.98_f32;
         let job = format!("[[sensor]]\nname = \"c\"\npreset = \"{preset}\"\n");
         let place = Place::new(&[("wall", [at, -90.0, -90.0], [at + 0.1, 90.0, 90.0])], &job);

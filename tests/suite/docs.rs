@@ -57,6 +57,7 @@ fn pages_for_contributors_name_what_exists() {
     for page in [
         "docs/architecture.md",
         "docs/glossary.md",
+        "docs/depth-cameras.md",
         "docs/measurement.md",
         "docs/mistakes.md",
         "CONTRIBUTING.md",

@@ -455,7 +455,9 @@ fn a_sensor_measures_as_its_tables_say() {
     let sensor = SENSOR.to_owned() + MEASURED;
     let job = load(JOB, &sensor, &["output.terms=true"]).unwrap();
     assert!(job.output.formats.iter().all(|format| format.tells_terms()));
-    let Measurement { footprint, receiver, noise, blooming, .. } = job.sensors[0].sensor.measurement.clone();
+    let Measurement { footprint, receiver, noise, blooming, depth } =
+        job.sensors[0].sensor.measurement.clone();
+    assert_eq!(depth, None);
     let footprint = footprint.unwrap();
     let half = footprint.half_divergence.map(|angle| angle.radians());
     assert_eq!(half, [3.0, 1.5].map(|full| 0.5 * E2_IN_FWHM * full * 1e-3));
