@@ -52,6 +52,7 @@ fn tof(electrons_at_1_m: f64, taps: u32) -> DepthSensing {
         indirect_rays: 0,
         third_harmonic: 0.0,
         least_amplitude: 0.0,
+        exposure_s: 0.0,
         disagreement_m: f64::INFINITY,
     })
 }

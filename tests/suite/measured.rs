@@ -1,7 +1,7 @@
 //! Scans of sensors that are not ideal, against closed forms. Each random check states its rate of error and has a fixed seed.
 
 use beamcast::glam::DVec3;
-use beamcast::physics::detection::normal_below;
+use beamcast::physics::detection::{RangePair, normal_below};
 use beamcast::physics::footprint::{Samples, beyond_edge};
 use beamcast::scene::{Optics, Scene, Sun, SurfaceKind, Weather};
 use beamcast::sensor::{Blooming, DimmerBeams, Measurement, Noise, Receiver, ReturnMode};
