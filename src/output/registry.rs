@@ -8,7 +8,7 @@ use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::options::{Channels, OptionSpec, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
-use super::{depth16, exr, labels, npy, npz, pcd, ply, png, poses, registered};
+use super::{color, depth16, exr, labels, npy, npz, pcd, ply, png, poses, registered};
 use crate::sensor::Sensor;
 
 /// Every format that a job can name, in the order in which lists show them.
@@ -16,6 +16,7 @@ pub static FORMATS: &[&FormatSpec] = &[
     &exr::FORMAT,
     &ply::FORMAT,
     &png::FORMAT,
+    &color::FORMAT,
     &depth16::FORMAT,
     &registered::FORMAT,
     &labels::LABELS,
@@ -98,6 +99,12 @@ impl Format {
     pub fn tells_motion(self) -> bool {
         self.holds_channels() && self.options.channels.iter().any(ChannelSpec::is_of_motion)
             || self.has_motion()
+    }
+
+    /// Whether the files tell the colours of surfaces.
+    pub fn tells_colors(self) -> bool {
+        self.name() == color::FORMAT.name
+            || self.holds_channels() && self.options.channels.iter().any(ChannelSpec::is_of_color)
     }
 
     /// Checks that the options that are given go together.

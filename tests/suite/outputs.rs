@@ -407,7 +407,7 @@ fn the_same_capture_gives_the_same_bytes_on_any_number_of_threads() {
     for sensor in [lidar(64, 512), camera(160, 120)] {
         let frame = ground(&sensor, DVec3::Z);
         let seen = capture(&sensor, &frame);
-        for format in Format::all() {
+        for format in Format::all().filter(|format| format.check(&sensor).is_ok()) {
             let encode = |threads: usize| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 pool.install(|| format.encode(&seen).unwrap())
