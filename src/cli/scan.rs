@@ -329,7 +329,11 @@ impl Run<'_> {
         let Some(truth) = session.truth(item, frame, interrupt.progress()) else {
             return Err(interrupt.check().err().unwrap_or(Error::Interrupted { signal: 0 }));
         };
-        let seen = SensorFrame { motions: &truth.motions, ..session.sensor_frame(item, frame) };
+        let seen = SensorFrame {
+            motions: &truth.motions,
+            colors: &truth.colors,
+            ..session.sensor_frame(item, frame)
+        };
         let destination = journal.destination();
         let write = |output: &Output| -> Result<(WrittenFile, u64), Error> {
             let lost = output.format.lost(&seen);

@@ -142,6 +142,15 @@ const fn image(
     ChannelSpec { name, unit, about, sensors, values: Values::Image(value), is_chosen: true, ..PLAIN }
 }
 
+/// A part of the colour of a surface.
+const fn color(
+    name: &'static str,
+    about: &'static str,
+    value: fn(&SensorFrame, Place) -> f64,
+) -> ChannelSpec {
+    ChannelSpec { name, about, values: Values::F32(value), is_chosen: true, ..PLAIN }
+}
+
 /// An axis of the displacement of a surface's point.
 const fn flow(name: &'static str, about: &'static str, value: fn(&SensorFrame, Place) -> f64) -> ChannelSpec {
     ChannelSpec { name, unit: "m", about, values: Values::F32(value), is_chosen: true, ..PLAIN }
@@ -157,7 +166,7 @@ const fn velocity(
 }
 
 /// Every channel, sorted by name. [`DEPTH_FOR_OPENCV`] is not among them, because it repeats one of them.
-pub static CHANNELS: [ChannelSpec; 37] = [
+pub static CHANNELS: [ChannelSpec; 40] = [
     ChannelSpec {
         name: "Z",
         unit: "m",
@@ -199,6 +208,15 @@ pub static CHANNELS: [ChannelSpec; 37] = [
         shown: Some(Shown { rank: 7, label: "cause", scale: Scale::Id }),
         ..PLAIN
     },
+    color("color.B", "The linear blue of the surface, in the light of a lamp at the sensor.", |f, at| {
+        f.color(at.slot)[2].into()
+    }),
+    color("color.G", "The linear green of the surface.", |f, at| f.color(at.slot)[1].into()),
+    color(
+        "color.R",
+        "The linear red of the surface: its base colour with texture and vertex colour, times the cosine of the angle of incidence, 0 to 1.",
+        |f, at| f.color(at.slot)[0].into(),
+    ),
     image(
         "confidence",
         "",
@@ -495,6 +513,11 @@ impl ChannelSpec {
     /// Whether the channel tells how surfaces move.
     pub fn is_of_motion(&self) -> bool {
         self.name.starts_with("flow.") || self.name.starts_with("velocity.")
+    }
+
+    /// Whether the channel tells the colours of surfaces.
+    pub fn is_of_color(&self) -> bool {
+        self.name.starts_with("color.")
     }
 
     /// Whether a sensor has the channel.

@@ -25,7 +25,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     read_by: "PIL, OpenCV 4 and 5, Open3D",
     options: depth16::OPTIONS,
     check: |sensor, _| registered(sensor).map(|_| ()),
-    loses: depth16::loses,
+    loses: |sensor, options| registered(sensor).ok().and_then(|_| depth16::loses(sensor, options)),
     lost: |frame, options| {
         let depths = register(frame).unwrap_or_default();
         depths.iter().filter(|depth_m| depth16::pixel(**depth_m as f32, options) == Some(0)).count() as u64

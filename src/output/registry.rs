@@ -8,7 +8,7 @@ use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::options::{Channels, OptionSpec, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
-use super::{depth16, exr, labels, npy, npz, pcd, ply, png, poses, registered, waveform};
+use super::{color, depth16, exr, labels, npy, npz, pcd, ply, png, poses, registered, waveform};
 use crate::sensor::Sensor;
 
 /// Every format that a job can name, in the order in which lists show them.
@@ -16,6 +16,7 @@ pub static FORMATS: &[&FormatSpec] = &[
     &exr::FORMAT,
     &ply::FORMAT,
     &png::FORMAT,
+    &color::FORMAT,
     &depth16::FORMAT,
     &registered::FORMAT,
     &labels::LABELS,
@@ -105,6 +106,12 @@ impl Format {
     /// ([`Frame::keep_waveforms`](crate::scan::Frame::keep_waveforms)).
     pub fn tells_waveforms(self) -> bool {
         self == Self::of(&waveform::FORMAT)
+    }
+
+    /// Whether the files tell the colours of surfaces.
+    pub fn tells_colors(self) -> bool {
+        self.name() == color::FORMAT.name
+            || self.holds_channels() && self.options.channels.iter().any(ChannelSpec::is_of_color)
     }
 
     /// Checks that the options that are given go together.

@@ -78,6 +78,8 @@ pub struct SensorFrame<'a> {
     pub legend: bool,
     /// How the surface of each return moves, by the return's slot. It may be empty: then nothing moves.
     pub motions: &'a [SurfaceMotion],
+    /// The linear red, green and blue of each return's surface, by the return's slot. It may be empty: then all are black.
+    pub colors: &'a [[f32; 3]],
     /// The objects that have tracks.
     pub targets: Option<&'a Targets>,
 }
@@ -94,6 +96,7 @@ impl<'a> SensorFrame<'a> {
             names: Names::default(),
             legend: false,
             motions: &[],
+            colors: &[],
             targets: None,
         }
     }
@@ -101,6 +104,11 @@ impl<'a> SensorFrame<'a> {
     /// How the surface of the return in a slot moves, along the world's axes.
     pub(super) fn motion(&self, slot: usize) -> SurfaceMotion {
         self.motions.get(slot).copied().unwrap_or_default()
+    }
+
+    /// The linear red, green and blue of the surface of the return in a slot.
+    pub(super) fn color(&self, slot: usize) -> [f32; 3] {
+        self.colors.get(slot).copied().unwrap_or_default()
     }
 
     /// The track of the object of the return in a slot; 0 if it has none.

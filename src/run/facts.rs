@@ -53,7 +53,7 @@ pub struct SensorSizes {
     pub stance: Option<Stance>,
     /// The memory that a frame takes while it is made.
     pub frame_bytes: u64,
-    /// The size of a frame's file before compression, by format: an upper limit.
+    /// The size of a frame's file before compression, by format: an upper limit. Formats that the frames do not fit are left out.
     pub output_bytes: serde_json::Map<String, serde_json::Value>,
 }
 
@@ -72,7 +72,7 @@ impl SensorSizes {
             measurement: MeasurementFacts::of(&sensor.measurement, sensor.range, rays, false),
             depth: DepthFacts::of(sensor, false),
             frame_bytes: memory::frame_bytes_a_pixel(sensor).saturating_mul(rays),
-            output_bytes: formats.iter().map(size).collect(),
+            output_bytes: formats.iter().filter(|format| format.check(sensor).is_ok()).map(size).collect(),
             facts,
         }
     }

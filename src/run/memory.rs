@@ -100,8 +100,10 @@ pub fn of_frames(sensors: &[MountedSensor], frames: &[u64], formats: &[Format], 
                 let motion = if tells_motion { size_of::<SurfaceMotion>() as u64 } else { 0 };
                 let tells_waveforms = formats.iter().any(|format| format.tells_waveforms());
                 let waveforms = if tells_waveforms { Waveforms::bytes_a_pixel(sensor) as u64 } else { 0 };
+                let tells_colors = formats.iter().any(|format| format.tells_colors());
+                let colors = if tells_colors { size_of::<[f32; 3]>() as u64 } else { 0 };
                 let encoded: u64 = formats.iter().map(|f| f.encoding_bytes_a_ray(sensor)).sum();
-                (in_flight * (frame + waveforms) + motion + encoded, 0)
+                (in_flight * (frame + waveforms) + motion + colors + encoded, 0)
             }
             Holding::Image => (frame + image, 0),
             Holding::Views => (frame, view + COPIES_OF_TEXT * TEXT_BYTES_A_RAY),

@@ -8,13 +8,15 @@ use super::table::Table;
 use super::tracked::Tracked;
 use crate::output::{SensorFrame, box_row, pose_row, visible_row};
 use crate::scan::{self, Frame, Progress};
-use crate::truth::{SurfaceMotion, boxes, surface_motions};
+use crate::truth::{SurfaceMotion, boxes, surface_colors, surface_motions};
 
 /// What is true of a frame beside its returns.
 #[derive(Clone, Debug, Default)]
 pub struct FrameTruth {
     /// How the surface of each return moves, by the slot of the return. It is empty if no format tells it.
     pub motions: Vec<SurfaceMotion>,
+    /// The linear red, green and blue of each return's surface, by the slot of the return. It is empty if no format tells it.
+    pub colors: Vec<[f32; 3]>,
     /// The rows of the run's tables, each without its line's end.
     pub rows: BTreeMap<Table, Vec<String>>,
 }
@@ -26,6 +28,9 @@ impl Session {
         let mut truth = FrameTruth::default();
         if job.output.formats.iter().any(|format| format.tells_motion()) {
             truth.motions = surface_motions(self.frame_tracer(item).scene(), &capture, frame);
+        }
+        if job.output.formats.iter().any(|format| format.tells_colors()) {
+            truth.colors = surface_colors(self.frame_tracer(item).scene(), &capture, frame);
         }
         let seen = self.sensor_frame(item, frame);
         for table in Table::of(job) {

@@ -105,7 +105,7 @@ fn sector(mut azimuths: Vec<f64>) -> (f64, f64) {
 mod tests {
     use super::*;
     use crate::angle::Angle;
-    use crate::sensor::{Beam, Rotating, Sensor, direction};
+    use crate::sensor::{Beam, Camera, Rotating, Sensor, direction};
 
     fn lidar(elevations: [f64; 2], sector: (f64, f64)) -> Sensor {
         let beam = |elevation: f64| Beam {

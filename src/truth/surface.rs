@@ -127,7 +127,7 @@ impl<'s> Bent<'s> {
 }
 
 /// The barycentric weights of a point in the plane of a triangle. `None` if the triangle has no area.
-fn weights([a, b, c]: [DVec3; 3], point: DVec3) -> Option<[f64; 3]> {
+pub(super) fn weights([a, b, c]: [DVec3; 3], point: DVec3) -> Option<[f64; 3]> {
     let normal = (b - a).cross(c - a);
     let squared = normal.length_squared();
     if squared <= 0.0 {

@@ -6,16 +6,17 @@ use std::sync::Arc;
 use beamcast::error::Error;
 use beamcast::frame::{BODY_FROM_OPTICAL, Pose};
 use beamcast::motion::{Blending, Clock, Link, Motion, Track, Trajectory};
-use beamcast::output::{Format, SensorFrame};
+use beamcast::output::{Channels, Format, SensorFrame};
 use beamcast::physics::phasor::{Phasor, range_m};
 use beamcast::scan::{Frame, Progress, scan};
-use beamcast::scene::{Material, Scene, SceneBuilder, SourceInstance};
+use beamcast::scene::{Corners, Material, Scene, SceneBuilder, SourceInstance};
 use beamcast::sensor::facts::SensorFacts;
 use beamcast::sensor::{
     Camera, Capture, DepthSensing, Measurement, Orthographic, Pattern, RowOrder, Sensor, Shutter,
     TimeOfFlight,
 };
 use beamcast::trace::Tracer;
+use beamcast::truth::surface_colors;
 use glam::{DAffine3, DVec3};
 
 use crate::plates::{Plate, lambert, optics, scene, wall};
@@ -275,4 +276,75 @@ fn depth_is_registered_only_to_a_colour_camera_that_is_there() {
     std::fs::write(&path, text).unwrap();
     let Err(Error::Config(found)) = beamcast::config::load_sensor(&path) else { panic!() };
     assert!(found[0].message.contains("`[registered]` has no `height_px`"), "{}", found[0].message);
+}
+
+/// The colours of a frame's returns, pixel by pixel, and the file of the format `color`.
+fn colors(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory) -> (Vec<[f32; 3]>, Vec<u8>) {
+    let capture = Capture::new(sensor, Pose::IDENTITY, trajectory, 1, 7);
+    let scene = scene.during(capture.window(), None);
+    let frame = scan(&scene, &Tracer::build(&scene), &capture, &Progress::default()).unwrap();
+    let colors = surface_colors(&scene, &capture, &frame);
+    let seen = SensorFrame { colors: &colors, ..SensorFrame::new(capture, &frame, "camera") };
+    let file = Format::named("color").unwrap().encode(&seen).unwrap();
+    let mut reader = png::Decoder::new(Cursor::new(file)).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    let of_pixel = |pixel| frame.slot(pixel, 0).map_or([0.0; 3], |slot| colors[slot]);
+    ((0..frame.pixels()).map(of_pixel).collect(), bytes)
+}
+
+/// A colour is the base colour with texture and vertex colour at the very point, times the cosine of incidence, also of what moves.
+#[test]
+fn colors_are_those_of_the_surface_in_the_light_of_a_lamp_at_the_sensor() {
+    // A card that leans by 60°: as the camera looks along x, its normal is half along it. Its vertex colours go from black on the left
+    // to white on the right, across 4 m.
+    let slope = 3.0_f64.sqrt();
+    let card = [[2.0, -1.0], [-2.0, -1.0], [-2.0, 1.0], [2.0, 1.0]]
+        .map(|[left, up]| DVec3::new(9.0 + slope * up, left, up));
+    let mut mesh = quad(card);
+    let shade = [0.0, 1.0, 1.0, 0.0].map(|grey| [grey, grey, grey, 1.0]);
+    mesh.parts[0].corners = Corners::new(0, true);
+    for corner in [0, 1, 2, 0, 2, 3] {
+        mesh.parts[0].corners.push(&[], shade[corner]);
+    }
+    let base = [0.8, 0.4, 0.2];
+    let material = Material { base_color: [0.8, 0.4, 0.2, 1.0], ..Material::default() };
+    // It goes to the left with 5 m/s, so at 0.1 s it is half a metre farther left.
+    let going =
+        Trajectory::Twist { start: Pose::IDENTITY, linear_m_s: DVec3::Y * 5.0, angular_rad_s: DVec3::ZERO };
+    let still = Trajectory::Fixed(Pose::IDENTITY);
+    for (link, moved_m) in [(Link::Rigid(going), 0.5), (Link::Fixed(DAffine3::IDENTITY), 0.0)] {
+        let builder = SceneBuilder {
+            meshes: vec![mesh.clone()],
+            instances: vec![SourceInstance {
+                motion: Some(Arc::new(Motion { links: vec![link] })),
+                ..SourceInstance::default()
+            }],
+            materials: vec![material.clone()],
+            files: vec![],
+            groups: vec![],
+        };
+        let (found, file) = colors(&builder.build().unwrap(), &parallel(), &still);
+        for (pixel, color) in found.iter().enumerate() {
+            let left = 2.0 - ((pixel % 16) as f64 + 0.5) * 0.25 - moved_m;
+            let is_seen = left.abs() < 2.0;
+            let share = if is_seen { (2.0 - left) / 4.0 } else { 0.0 };
+            for (channel, base) in base.iter().enumerate() {
+                let expected = base * share * 0.5;
+                let one = f64::from(color[channel]);
+                // Colours, corners and normals are rounded to 32 bits: some 10⁻⁷ each. Black and white are exact.
+                assert!((one - expected).abs() < 2e-5, "pixel {pixel}: {color:?}, not {expected}");
+                let linear = f64::from(color[channel]);
+                let srgb = if linear <= 0.003_130_8 {
+                    12.92 * linear
+                } else {
+                    1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055
+                };
+                assert_eq!(f64::from(file[3 * pixel + channel]), (255.0 * srgb).round());
+            }
+        }
+    }
+    let usual = Format::named("npz").unwrap();
+    assert!(Format::named("color").unwrap().tells_colors() && !usual.tells_colors(), "off unless asked for");
+    assert!(usual.with_channels(Channels::named(["color.R"])).tells_colors());
 }

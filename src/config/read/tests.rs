@@ -6,12 +6,13 @@ use super::super::table::asked;
 use super::super::{load_job, load_sensor};
 
 /// Sensor files that have each table of a sensor between them.
-const SENSORS: [&str; 14] = [
+const SENSORS: [&str; 15] = [
     "analytic",
     "equirectangular",
     "fisheye",
     "measured",
     "mirror",
+    "orthographic",
     "pinhole",
     "raster",
     "rays",

@@ -204,7 +204,7 @@ impl<C: Cast> Camera<'_, C> {
         let number_of = |pixel: usize| {
             (first_row + pixel / columns) * self.capture.columns() + first_column + pixel % columns
         };
-        self.send(&poses, (first_row, first_column), (rows, columns), memory);
+        self.send(&poses, (first_row, first_column), columns, memory);
         let Memory { of_pixel, rays, indirect, of_ray } = memory;
         rays.cast(self.scene, self.tracer);
 
@@ -259,25 +259,25 @@ impl<C: Cast> Camera<'_, C> {
             .collect()
     }
 
-    /// Fills the bundle of a part's sub-rays, tile by tile.
+    /// Fills the bundle of a part's sub-rays, tile by tile. The part has the rows of these poses.
     fn send(
         &self,
         poses: &[Vec<SensorPose>],
         (first_row, first_column): (usize, usize),
-        (rows, columns): (usize, usize),
+        columns: usize,
         memory: &mut Memory,
     ) {
         let Memory { of_pixel, rays, .. } = memory;
         rays.clear();
         of_pixel.clear();
         for first in (0..columns).step_by(TILE.1) {
-            for row in 0..rows {
+            for (row, poses) in poses.iter().enumerate() {
                 for column in first..columns.min(first + TILE.1) {
                     let (image_row, image_column) = (first_row + row, first_column + column);
                     let own_s = self.capture.time_s(image_row, image_column).unwrap_or(0.0);
                     for sample in 0..self.samples() {
                         let time_s = self.capture.cast_at_s(own_s + self.sensing.time_of_sample_s(sample));
-                        let world_from_sensor = pose_of_sample(&poses[row], sample).world_from_sensor;
+                        let world_from_sensor = pose_of_sample(poses, sample).world_from_sensor;
                         let origin = world_from_sensor.point(DVec3::ZERO);
                         let direction =
                             self.capture.direction_in_pixel(image_row, image_column, self.place(sample));
