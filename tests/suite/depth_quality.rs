@@ -171,7 +171,7 @@ fn a_time_of_flight_camera_has_the_noise_of_its_electrons() {
             assert_eq!((wall.expected_disparity_px, target.subpixel_rms_px), (None, None));
         }
     }
-    // Three taps have more noise at some phases and less at others, by up to 40 % of the variance.
+    // Three taps have more noise at some phases and less at others, by up to 40 % of the variance: √1.4 and √.6 of the deviation.
     let mut most = 0.0_f64;
     let four = report(5e4, 4).walls;
     for (wall, four) in report(5e4, 3).walls.iter().zip(&four) {
@@ -179,7 +179,7 @@ fn a_time_of_flight_camera_has_the_noise_of_its_electrons() {
         assert!((wall.sigma_m.unwrap() / expected - 1.0).abs() < allowed, "{wall:?}");
         most = most.max((expected / four.expected_sigma_m.unwrap() - 1.0).abs());
     }
-    assert!(most > 0.05 && most < 0.2, "{most}");
+    assert!(most > 0.05 && most < 0.226, "{most}");
 }
 
 /// The bound of σ falls between the noise at two distances, so that it is kept up to one and broken at the other.
@@ -296,9 +296,10 @@ fn the_command_judges_promises_and_exits_by_them() {
     let sigma_m = &sensor["published"][1]["found"];
     assert_eq!((&at_2_m["sigma_m"], &sensor["published"][1]["bound"]), (sigma_m, &Value::from(0.08)));
 
-    // What lies in `[nominal]` is the camera's, if it has nothing of its own.
+    // What lies in `[nominal]` is the camera's, if it has nothing of its own. The second imager, half a metre aside, sees the middle of
+    // the image from 1.7 m on.
     let nominal = STEREO.replace("stereo = { baseline_m = 0.05 }\n", "")
-        + PROMISES
+        + &PROMISES.replace("up_to_m = 2.0", "at_m = 4.0")
         + "[nominal.stereo]\nbaseline_m = 0.5\n";
     let (code, shown, err) = run(&nominal, false);
     assert_eq!(code, Some(0), "{shown}{err}");
@@ -325,7 +326,7 @@ fn promises_that_are_wrong_are_told() {
     for (from, to, expected) in [
         ("at_m = 2.0", "at_m = 2.0\nup_to_m = 3.0", "both `at_m` and `up_to_m` are given"),
         ("fill_rate_percent = 90.0\n", "", "`[[nominal.published]]` bounds nothing"),
-        ("fill_rate_percent = 90.0", "fill_rate_percent = 101.0", "`fill_rate_percent` is 101.0"),
+        ("fill_rate_percent = 90.0", "fill_rate_percent = 101.0", "`fill_rate_percent` is 101"),
         (
             "fill_rate_percent = 90.0",
             "fill_rate = 90.0",
