@@ -5,40 +5,6 @@ use rayon::prelude::*;
 use super::cost::inside;
 use super::{Matched, Settings, UNITS_PER_PX, Verdict};
 
-/// How the fraction of a pixel is found from the costs a, b and c at the best disparity less 1, at the best disparity, and at it
-/// plus 1. The offset from the best disparity is rounded to 1/256 px, and half of that is rounded up. Where b is not the least of the
-/// three, the offset is half a pixel toward the lower of a and c, and 0 if they are equal.
-///
-/// The costs are those of the block, and not the sums of the paths by which the disparity is chosen: on a smooth surface a path's cost
-/// is higher by P1 at both neighbours, which draws the fraction to 0. On rendered dots of a standard deviation of 0.7 px, with the
-/// default settings, the mean error over a pixel's fractions is at most 0.018 px for [`SubPixel::Equiangular`] and 0.10 px for
-/// [`SubPixel::Parabola`]; with sums of paths it would be 0.18 and 0.26 px. It is a curve of period 1 px, 0 at whole and half pixels
-/// (*pixel locking*). `tests::fractions_of_a_pixel_are_as_good_as_stated` holds the first two figures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SubPixel {
-    /// The lowest point of the parabola through the three costs: (a − c)/(2·(a − 2b + c)).
-    Parabola,
-    /// Where two lines of opposite slopes through the three costs meet: (a − c)/(2·(max(a, c) − b)).
-    Equiangular,
-}
-
-impl SubPixel {
-    /// The offset in units of 1/256 px, −128 to 128, and 0 if the costs are equal.
-    fn offset(self, [a, b, c]: [i32; 3]) -> i32 {
-        if b > a.min(c) {
-            return UNITS_PER_PX / 2 * (a - c).signum();
-        }
-        let across = match self {
-            Self::Parabola => a - 2 * b + c,
-            Self::Equiangular => a.max(c) - b,
-        };
-        match across {
-            0 => 0,
-            _ => (UNITS_PER_PX * (a - c) + across).div_euclid(2 * across),
-        }
-    }
-}
-
 /// The choices for all pixels of an image.
 pub fn choices(costs: &[i16], sums: &[i16], textured: &[bool], width: usize, settings: &Settings) -> Matched {
     let pixels = textured.len();
@@ -54,15 +20,16 @@ pub fn choices(costs: &[i16], sums: &[i16], textured: &[bool], width: usize, set
         |seen, (((((disparity, confidence), verdict), textured), costs), sums)| {
             seen.look(sums, settings);
             for (column, sums) in sums.chunks_exact(settings.disparities).enumerate() {
+                let costs = &costs[column * settings.disparities..][..settings.disparities];
                 let best = Best::of(sums);
                 let inside = best.is_inside(column, width, settings);
-                disparity[column] = best.disparity(&costs[column * settings.disparities..], inside, settings);
+                disparity[column] = best.disparity(costs, inside, settings);
                 confidence[column] = best.confidence();
                 verdict[column] = if !textured[column] {
                     Verdict::NoTexture
                 } else if !inside {
                     Verdict::OutsideSearch
-                } else if best.is_ambiguous(settings) {
+                } else if best.is_ambiguous(costs, settings) {
                     Verdict::Ambiguous
                 } else if !seen.agrees(column, best.number, settings) {
                     Verdict::Occluded
@@ -86,12 +53,9 @@ struct Best {
 
 impl Best {
     fn of(sums: &[i16]) -> Self {
-        let least = |sums: &[i16]| sums.iter().fold(i16::MAX, |least, sum| least.min(*sum));
         let cost = least(sums);
         let number = sums.iter().position(|sum| *sum == cost).unwrap_or(0);
-        let second =
-            least(&sums[..number.saturating_sub(1)]).min(least(sums.get(number + 2..).unwrap_or(&[])));
-        Self { number, cost, second }
+        Self { number, cost, second: least_apart(sums, number) }
     }
 
     /// Whether the disparities on both sides are searched and in the right image.
@@ -114,10 +78,25 @@ impl Best {
         (255 * (second - best).max(0)).checked_div(second).unwrap_or(0) as u8
     }
 
-    fn is_ambiguous(&self, settings: &Settings) -> bool {
-        let kept = 100 - i32::from(settings.uniqueness_percent);
-        kept * i32::from(self.second) <= 100 * i32::from(self.cost)
+    /// Whether another disparity is nearly as good, in the sums of the paths or in the costs of the block.
+    fn is_ambiguous(&self, costs: &[i16], settings: &Settings) -> bool {
+        let close = |best: i16, second: i16, percent: u8| {
+            (100 - i32::from(percent)) * i32::from(second) <= 100 * i32::from(best)
+        };
+        close(self.cost, self.second, settings.uniqueness_percent)
+            || settings
+                .repetition_percent
+                .is_some_and(|percent| close(costs[self.number], least_apart(costs, self.number), percent))
     }
+}
+
+fn least(costs: &[i16]) -> i16 {
+    costs.iter().fold(i16::MAX, |least, cost| least.min(*cost))
+}
+
+/// The least cost but for that of a number and the two beside it, or the largest number if there is none.
+fn least_apart(costs: &[i16], number: usize) -> i16 {
+    least(&costs[..number.saturating_sub(1)]).min(least(costs.get(number + 2..).unwrap_or(&[])))
 }
 
 /// The best disparities of the right image's pixels in a row, from the same sums: the disparity d of the right column u has the cost

@@ -7,10 +7,12 @@
 //! | `depth_quality` | the measures of depth on a flat target that RealSense's tool has |
 //! | `detection` | thresholds, false alarms, the sensitivity that range limits of data sheets imply, and the noise of a range |
 //! | `disparity` | triangulation: depth and disparity, its steps, and how a projector's dots are found |
+//! | `dots` | what the projector of an active stereo camera throws |
 //! | `echo` | pulses that add up to a waveform, and its peaks |
 //! | `film` | diffuse ground under a film of water |
 //! | `footprint` | where the light of a beam goes: fixed sets of sub-rays of equal energy |
 //! | `fresnel` | Snell's law, and the reflectance of a face for both polarisations |
+//! | `infrared` | the noise of an infrared camera's image |
 //! | `intensity` | the scales of intensity of LiDAR makers |
 //! | `pane` | a pane of two faces: transmission, reflectance, delay and shift |
 //! | `particles` | sizes, numbers, places and echoes of drops and flakes |
@@ -34,10 +36,12 @@ pub mod air;
 pub mod depth_quality;
 pub mod detection;
 pub mod disparity;
+pub mod dots;
 pub mod echo;
 pub mod film;
 pub mod footprint;
 pub mod fresnel;
+pub mod infrared;
 pub mod intensity;
 pub mod pane;
 pub mod particles;

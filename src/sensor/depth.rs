@@ -3,7 +3,9 @@
 
 use crate::angle::Angle;
 use crate::matching::Settings;
+use crate::physics::dots::{Dots, Field};
 use crate::physics::phasor::{Phasor, range_m as range_of_phase_m};
+use crate::rng::Rng;
 
 /// How a depth camera finds depth. Without it a camera is ideal: its depth is exact.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,6 +109,29 @@ pub struct Imager {
     pub sun: f64,
     /// The factor on the noise of the images; 1 is that which was measured of the Kinect's imager.
     pub noise: f64,
+}
+
+impl Projector {
+    /// The dots.
+    pub fn pattern(&self) -> Dots {
+        /// The part of a cell of the dots' grid that a dot's centre may lie in: dots keep a distance of a third of the cell.
+        const SPREAD: f64 = 0.67;
+        // The irradiance of a Gaussian beam falls to half at √(ln 2/2) of the radius at 1/e².
+        let radius = 0.5 * libm::tan(self.dot_width.radians()) / (0.5 * std::f64::consts::LN_2).sqrt();
+        let mut stream = Rng::new(self.seed);
+        Dots::scattered(self.lit(), radius, self.dots as usize, SPREAD, || stream.unit())
+    }
+
+    fn lit(&self) -> Field {
+        let [half_width, half_height] = self.field.map(|angle| libm::tan(0.5 * angle.radians()));
+        Field { half_width, half_height }
+    }
+
+    /// Whether a place is in the field: the tangents to the right and up.
+    pub fn lights(&self, [right, up]: [f64; 2]) -> bool {
+        let Field { half_width, half_height } = self.lit();
+        right.abs() <= half_width && up.abs() <= half_height
+    }
 }
 
 impl Stereo {

@@ -11,9 +11,6 @@ use crate::scene::Scene;
 use crate::sensor::{Capture, Imager, Projector};
 use crate::trace::Cast;
 
-/// The side of the square of points of a pixel at which the projector's pattern is looked up: dots are smaller than pixels.
-const POINTS: usize = 3;
-
 /// A lit pixel.
 struct Seen {
     /// The pixel's number.
@@ -59,6 +56,7 @@ impl<C: Cast> Light<'_, C> {
     }
 
     fn of_strip(&self, capture: &Capture, strip: &Strip, batch: &Batch, source: &Second<C>) -> Vec<Seen> {
+        let columns = capture.columns();
         let mut shader = Shader::new(self.scene, self.imager.wavelength_m);
         let mut seen = Vec::new();
         let mut lit: Vec<Lit> = Vec::new();
@@ -69,7 +67,7 @@ impl<C: Cast> Light<'_, C> {
             let place = pose.world_from_sensor.point(source.place);
             let one = shader.light(batch.origins[ray], batch.directions[ray], hit, Some(place));
             seen.push(Seen {
-                pixel: strip.pixel(batch, ray, capture.columns()),
+                pixel: strip.pixel(batch, ray, columns),
                 grey: (self.imager.ambient * one.diffuse * batch.through.share(ray)) as f32,
             });
             lit.push(one);
@@ -84,7 +82,7 @@ impl<C: Cast> Light<'_, C> {
             }
         }
         if let Some((projector, dots)) = self.projector {
-            let hidden = source.hidden(strip, batch, capture.columns());
+            let hidden = source.hidden(strip, batch, columns);
             let mut hidden = hidden.into_iter().peekable();
             for ((seen, lit), &ray) in seen.iter_mut().zip(&lit).zip(&rays) {
                 // Both lists have the order of the rays.
@@ -92,57 +90,59 @@ impl<C: Cast> Light<'_, C> {
                     continue;
                 }
                 let pose = source.fixed.as_ref().unwrap_or_else(|| &batch.poses[ray]);
-                let irradiance = self.pattern(capture, strip, batch, ray, lit, pose, (projector, dots, source));
-                seen.grey += (self.imager.projected_at_1_m * lit.back * irradiance * batch.through.share(ray)) as f32;
+                let (row, column) = (seen.pixel as usize / columns, seen.pixel as usize % columns);
+                let pixel = SeenPixel { capture, row, column, origin: batch.origins[ray], pose };
+                let irradiance = self.pattern(&pixel, lit, source, (projector, dots));
+                seen.grey +=
+                    (self.imager.projected_at_1_m * lit.back * irradiance * batch.through.share(ray)) as f32;
             }
         }
         seen
     }
 
-    /// The projector's light on a pixel over that of its mean at 1 m: the pattern at points of the pixel, on the plane of the surface
-    /// that its ray hits, by the square of the distance.
-    #[expect(clippy::too_many_arguments, reason = "they name one pixel and one projector")]
+    /// The projector's light on a pixel, over its mean at 1 m: the mean of the pattern over what the pixel sees of it, by the square of
+    /// the distance.
+    ///
+    /// On a plane the inverse of depth is linear in the image, and so is its place in the projector's: the image of a pixel there is a
+    /// parallelogram between two lines along the rows. It is taken for the rectangle between the middles of its slanted sides, whose
+    /// slope is b/Z times the tangent of the surface's tilt: a hundredth, as a rule.
     fn pattern(
         &self,
-        capture: &Capture,
-        strip: &Strip,
-        batch: &Batch,
-        ray: usize,
+        pixel: &SeenPixel,
         lit: &Lit,
-        pose: &SensorPose,
-        (projector, dots, source): (&Projector, &Dots, &Second<C>),
+        source: &Second<C>,
+        (projector, dots): (&Projector, &Dots),
     ) -> f64 {
-        let pixel = strip.pixel(batch, ray, capture.columns()) as usize;
-        let (row, column) = (pixel / capture.columns(), pixel % capture.columns());
-        let origin = batch.origins[ray];
+        let SeenPixel { capture, row, column, origin, pose } = *pixel;
         let depth = lit.normal.dot(lit.point - origin);
-        let place = |index: usize| (index as f64 + 0.5) / POINTS as f64 - 0.5;
-        let mut sum = 0.0;
-        for v in 0..POINTS {
-            for u in 0..POINTS {
-                let direction = capture.direction_in_pixel(row, column, [place(u), place(v)]);
-                let along = direction.map(|d| pose.world_from_sensor.direction(d)).and_then(|direction| {
-                    let t = depth / lit.normal.dot(direction);
-                    (t > 0.0 && t.is_finite()).then(|| origin + direction * t)
-                });
-                // A surface that is seen edge-on ends within the pixel.
-                let point = along.unwrap_or(lit.point);
-                let from_projector = pose.sensor_from_world.point(point) - source.place;
-                sum += relative_irradiance(projector, dots, from_projector);
-            }
+        let corner = |place: [f64; 2]| {
+            let direction = pose.world_from_sensor.direction(capture.direction_in_pixel(row, column, place)?);
+            let t = depth / lit.normal.dot(direction);
+            let point = pose.sensor_from_world.point(origin + direction * t) - source.place;
+            // The body's y is to the left, and its z is up.
+            (t > 0.0 && point.x > 0.0).then(|| [-point.y / point.x, point.z / point.x])
+        };
+        let from_projector = pose.sensor_from_world.point(lit.point) - source.place;
+        let corners = [[-0.5, 0.0], [0.5, 0.0], [0.0, 0.5], [0.0, -0.5]].map(corner);
+        let [Some(left), Some(right), Some(bottom), Some(top)] = corners else { return 0.0 };
+        let (lower, upper) = ([left[0].min(right[0]), bottom[1]], [left[0].max(right[0]), top[1]]);
+        if !(lower[0] < upper[0] && lower[1] < upper[1]) || from_projector.x <= 0.0 {
+            return 0.0; // the surface is seen edge-on
         }
-        sum / (POINTS * POINTS) as f64
+        let [x, y] = [0, 1].map(|axis| 0.5 * (lower[axis] + upper[axis]));
+        let flood = if projector.lights([x, y]) { projector.flood } else { 0.0 };
+        let pattern = dots.irradiance_over(lower, upper) / dots.mean();
+        (flood + (1.0 - projector.flood) * pattern) / from_projector.length_squared()
     }
 }
 
-/// The irradiance of a plane at a right angle to the projector's light, over the mean at 1 m. `from_projector` is the way to it in the
-/// sensor's body frame, in metres.
-fn relative_irradiance(projector: &Projector, dots: &Dots, from_projector: DVec3) -> f64 {
-    let DVec3 { x, y, z } = from_projector;
-    if x <= 0.0 {
-        return 0.0;
-    }
-    // The body's y is to the left, and its z is up.
-    let pattern = dots.relative(-y / x, -z / x);
-    (projector.flood * dots.inside(-y / x, -z / x) + (1.0 - projector.flood) * pattern) / from_projector.length_squared()
+/// A pixel whose ray hits a surface.
+#[derive(Clone, Copy)]
+struct SeenPixel<'a> {
+    capture: &'a Capture<'a>,
+    row: usize,
+    column: usize,
+    /// Where its ray begins, in the world.
+    origin: DVec3,
+    pose: &'a SensorPose,
 }

@@ -6,12 +6,11 @@ use super::Pixel;
 use super::disparity::{Found, View};
 use super::infrared::Light;
 use crate::matching::{Gray, Matched, Matcher, Settings, UNITS_PER_PX, Verdict};
-use crate::physics::dots::Dots;
-use crate::physics::infrared::grey_value;
+use crate::physics::infrared::{ImageNoise, quantised};
 use crate::rng::FrameStreams;
+use crate::scan::Progress;
 use crate::scan::effects::Effect;
 use crate::scan::frame::{Cause, Frame, Images};
-use crate::scan::Progress;
 use crate::scene::Scene;
 use crate::sensor::{Capture, Imager, Matching, Stereo};
 use crate::trace::Cast;
@@ -24,7 +23,7 @@ pub(super) fn scan(
     (stereo, matching): (&Stereo, &Matching),
     progress: &Progress,
 ) -> Option<(Vec<Pixel>, Images)> {
-    let dots = matching.projector.as_ref().map(|projector| projector.dots());
+    let dots = matching.projector.as_ref().map(|projector| projector.pattern());
     let projector = matching.projector.as_ref().zip(dots.as_ref());
     let light = Light { scene, tracer, imager: &matching.imager, projector };
     let mut ideal = Frame::default();
@@ -33,7 +32,9 @@ pub(super) fn scan(
     let (right, _) = light.seen(&second, stereo.baseline_m, &mut Frame::default(), progress, |_, _| ())?;
     let gain = exposure(&matching.imager, &left);
     let streams = FrameStreams::new(capture.seed, capture.index, capture.frame);
-    let read = |grey: &[f32], effect: Effect| image(grey, gain, matching.imager.noise, &streams, effect, capture.columns());
+    let read = |grey: &[f32], effect: Effect| {
+        image(grey, gain, matching.imager.noise, &streams, effect, capture.columns())
+    };
     let (left, right) = (read(&left, Effect::LeftImage)?, read(&right, Effect::RightImage)?);
     let is_to_the_left = stereo.baseline_m < 0.0;
     let matched = match is_to_the_left {
@@ -58,7 +59,8 @@ pub(super) fn scan(
     let (pixels, disparity) = pixels.into_iter().unzip();
     let grey = |image: &Gray| image.pixels().iter().map(|&value| f32::from(value)).collect();
     let confidence = matched.confidence.iter().map(|&value| f32::from(value) / 255.0).collect();
-    let images = Images { ir_left: grey(&left), ir_right: grey(&right), disparity, confidence, ..Images::default() };
+    let images =
+        Images { ir_left: grey(&left), ir_right: grey(&right), disparity, confidence, ..Images::default() };
     Some((pixels, images))
 }
 
@@ -83,7 +85,9 @@ fn image(
 ) -> Option<Gray> {
     let value = |(pixel, &grey): (usize, &f32)| {
         let mut stream = streams.stream(pixel as u32, 0, effect as u32);
-        grey_value(f64::from(grey) * gain, noise, [stream.normal(), stream.normal()])
+        let quiet = f64::from(grey) * gain;
+        let noisy = ImageNoise::KINECT.noisy(quiet, [stream.normal(), stream.normal()]);
+        quantised(quiet + noise * (noisy - quiet))
     };
     let pixels = grey.par_iter().enumerate().map(value).collect();
     Gray::new(columns, grey.len() / columns, pixels)

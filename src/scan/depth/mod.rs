@@ -11,8 +11,8 @@
 //! Each random number follows from the seed, the sensor, the frame, the pixel and the effect, so frames do not depend on threads.
 
 mod disparity;
-//mod infrared;
-//mod matched;
+mod infrared;
+mod matched;
 mod second;
 mod shade;
 mod time_of_flight;
@@ -53,8 +53,7 @@ pub(super) fn scan_into(
                 disparity::scan(scene, tracer, capture, (stereo, analytic), progress)
             }
             StereoMethod::Match(matching) => {
-                let _ = matching;
-                None
+                matched::scan(scene, tracer, capture, (stereo, matching), progress)
             }
         },
         DepthSensing::TimeOfFlight(tof) => time_of_flight::scan(scene, tracer, capture, tof, progress),
