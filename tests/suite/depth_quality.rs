@@ -83,7 +83,7 @@ fn an_analytic_stereo_camera_has_the_noise_of_its_keys() {
     assert_eq!(distances, [0.11, 0.23, 0.46, 0.95, 1.0, 1.9, 2.0, 4.0]);
     // The tool leaves out half a percent at either end: 1 − 2aφ(a)/.99 of the variance of normal noise is left, with Φ(a) = .995.
     let trimmed = 1.0 - 2.0 * 2.575_829 * 0.014_459_7 / 0.99;
-    let sixth = over_region(size, focal_px, |cosine| cosine.powi(6));
+    let sixth = over_region(size, focal_px, |cosine| libm::pow(cosine, 6.0));
     let mut blind_walls = 0;
     for wall in &report.walls {
         let (z, target) = (wall.distance_m, wall.quality.target.unwrap());
@@ -130,7 +130,7 @@ fn rounded_disparities_have_the_noise_that_is_expected_where_the_wall_stands() {
     let mut noisy = 0;
     for wall in &report.walls {
         let (found, expected) = (wall.sigma_m.unwrap(), wall.expected_sigma_m.unwrap());
-        let share = (wall.expected_disparity_px.unwrap() / unit).powi(2);
+        let share = libm::pow(wall.expected_disparity_px.unwrap() / unit, 2.0);
         if share < 1e-3 {
             continue;
         }
@@ -140,7 +140,7 @@ fn rounded_disparities_have_the_noise_that_is_expected_where_the_wall_stands() {
         let pairs = 120.0 * 24.0;
         let curvature = 3.0 * unit / (580.0 * 0.075 / wall.distance_m);
         let allowed = 4.0 * (0.5 / share / pairs).sqrt() + curvature * curvature;
-        assert!(((found / expected).powi(2) - 1.0).abs() < allowed, "{wall:?}");
+        assert!((libm::pow(found / expected, 2.0) - 1.0).abs() < allowed, "{wall:?}");
     }
     assert!(noisy >= 3, "{report:?}");
 }
@@ -161,7 +161,7 @@ fn a_time_of_flight_camera_has_the_noise_of_its_electrons() {
         for wall in &walls {
             let z = wall.distance_m;
             let phase = (2.0 / (0.8 * electrons / (z * z))).sqrt() / 0.8;
-            let weight = |hz: f64| range_m(phase, hz).powi(-2);
+            let weight = |hz: f64| libm::pow(range_m(phase, hz), -2.0);
             let sigma_m = (slant / (weight(20e6) + weight(100e6))).sqrt();
             assert_eq!(wall.quality.fill_percent, 100.0);
             assert!((wall.expected_sigma_m.unwrap() / sigma_m - 1.0).abs() < 1e-9, "{wall:?} {sigma_m}");
