@@ -13,8 +13,9 @@ pub(super) fn text(report: &QualityReport) -> String {
         true => "walls with a random pattern".to_owned(),
         false => format!("walls of {} %", 100.0 * REFLECTANCE),
     };
-    let mut text =
-        format!("  {wall} in the dark, the middle 40 % of the image's width and height, {FRAMES} frames\n");
+    let mut text = format!(
+        "  {wall} without sunlight, the middle 40 % of the image's width and height, {FRAMES} frames\n"
+    );
     let _ = writeln!(
         text,
         "  {:>7} {:>7} {:>10} {:>10} {:>9} {:>9} {:>9} {:>9} {:>9}   by the keys:",

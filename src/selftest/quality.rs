@@ -1,7 +1,7 @@
 //! The quality of a depth camera's depth over distance, as librealsense's Depth Quality Tool measures it, beside what the camera's
 //! keys say and what its data sheet promises.
 //!
-//! The camera looks at a wall that faces it, in the dark, with its own image, limits and noise. A camera that matches images without a
+//! The camera looks at a wall that faces it, without sunlight, with its own image, limits and noise. A camera that matches images without a
 //! projector needs texture: its wall has a random pattern. Others see a wall of one reflectance.
 //!
 //! The metrics are those of a region in the middle of the image, 40 % of its width and of its height, which is what the tool starts

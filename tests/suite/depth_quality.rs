@@ -84,7 +84,7 @@ fn an_analytic_stereo_camera_has_the_noise_of_its_keys() {
     assert_eq!(distances, [0.11, 0.23, 0.46, 0.95, 1.0, 1.9, 2.0, 4.0]);
     // The tool leaves out half a percent at either end: 1 − 2aφ(a)/.99 of the variance of normal noise is left, with Φ(a) = .995.
     let trimmed = 1.0 - 2.0 * 2.575_829 * 0.014_459_7 / 0.99;
-    let sixth = over_region(size, focal_px, |cosine| cosine.powi(6));
+    let sixth = over_region(size, focal_px, |cosine| libm::pow(cosine, 6.0));
     let mut blind_walls = 0;
     for wall in &report.walls {
         let (z, target) = (wall.distance_m, wall.quality.target.unwrap());
@@ -131,7 +131,7 @@ fn rounded_disparities_have_the_noise_that_is_expected_where_the_wall_stands() {
     let mut noisy = 0;
     for wall in &report.walls {
         let (found, expected) = (wall.sigma_m.unwrap(), wall.expected_sigma_m.unwrap());
-        let share = (wall.expected_disparity_px.unwrap() / unit).powi(2);
+        let share = libm::pow(wall.expected_disparity_px.unwrap() / unit, 2.0);
         if share < 1e-3 {
             continue;
         }
@@ -141,7 +141,7 @@ fn rounded_disparities_have_the_noise_that_is_expected_where_the_wall_stands() {
         let pairs = 120.0 * 24.0;
         let curvature = 3.0 * unit / (580.0 * 0.075 / wall.distance_m);
         let allowed = 4.0 * (0.5 / share / pairs).sqrt() + curvature * curvature;
-        assert!(((found / expected).powi(2) - 1.0).abs() < allowed, "{wall:?}");
+        assert!((libm::pow(found / expected, 2.0) - 1.0).abs() < allowed, "{wall:?}");
     }
     assert!(noisy >= 3, "{report:?}");
 }
@@ -162,7 +162,7 @@ fn a_time_of_flight_camera_has_the_noise_of_its_electrons() {
         for wall in &walls {
             let z = wall.distance_m;
             let phase = (2.0 / (0.8 * electrons / (z * z))).sqrt() / 0.8;
-            let weight = |hz: f64| range_m(phase, hz).powi(-2);
+            let weight = |hz: f64| libm::pow(range_m(phase, hz), -2.0);
             let sigma_m = (slant / (weight(20e6) + weight(100e6))).sqrt();
             assert_eq!(wall.quality.fill_percent, 100.0);
             assert!((wall.expected_sigma_m.unwrap() / sigma_m - 1.0).abs() < 1e-9, "{wall:?} {sigma_m}");
@@ -172,7 +172,7 @@ fn a_time_of_flight_camera_has_the_noise_of_its_electrons() {
             assert_eq!((wall.expected_disparity_px, target.subpixel_rms_px), (None, None));
         }
     }
-    // Three taps have more noise at some phases and less at others, by up to 40 % of the variance.
+    // Three taps have more noise at some phases and less at others, by up to 40 % of the variance: √1.4 and √.6 of the deviation.
     let mut most = 0.0_f64;
     let four = report(5e4, 4).walls;
     for (wall, four) in report(5e4, 3).walls.iter().zip(&four) {
@@ -180,7 +180,7 @@ fn a_time_of_flight_camera_has_the_noise_of_its_electrons() {
         assert!((wall.sigma_m.unwrap() / expected - 1.0).abs() < allowed, "{wall:?}");
         most = most.max((expected / four.expected_sigma_m.unwrap() - 1.0).abs());
     }
-    assert!(most > 0.05 && most < 0.2, "{most}");
+    assert!(most > 0.05 && most < 0.226, "{most}");
 }
 
 /// The bound of σ falls between the noise at two distances, so that it is kept up to one and broken at the other.
@@ -230,6 +230,28 @@ fn a_promise_is_held_against_the_wall_that_is_worst_for_it() {
     let light = camera((40, 30), 40.0, [0.3, 5.0], tof(5e4, 4));
     let report = measured(&light, &published[6..]);
     assert_eq!(report.published[0].outcome, Outcome::NoDisparities);
+}
+
+/// A camera that matches images without a projector sees walls with a pattern. Whole pixels alone would have the noise 1/√12 = .289 px,
+/// so less of it shows that fractions are found. No key says what it is.
+#[test]
+fn a_camera_that_matches_sees_walls_with_a_pattern() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("passive.toml");
+    let text = "[stereo]\nbaseline_m = 0.05\nmethod = \"match\"\ndisparities = 32\nimager = { auto_level = 100.0 }\n\
+                [pinhole]\nwidth_px = 120\nheight_px = 60\nfx_px = 160.0\n\
+                [range]\nof = \"depth\"\nmin_m = 0.3\nmax_m = 2.5\n";
+    fs::write(&path, text).unwrap();
+    let report = measured(&config::load_sensor(&path).unwrap().sensor, &[]);
+    assert!(report.is_textured && report.passed());
+    let pair = StereoPair { focal_px: 160.0, baseline_m: 0.05 };
+    for wall in &report.walls {
+        assert!(wall.quality.fill_percent > 95.0, "{wall:?}");
+        assert!(wall.quality.target.unwrap().disparity_rms_px.unwrap() < 0.289, "{wall:?}");
+        let bias_px = wall.bias_m.unwrap() / pair.depth_per_px(wall.distance_m);
+        assert!(bias_px.abs() < 0.25, "{wall:?}");
+        assert_eq!((wall.expected_sigma_m, wall.expected_disparity_px), (None, None));
+    }
 }
 
 /// A camera that is blinded at every distance has nothing to show, and fails with and without promises.
@@ -297,9 +319,10 @@ fn the_command_judges_promises_and_exits_by_them() {
     let sigma_m = &sensor["published"][1]["found"];
     assert_eq!((&at_2_m["sigma_m"], &sensor["published"][1]["bound"]), (sigma_m, &Value::from(0.08)));
 
-    // What lies in `[nominal]` is the camera's, if it has nothing of its own.
+    // What lies in `[nominal]` is the camera's, if it has nothing of its own. The second imager, half a metre aside, sees the middle of
+    // the image from 1.7 m on.
     let nominal = STEREO.replace("stereo = { baseline_m = 0.05 }\n", "")
-        + PROMISES
+        + &PROMISES.replace("up_to_m = 2.0", "at_m = 4.0")
         + "[nominal.stereo]\nbaseline_m = 0.5\n";
     let (code, shown, err) = run(&nominal, false);
     assert_eq!(code, Some(0), "{shown}{err}");
@@ -326,7 +349,7 @@ fn promises_that_are_wrong_are_told() {
     for (from, to, expected) in [
         ("at_m = 2.0", "at_m = 2.0\nup_to_m = 3.0", "both `at_m` and `up_to_m` are given"),
         ("fill_rate_percent = 90.0\n", "", "`[[nominal.published]]` bounds nothing"),
-        ("fill_rate_percent = 90.0", "fill_rate_percent = 101.0", "`fill_rate_percent` is 101.0"),
+        ("fill_rate_percent = 90.0", "fill_rate_percent = 101.0", "`fill_rate_percent` is 101"),
         (
             "fill_rate_percent = 90.0",
             "fill_rate = 90.0",
@@ -335,7 +358,7 @@ fn promises_that_are_wrong_are_told() {
         ("source = \"a data sheet\"\n", "", "`[nominal]` has no `source`"),
     ] {
         let found = messages(STEREO.to_owned() + &PROMISES.replacen(from, to, 1));
-        assert!(found[0].contains(expected), "{expected}: {found:?}");
+        assert!(found.iter().any(|message| message.contains(expected)), "{expected}: {found:?}");
     }
     // Promises say nothing about how a sensor measures, so a job can't turn them on.
     fs::write(folder.path().join("camera.toml"), STEREO.to_owned() + PROMISES).unwrap();
