@@ -138,7 +138,7 @@ mod tests {
     #[test]
     fn a_camera_covers_its_image() {
         // 90° wide, and as high as 2·atan(3/4).
-        let camera = super::super::Camera::from_hfov((640, 480), Angle::deg(90.0), None).unwrap();
+        let camera = Camera::from_hfov((640, 480), Angle::deg(90.0), None).unwrap();
         let camera = Sensor::new(Pattern::Camera(camera));
         assert!(covers(&camera, 44.9, 0.0) && covers(&camera, 0.0, 36.8) && covers(&camera, -44.9, 0.0));
         assert!(!covers(&camera, 45.1, 0.0) && !covers(&camera, 0.0, -36.9) && !covers(&camera, 180.0, 0.0));

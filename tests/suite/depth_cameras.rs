@@ -1,5 +1,7 @@
 //! Depth cameras that are not ideal, against closed forms. Each random check states its rate of error and has a fixed seed.
 
+use std::f64::consts::TAU;
+
 use beamcast::glam::DVec3;
 use beamcast::physics::disparity::StereoPair;
 use beamcast::physics::phasor::{Phasor, range_m};
@@ -288,11 +290,14 @@ fn a_corner_is_bent_by_indirect_light() {
             sensor.pattern =
                 Pattern::Camera(Camera::new((16, 16), (focal_px, focal_px), centre, None).unwrap());
             let frame = cast(&scene, &sensor, 0);
+            // One frequency tells ranges only up to multiples of c/(2f).
+            let repeats_mm = range_m(TAU, mhz * 1e6) * 1e3;
             let errors: Vec<f64> = pixels(&frame)
                 .into_iter()
                 .map(|(_, one)| {
                     let (one, echo) = one.unwrap();
-                    (one.range_m - echo.terms.ideal_m) * 1e3
+                    let error_mm = (one.range_m - echo.terms.ideal_m) * 1e3;
+                    error_mm - repeats_mm * (error_mm / repeats_mm).round()
                 })
                 .collect();
             let n = errors.len() as f64;

@@ -207,6 +207,7 @@ pub(crate) mod matcher {
             &PENALTIES,
             &PATHS,
             &UNIQUENESS,
+            &REPETITION,
             &LEFT_RIGHT,
             &TEXTURE,
             &TEXTURE_DIFFERENCE,
@@ -244,6 +245,12 @@ pub(crate) mod matcher {
         "By how many percent the best cost has to be lower than that of any other disparity but its neighbours.",
     )
     .or("10");
+    pub static REPETITION: Key<Integer<u32>> = key(
+        "repetition_percent",
+        Integer::within(0, 99),
+        "The same for the costs of the block alone, which shows patterns that repeat and makes holes where images are noisy; left out: it \
+         is not checked.",
+    );
     pub static LEFT_RIGHT: Key<Integer<u32>> = key(
         "left_right_px",
         Integer::within(0, 4096),

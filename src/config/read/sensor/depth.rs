@@ -202,6 +202,7 @@ fn settings(t: &Table<'_>, [first_disparity_px, disparities]: [u32; 2]) -> Optio
         p2,
         paths: if t.value(&matcher::PATHS) { Paths::Eight } else { Paths::Four },
         uniqueness_percent: t.value(&matcher::UNIQUENESS) as u8,
+        repetition_percent: t.read(&matcher::REPETITION).map(|percent| percent.value as u8),
         left_right_px: t.read(&matcher::LEFT_RIGHT).map(|px| px.value as u16),
         texture: Texture {
             count: t.value(&matcher::TEXTURE) as u8,
