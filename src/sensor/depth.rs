@@ -184,6 +184,8 @@ pub struct TimeOfFlight {
     pub samples: u32,
     /// The rays for indirect light of each sub-ray's hit; 0: there is only direct light.
     pub indirect_rays: u32,
+    /// The most surfaces that indirect light comes by before the one that the pixel sees, 1 or more.
+    pub bounces: u32,
     /// The amplitude of the third harmonic of the modulation over that of the first, which makes ranges wiggle.
     pub third_harmonic: f64,
     /// The least amplitude of a pixel with depth, in electrons.
@@ -254,6 +256,7 @@ mod tests {
                 taps: 4,
                 samples: side as u32,
                 indirect_rays: 0,
+                bounces: 1,
                 third_harmonic: 0.0,
                 least_amplitude: 0.0,
                 exposure_s: 2.0,

@@ -99,6 +99,7 @@ fn exposed(mhz: f64, exposure_s: f64) -> Sensor {
         taps: 4,
         samples: 2,
         indirect_rays: 0,
+        bounces: 1,
         third_harmonic: 0.0,
         least_amplitude: 0.0,
         exposure_s,

@@ -83,7 +83,7 @@ fn a_plane_has_the_noise_of_its_depth() {
         // Z = f·b/d has the mean Z·(1 + s² + 3s⁴ + …) and the deviation Z·s·(1 + 4s² + …) with s = σ/d.
         let s = sigma_px / d;
         let mean = found.iter().sum::<f64>() / n;
-        let sigma = (found.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / n).sqrt();
+        let sigma = (found.iter().map(|f| (f - mean) * (f - mean)).sum::<f64>() / n).sqrt();
         let expected = z * z * sigma_px / (focal_px * rig.baseline_m);
         // ±4σ: an error once in 16,000.
         assert!((mean - z * (1.0 + s * s)).abs() < 4.0 * expected / n.sqrt(), "{z}: {mean}");
@@ -189,6 +189,7 @@ fn time_of_flight(frequencies_mhz: &[f64]) -> TimeOfFlight {
         taps: 4,
         samples: 1,
         indirect_rays: 0,
+        bounces: 1,
         third_harmonic: 0.0,
         least_amplitude: 0.0,
         exposure_s: 0.0,
@@ -214,7 +215,7 @@ fn the_noise_of_a_phase_follows_from_its_electrons() {
         let electrons = electrons_at_1_m * 0.5 / (z * z);
         let expected = range_m((2.0 / electrons).sqrt() / 0.8, mhz * 1e6);
         let mean = found.iter().sum::<f64>() / n;
-        let sigma = (found.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / n).sqrt();
+        let sigma = (found.iter().map(|f| (f - mean) * (f - mean)).sum::<f64>() / n).sqrt();
         // ±4σ: an error once in 16,000. The angle of a noisy phasor is off the first order by σ_φ² at most.
         let second_order = 2.0 / electrons / 0.64;
         assert!((mean - z).abs() < 4.0 * expected / n.sqrt(), "{mhz} MHz: {mean}");
@@ -228,7 +229,7 @@ fn the_noise_of_a_phase_follows_from_its_electrons() {
 /// A pixel with the share q of a surface at 1 m and the rest of one at 2 m lies between them where two phasors add up.
 #[test]
 fn a_pixel_on_an_edge_flies_between_the_surfaces() {
-    // depth_cameras.md's table of two phasors was computed on its own: (q, 20 MHz, 60 MHz).
+    // The ranges of two phasors, which were computed on their own: (q, 20 MHz, 60 MHz).
     let table = [(0.25, 1.4242, 1.3349), (0.5, 1.1884, 1.0723), (0.75, 1.0699, 1.0208)];
     // Four columns of sub-rays, of which the plate at 1 m covers 1, 2 or 3. The camera is so narrow that all rays are parallel.
     let focal_px = 1e6;
@@ -258,21 +259,27 @@ fn a_pixel_on_an_edge_flies_between_the_surfaces() {
     assert_eq!(frame.causes()[0], Cause::Ambiguous);
 }
 
-/// Light by way of the other wall makes a corner look rounder: the table of depth_cameras.md §3 was computed on its own, by
-/// quadrature.
+/// Light by way of the other wall makes a corner look rounder. Errors by one other surface were computed on their own, by quadrature;
+/// those by up to two are of a path tracer that shares no code (mitransient 1.3.1 on Mitsuba 3.9.1), ± 0.03 mm.
 #[test]
 fn a_corner_is_bent_by_indirect_light() {
     /// The distance of the camera from the corner's edge, on the diagonal, in metres.
     const AWAY_M: f64 = 1.5;
-    // Reflectance, distance of the point from the edge, and the errors in millimetres at 20, 50, 100, 120 and 200 MHz.
-    let table = [
-        (0.8, 0.1, [34.09, 33.76, 32.59, 31.91, 28.18]),
-        (0.8, 0.3, [53.95, 52.35, 46.48, 42.91, 21.76]),
-        (0.8, 0.5, [48.64, 45.00, 31.98, 24.63, -4.78]),
-        (0.5, 0.3, [36.32, 34.98, 30.23, 27.47, 12.88]),
+    const ONE: [f64; 5] = [20.0, 50.0, 100.0, 120.0, 200.0];
+    const TWO: [f64; 2] = [20.0, 100.0];
+    /// The bounces, the reflectance, the distance of the point from the edge, frequencies in MHz, and the errors there in millimetres.
+    type Row = (u32, f64, f64, &'static [f64], &'static [f64]);
+    let table: [Row; 7] = [
+        (1, 0.8, 0.1, &ONE, &[34.09, 33.76, 32.59, 31.91, 28.18]),
+        (1, 0.8, 0.3, &ONE, &[53.95, 52.35, 46.48, 42.91, 21.76]),
+        (1, 0.8, 0.5, &ONE, &[48.64, 45.00, 31.98, 24.63, -4.78]),
+        (1, 0.5, 0.3, &ONE, &[36.32, 34.98, 30.23, 27.47, 12.88]),
+        (2, 0.8, 0.1, &TWO, &[51.85, 45.81]),
+        (2, 0.8, 0.5, &TWO, &[59.94, 33.28]),
+        (2, 0.5, 0.3, &TWO, &[43.67, 33.14]),
     ];
     let half = std::f64::consts::FRAC_1_SQRT_2;
-    for (rho, s, errors_mm) in table {
+    for (bounces, rho, s, frequencies_mhz, errors_mm) in table {
         // The camera looks along x from the origin; both walls are a metre wide and high, and meet at AWAY_M.
         let edge = DVec3::new(AWAY_M, 0.0, 0.0);
         let along = |side: f64| DVec3::new(-half, side * half, 0.0);
@@ -280,9 +287,13 @@ fn a_corner_is_bent_by_indirect_light() {
             |side: f64| Plate(edge + 0.5 * along(side), 0.5 * along(side), DVec3::Z * 0.5, rho as f32);
         let scene = optics(scene(&[plate(1.0), plate(-1.0)]), &[lambert(rho), lambert(rho)]);
         let point = edge + s * along(1.0);
-        for (mhz, error_mm) in [20.0, 50.0, 100.0, 120.0, 200.0].into_iter().zip(errors_mm) {
-            let sensing =
-                TimeOfFlight { electrons_at_1_m: 1e16, indirect_rays: 1024, ..time_of_flight(&[mhz]) };
+        for (&mhz, &error_mm) in frequencies_mhz.iter().zip(errors_mm) {
+            let sensing = TimeOfFlight {
+                electrons_at_1_m: 1e16,
+                indirect_rays: 1024,
+                bounces,
+                ..time_of_flight(&[mhz])
+            };
             // A narrow image about the point. Each pixel has directions of its own, so the pixels are as many samples.
             let focal_px = 1e7;
             let mut sensor = camera((16, 16), focal_px, DepthSensing::TimeOfFlight(sensing));
@@ -302,13 +313,14 @@ fn a_corner_is_bent_by_indirect_light() {
                 .collect();
             let n = errors.len() as f64;
             let mean = errors.iter().sum::<f64>() / n;
-            let sigma = (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / n).sqrt();
-            // Three standard errors, and half of the table's last digit.
-            let most = 3.0 * sigma / n.sqrt() + 0.005;
-            assert!(most < 0.15, "{most} mm is too wide a bound");
+            let sigma = (errors.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / n).sqrt();
+            // Three standard errors of both, and half of the table's last digit.
+            let of_table = if bounces == 1 { 0.0 } else { 0.03 };
+            let most = 3.0 * (sigma * sigma / n + of_table * of_table).sqrt() + 0.005;
+            assert!(most < 0.2, "{most} mm is too wide a bound");
             assert!(
                 (mean - error_mm).abs() < most,
-                "ρ = {rho}, s = {s}, {mhz} MHz: {mean} ± {most}, not {error_mm}"
+                "{bounces} bounces, ρ = {rho}, s = {s}, {mhz} MHz: {mean} ± {most}, not {error_mm}"
             );
         }
     }

@@ -50,6 +50,7 @@ fn tof(electrons_at_1_m: f64, taps: u32) -> DepthSensing {
         taps,
         samples: 1,
         indirect_rays: 0,
+        bounces: 1,
         third_harmonic: 0.0,
         least_amplitude: 0.0,
         exposure_s: 0.0,

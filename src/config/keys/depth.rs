@@ -352,6 +352,7 @@ pub(crate) mod tof {
             &TAPS,
             &SAMPLES,
             &INDIRECT,
+            &BOUNCES,
             &THIRD_HARMONIC,
             &LEAST_AMPLITUDE,
             &EXPOSURE,
@@ -418,9 +419,15 @@ pub(crate) mod tof {
     pub static INDIRECT: Key<Integer<u32>> = key(
         "indirect_rays",
         Integer::within(0, 1024),
-        "The rays of each pixel for light that comes by way of one other surface; 0: there is none.",
+        "The rays of each pixel for light that comes by way of other surfaces; 0: there is none.",
     )
     .or("0");
+    pub static BOUNCES: Key<Integer<u32>> = key(
+        "bounces",
+        Integer::within(1, 16),
+        "The most surfaces that indirect light comes by before the one that the pixel sees.",
+    )
+    .or("1");
     pub static THIRD_HARMONIC: Key<Number> = key(
         "third_harmonic",
         Number::within(Included(0.0), Excluded(1.0)),

@@ -1,7 +1,7 @@
 //! Time-of-flight cameras: the light of all paths adds up as phasors in each pixel, and its phases tell the depth.
 //!
 //! A pixel is a square of sub-rays. Each adds the light that its surface sends straight back. Rays from these surfaces, whose density
-//! goes with the cosine of their angle to the normal, find what else lights them: light that comes by way of one other surface. The
+//! goes with the cosine of their angle to the normal, find what else lights them: light that comes by way of other surfaces. The
 //! source lies at the camera, and lights all directions alike.
 //!
 //! The sub-rays of a pixel are cast at times spread over its exposure, so the light of what moves adds up as phasors do, and never as
@@ -107,9 +107,7 @@ struct Memory {
     /// The number of the pixel in the part of each ray.
     of_pixel: Vec<u32>,
     rays: Bundle,
-    indirect: Bundle,
-    /// The sub-ray from whose hit each indirect ray starts.
-    of_ray: Vec<u32>,
+    indirect: IndirectWave,
 }
 
 /// Rays that are cast together, and their hits behind holes and panes.
@@ -152,6 +150,42 @@ struct Path {
     electrons: f64,
     /// The full length there and back, in metres.
     length_m: f64,
+}
+
+/// A ray from a surface that a pixel sees, or from one that lights it.
+#[derive(Clone, Copy)]
+struct IndirectWay {
+    /// The number of the pixel in the part.
+    pixel: u32,
+    /// The number of the pixel in the image.
+    number: u32,
+    /// The number of the ray in its pixel.
+    k: u32,
+    /// Where the source is, in the world.
+    source: DVec3,
+    /// The electrons that light of the irradiance of a white plane at 1 m makes in the pixel by this way.
+    electrons: f64,
+    /// The length of the way from the camera so far, in metres.
+    length_m: f64,
+}
+
+/// Rays of indirect light that are cast together.
+#[derive(Default)]
+struct IndirectWave {
+    bundle: Bundle,
+    ways: Vec<IndirectWay>,
+}
+
+impl IndirectWave {
+    fn clear(&mut self) {
+        self.bundle.clear();
+        self.ways.clear();
+    }
+
+    fn push(&mut self, way: IndirectWay, from: &Lit, direction: DVec3, time_s: f64) {
+        self.ways.push(way);
+        self.bundle.push(from.point + from.normal * CLEARANCE_M, direction, time_s);
+    }
 }
 
 struct Camera<'a, C> {
@@ -205,7 +239,7 @@ impl<C: Cast> Camera<'_, C> {
             (first_row + pixel / columns) * self.capture.columns() + first_column + pixel % columns
         };
         self.send(&poses, (first_row, first_column), columns, memory);
-        let Memory { of_pixel, rays, indirect, of_ray } = memory;
+        let Memory { of_pixel, rays, indirect } = memory;
         rays.cast(self.scene, self.tracer);
 
         let mut shader = Shader::new(self.scene, self.sensing.wavelength_m);
@@ -239,7 +273,7 @@ impl<C: Cast> Camera<'_, C> {
             }
         }
         if self.sensing.indirect_rays > 0 {
-            self.add_indirect(&number_of, of_pixel, rays, &lit, indirect, of_ray, &mut paths, &mut shader);
+            self.add_indirect(&number_of, (of_pixel, rays, &lit), indirect, &mut paths, &mut shader);
         }
         paths.sort_by_key(|path| path.pixel);
         let mut first = 0;
@@ -291,69 +325,99 @@ impl<C: Cast> Camera<'_, C> {
         }
     }
 
-    /// Adds the light that comes to the surfaces of the sub-rays by way of one other surface.
+    /// Adds the light that comes to the surfaces of the sub-rays by way of other surfaces.
     ///
     /// A patch of the reflectance ρ under the irradiance E lights a point by (ρ/π)·E·cos α·cos β/d²·dA, which is ρ·E·(cos β/π) for
     /// each solid angle that it takes. So with directions of the density cos β/π the irradiance of the point is the mean of the ρ·E
-    /// that they meet.
-    #[expect(clippy::too_many_arguments, reason = "they are the parts of one memory")]
+    /// that they meet, and a patch is lit by further ones in the same way.
     fn add_indirect(
         &self,
         number_of: &impl Fn(usize) -> usize,
-        of_pixel: &[u32],
-        rays: &Bundle,
-        lit: &[Option<Lit>],
-        indirect: &mut Bundle,
-        of_ray: &mut Vec<u32>,
+        (of_pixel, rays, lit): (&[u32], &Bundle, &[Option<Lit>]),
+        wave: &mut IndirectWave,
         paths: &mut Vec<Path>,
         shader: &mut Shader,
     ) {
-        indirect.clear();
-        of_ray.clear();
         let count = self.sensing.indirect_rays as usize;
         let samples = self.samples();
+        wave.clear();
         for first in (0..of_pixel.len()).step_by(samples) {
             let number = number_of(of_pixel[first] as usize);
             let mut stream = self.streams.stream(number as u32, 0, Effect::Indirect as u32);
             let turn = stream.unit();
             // Where the rays can't be spread evenly over the sub-rays, chance decides which have one more.
-            let shift = if count % samples == 0 { 0 } else { (stream.unit() * samples as f64) as usize };
+            let shift =
+                if count.is_multiple_of(samples) { 0 } else { (stream.unit() * samples as f64) as usize };
             for k in 0..count {
                 let ray = first + (k + shift) % samples;
                 let share = (k as f64 + stream.unit()) / count as f64;
-                let Some(lit) = &lit[ray] else { continue };
-                let direction = cosine_weighted(lit.normal, share, turn + k as f64 * GOLDEN_TURN);
-                if lit.diffuse > 0.0 {
-                    of_ray.push(ray as u32);
-                    let origin = lit.point + lit.normal * CLEARANCE_M;
-                    indirect.push(origin, direction, rays.rays.ray(ray).time_s);
-                }
+                let Some(lit) = lit[ray].as_ref().filter(|lit| lit.diffuse > 0.0) else { continue };
+                let Ray { origin, time_s, .. } = rays.rays.ray(ray);
+                let way = IndirectWay {
+                    pixel: of_pixel[ray],
+                    number: number as u32,
+                    k: k as u32,
+                    source: origin,
+                    electrons: self.sensing.electrons_at_1_m / count as f64 * lit.diffuse,
+                    length_m: (lit.point - origin).length(),
+                };
+                wave.push(
+                    way,
+                    lit,
+                    cosine_weighted(lit.normal, share, turn + k as f64 * GOLDEN_TURN),
+                    time_s,
+                );
             }
         }
-        indirect.cast(self.scene, self.tracer);
+        for bounce in 1..=self.sensing.bounces {
+            let is_last = bounce == self.sensing.bounces;
+            self.meet_others(wave, bounce, is_last, paths, shader);
+        }
+    }
+
+    /// Adds the light of the surfaces that the rays of a wave meet. Unless they are the last ones, the wave then has the rays from
+    /// them.
+    fn meet_others(
+        &self,
+        wave: &mut IndirectWave,
+        bounce: u32,
+        is_last: bool,
+        paths: &mut Vec<Path>,
+        shader: &mut Shader,
+    ) {
+        wave.bundle.cast(self.scene, self.tracer);
         let mut shadows = Sights::default();
         let mut found = Vec::new();
-        for (number, hit) in indirect.hits.iter().enumerate() {
+        let mut next = IndirectWave::default();
+        for (number, hit) in wave.bundle.hits.iter().enumerate() {
             let Some(hit) = hit else { continue };
-            let ray = of_ray[number] as usize;
-            let (Some(near), source) = (&lit[ray], rays.rays.ray(ray).origin) else { continue };
-            let Ray { origin, direction, time_s } = indirect.rays.ray(number);
-            let far = shader.light(origin, direction, hit, Some(source));
-            let to_source = source - far.point;
-            let range_m = to_source.length();
-            let cosine = far.normal.dot(to_source) / range_m;
-            if cosine <= 0.0 {
+            let way = wave.ways[number];
+            let Ray { origin, direction, time_s } = wave.bundle.rays.ray(number);
+            let far = shader.light(origin, direction, hit, Some(way.source));
+            if far.diffuse == 0.0 {
                 continue;
             }
-            let irradiance = far.diffuse * cosine / (range_m * range_m);
-            let electrons = self.sensing.electrons_at_1_m / count as f64 * near.diffuse * irradiance;
-            let own_m = (near.point - source).length();
-            found.push(Path { pixel: of_pixel[ray], electrons, length_m: range_m + hit.t + own_m });
-            let origin = far.point + far.normal * CLEARANCE_M;
-            shadows.push(origin, source, time_s);
+            let to_source = way.source - far.point;
+            let range_m = to_source.length();
+            let way =
+                IndirectWay { electrons: way.electrons * far.diffuse, length_m: way.length_m + hit.t, ..way };
+            let cosine = far.normal.dot(to_source) / range_m;
+            if cosine > 0.0 {
+                let electrons = way.electrons * cosine / (range_m * range_m);
+                found.push(Path { pixel: way.pixel, electrons, length_m: way.length_m + range_m });
+                shadows.push(far.point + far.normal * CLEARANCE_M, way.source, time_s);
+            }
+            if !is_last {
+                // Each ray has streams of its own for each surface; those of the pixel itself are the streams of the first.
+                let mut stream =
+                    self.streams.stream(way.number, bounce << 16 | way.k, Effect::Indirect as u32);
+                let direction = cosine_weighted(far.normal, stream.unit(), stream.unit());
+                next.push(way, &far, direction, time_s);
+            }
         }
         let blocked = shadows.are_blocked(self.scene, self.tracer);
         paths.extend(found.into_iter().zip(blocked).filter(|(_, blocked)| !blocked).map(|(path, _)| path));
+        *wave = next;
     }
 
     /// What the camera measures of the light of a pixel. `brightest` gives the return of one of its sub-rays.

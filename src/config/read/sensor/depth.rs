@@ -288,6 +288,7 @@ fn time_of_flight(t: &Table<'_>) -> Option<TimeOfFlight> {
         taps: t.value(&tof::TAPS),
         samples: t.value(&tof::SAMPLES),
         indirect_rays: t.value(&tof::INDIRECT),
+        bounces: t.value(&tof::BOUNCES),
         third_harmonic: t.value(&tof::THIRD_HARMONIC),
         least_amplitude: t.value(&tof::LEAST_AMPLITUDE),
         exposure_s: t.value(&tof::EXPOSURE),
