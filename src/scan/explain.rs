@@ -1,7 +1,10 @@
 //! One pixel, cast by the code that casts its frame, with the story of its pulse.
 
+use super::frame::{Cause, Frame};
+use super::ideal::{Batch, Piece, Scanner, Strip};
 use super::story::{Met, Sent, Story};
-use super::{Batch, Cause, Frame, Piece, Scanner, SensorPose, Strip, depth, measured};
+use super::strips::SensorPose;
+use super::{depth, measured};
 use crate::scene::Scene;
 use crate::sensor::Capture;
 use crate::trace::Cast;
@@ -9,7 +12,7 @@ use crate::trace::Cast;
 /// Casts one pixel as [`scan`](super::scan) casts it in its frame, and tells the story of its pulse. `None` if the image has no
 /// such pixel.
 ///
-/// If bright returns bloom, or a depth camera's pixels depend on each other, the light of the whole frame is cast, because other pixels' light may be part of this one's.
+/// If bright returns bloom, or the pixels of a depth camera depend on each other, the whole frame is cast.
 pub fn explain(
     scene: &Scene,
     tracer: &impl Cast,
@@ -22,7 +25,10 @@ pub fn explain(
     }
     let measurement = &capture.sensor.measurement;
     Some(match &measurement.depth {
-        Some(_) => depth::explain(scene, tracer, capture, explain_ideal(scene, tracer, capture, row, column)),
+        Some(sensing) => {
+            let ideal = explain_ideal(scene, tracer, capture, row, column);
+            depth::explain(scene, tracer, capture, sensing, ideal)
+        }
         None if measurement.is_ideal() => explain_ideal(scene, tracer, capture, row, column),
         None => measured::explain(scene, tracer, capture, row, column),
     })

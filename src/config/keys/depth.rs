@@ -25,7 +25,7 @@ pub(crate) static TOF: Key<Nested> = key(
     "How a camera finds depth by the phase of modulated light; left out: its depth is exact.",
 );
 
-const BASELINE: Number = Number::within(Included(-10.0), Included(10.0));
+const SIDEWAYS: Number = Number::within(Included(-10.0), Included(10.0));
 const SIDE: Integer<u32> = Integer::within(1, 31);
 
 /// `[stereo]`.
@@ -68,7 +68,7 @@ pub(crate) mod stereo {
         key("matcher", Nested(&matcher::KEYS), "The settings of the matcher of a camera that matches.");
     pub static BASELINE: Key<Number> = key(
         "baseline_m",
-        super::BASELINE,
+        SIDEWAYS,
         "The distance to the second imager along the image's rows, to the right; negative: to the left.",
     )
     .required("`baseline_m = 0.05`, the distance between the two imagers");
@@ -124,7 +124,7 @@ pub(crate) mod projector {
         table("`[stereo.projector]`", &[&OFFSET, &FIELD, &DOTS, &DOT_WIDTH, &SEED, &FLOOD]).partial();
     pub static OFFSET: Key<Number> = key(
         "offset_m",
-        super::BASELINE,
+        SIDEWAYS,
         "The distance from the camera to the projector along the image's rows, to the right; negative: to the left.",
     )
     .required("`offset_m = 0.029`, the distance from the camera to the projector");
@@ -308,7 +308,7 @@ pub(crate) mod structured_light {
     .partial();
     pub static BASELINE: Key<Number> = key(
         "baseline_m",
-        super::BASELINE,
+        SIDEWAYS,
         "The distance to the projector along the image's rows, to the right; negative: to the left.",
     )
     .required("`baseline_m = 0.075`, the distance between camera and projector");

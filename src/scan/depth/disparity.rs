@@ -4,29 +4,30 @@ use std::cmp::Ordering;
 
 use rayon::prelude::*;
 
-use super::Pixel;
+use super::pixel::Pixel;
 use super::second::Second;
 use crate::physics::disparity::StereoPair;
 use crate::rng::FrameStreams;
+use crate::scan::Progress;
 use crate::scan::effects::Effect;
 use crate::scan::frame::{Cause, Echo, Frame, Images, NO_OBJECT, Return, Terms};
-use crate::scan::{Progress, scan_ideal};
+use crate::scan::ideal::scan_ideal;
 use crate::scene::Scene;
 use crate::sensor::{AnalyticDisparity, Capture, Pattern, SecondViewpoint, Stereo};
 use crate::trace::Cast;
 
-/// Casts a capture of a camera whose disparities follow from the exact depths. `None` if `progress.cancelled` was set before the end.
+/// Casts a capture of a camera whose disparities follow from the exact depths; `exact` is the same without limits of range. `None` if `progress.cancelled` was set before the end.
 ///
 /// # Panics
 /// If the sensor is no camera.
 pub(super) fn scan(
     scene: &Scene,
     tracer: &impl Cast,
-    capture: &Capture,
+    (capture, exact): (&Capture, &Capture),
     (stereo, analytic): (&Stereo, &AnalyticDisparity),
     progress: &Progress,
 ) -> Option<(Vec<Pixel>, Images)> {
-    let view = View::cast(scene, tracer, capture, stereo, progress)?;
+    let view = View::cast(scene, tracer, (capture, exact), stereo, progress)?;
     Some(view.measure(analytic))
 }
 
@@ -55,14 +56,14 @@ impl<'a> View<'a> {
     fn cast(
         scene: &Scene,
         tracer: &impl Cast,
-        capture: &'a Capture<'a>,
+        (capture, exact): (&'a Capture<'a>, &Capture),
         stereo: &'a Stereo,
         progress: &Progress,
     ) -> Option<Self> {
         let second = Second::to_the_right(scene, tracer, capture, stereo.baseline_m);
         let columns = capture.columns();
         let mut ideal = Frame::default();
-        let hidden = scan_ideal(&mut ideal, scene, tracer, capture, progress, |strip, batch| {
+        let hidden = scan_ideal(&mut ideal, scene, tracer, exact, progress, |strip, batch| {
             second.hidden(strip, batch, columns)
         })?;
         let view = Self::new(capture, stereo, ideal);
@@ -72,7 +73,7 @@ impl<'a> View<'a> {
             .map(|pixel| {
                 let depth_m = ideal.returns().range_m[pixel] * ratio(capture, pixel);
                 match ideal.causes()[pixel] {
-                    Cause::Surface | Cause::TooNear if depth_m > 0.0 => rig.disparity_px(depth_m),
+                    Cause::Surface if depth_m > 0.0 => rig.disparity_px(depth_m),
                     _ => 0.0,
                 }
             })
@@ -99,7 +100,7 @@ impl<'a> View<'a> {
             .into_par_iter()
             .map(|pixel| {
                 let cause = self.ideal.causes()[pixel];
-                if !matches!(cause, Cause::Surface | Cause::TooNear) {
+                if cause != Cause::Surface {
                     return (Pixel::without(cause), 0.0);
                 }
                 let exact_px = self.exact_px[pixel];
@@ -157,7 +158,7 @@ impl<'a> View<'a> {
         let range_of = |disparity_px: f64| self.rig.depth_m(disparity_px) / ratio;
         let range_m = range_of(reported_px);
         let unrounded_m = range_of(found.disparity_px);
-        let is_seen = matches!(self.ideal.causes()[pixel], Cause::Surface | Cause::TooNear);
+        let is_seen = self.ideal.causes()[pixel] == Cause::Surface;
         let surface = match is_seen {
             true => self.ideal.returns().get(pixel),
             // A match where there is no surface. Its budget has no exact range to begin with.

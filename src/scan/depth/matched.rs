@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::Pixel;
 use super::disparity::{Found, View};
 use super::infrared::Light;
+use super::pixel::Pixel;
 use crate::matching::{Gray, Matched, Matcher, Settings, UNITS_PER_PX, Verdict};
 use crate::physics::infrared::{ImageNoise, quantised};
 use crate::rng::FrameStreams;
@@ -15,11 +15,11 @@ use crate::scene::Scene;
 use crate::sensor::{Capture, Imager, Matching, Stereo};
 use crate::trace::Cast;
 
-/// Casts a capture of a camera that matches two images. `None` if `progress.cancelled` was set before the end.
+/// Casts a capture of a camera that matches two images; `exact` is the same without limits of range. `None` if `progress.cancelled` was set before the end.
 pub(super) fn scan(
     scene: &Scene,
     tracer: &impl Cast,
-    capture: &Capture,
+    (capture, exact): (&Capture, &Capture),
     (stereo, matching): (&Stereo, &Matching),
     progress: &Progress,
 ) -> Option<(Vec<Pixel>, Images)> {
@@ -27,8 +27,8 @@ pub(super) fn scan(
     let projector = matching.projector.as_ref().zip(dots.as_ref());
     let light = Light { scene, tracer, imager: &matching.imager, projector };
     let mut ideal = Frame::default();
-    let (left, _) = light.seen(capture, 0.0, &mut ideal, progress, |_, _| ())?;
-    let second = capture.to_the_right(stereo.baseline_m);
+    let (left, _) = light.seen(exact, 0.0, &mut ideal, progress, |_, _| ())?;
+    let second = exact.to_the_right(stereo.baseline_m);
     let (right, _) = light.seen(&second, stereo.baseline_m, &mut Frame::default(), progress, |_, _| ())?;
     let gain = exposure(&matching.imager, &left);
     let streams = FrameStreams::new(capture.seed, capture.index, capture.frame);

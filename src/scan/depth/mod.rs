@@ -13,33 +13,21 @@
 mod disparity;
 mod infrared;
 mod matched;
+mod pixel;
 mod second;
 mod shade;
 mod sight;
 mod time_of_flight;
 
-use super::story::Story;
-use super::{Cause, Echo, Frame, Progress, Return};
+use self::pixel::Pixel;
+use crate::scan::Progress;
+use crate::scan::frame::Frame;
+use crate::scan::story::Story;
 use crate::scene::Scene;
-use crate::sensor::{Capture, DepthSensing, StereoMethod};
+use crate::sensor::{Capture, DepthSensing, RangeLimits, Sensor, StereoMethod};
 use crate::trace::Cast;
 
-/// What a depth camera reports of a pixel.
-#[derive(Clone, Copy, Debug)]
-struct Pixel {
-    cause: Cause,
-    /// The return, or the surface that blocks the pixel if its cause is [`Cause::TooNear`].
-    one: Option<(Return, Echo)>,
-}
-
-impl Pixel {
-    /// A pixel without a return.
-    fn without(cause: Cause) -> Self {
-        Self { cause, one: None }
-    }
-}
-
-/// Casts a capture of a depth camera, as [`scan_into`](super::scan_into) does.
+/// Casts a capture of a depth camera, as [`scan_into`](crate::scan::scan_into) does.
 pub(super) fn scan_into(
     frame: &mut Frame,
     scene: &Scene,
@@ -48,16 +36,21 @@ pub(super) fn scan_into(
     sensing: &DepthSensing,
     progress: &Progress,
 ) -> bool {
+    // Depth is found of what the camera sees at any range. Its limits are those of the depths that it reports.
+    let unlimited = Sensor { range: RangeLimits::default(), ..capture.sensor.clone() };
+    let exact = Capture { sensor: &unlimited, ..*capture };
     let measured = match sensing {
         DepthSensing::Stereo(stereo) => match &stereo.method {
             StereoMethod::Analytic(analytic) => {
-                disparity::scan(scene, tracer, capture, (stereo, analytic), progress)
+                disparity::scan(scene, tracer, (capture, &exact), (stereo, analytic), progress)
             }
             StereoMethod::Match(matching) => {
-                matched::scan(scene, tracer, capture, (stereo, matching), progress)
+                matched::scan(scene, tracer, (capture, &exact), (stereo, matching), progress)
             }
         },
-        DepthSensing::TimeOfFlight(tof) => time_of_flight::scan(scene, tracer, capture, tof, progress),
+        DepthSensing::TimeOfFlight(tof) => {
+            time_of_flight::scan(scene, tracer, (capture, &exact), tof, progress)
+        }
     };
     let Some((pixels, images)) = measured else { return false };
     frame.begin_measured(capture.rows(), capture.columns());
@@ -70,9 +63,16 @@ pub(super) fn scan_into(
 
 /// Casts the frame of a depth camera, whose pixels depend on each other, and tells the story of one pixel: that of an ideal camera, of
 /// which the returns are the frame's.
-pub(super) fn explain(scene: &Scene, tracer: &impl Cast, capture: &Capture, ideal: Story) -> Story {
+pub(super) fn explain(
+    scene: &Scene,
+    tracer: &impl Cast,
+    capture: &Capture,
+    sensing: &DepthSensing,
+    ideal: Story,
+) -> Story {
     let mut frame = Frame::default();
-    super::scan_into(&mut frame, scene, tracer, capture, &Progress::default());
+    capture.prepare();
+    scan_into(&mut frame, scene, tracer, capture, sensing, &Progress::default());
     let pixel = ideal.row * capture.columns() + ideal.column;
     let echo = |slot: usize| (frame.returns().get(slot), frame.echo(slot).copied());
     Story {

@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::sight::Sights;
-use crate::scan::{Batch, SensorPose, Strip};
+use crate::scan::ideal::{Batch, Strip};
+use crate::scan::strips::SensorPose;
 use crate::scene::Scene;
 use crate::sensor::Capture;
 use crate::trace::Cast;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::physics::sun::ambient;
-use crate::scan::Return;
+use crate::scan::frame::Return;
 use crate::scan::optics::{Meeting, split};
 use crate::scan::surface::SeenTriangle;
 use crate::scene::{Appearance, Optics, Scene, Sun, Surface};

@@ -16,8 +16,8 @@ const NEARLY_ALL: f64 = 1.0 - 1e-5;
 /// Lines of sight.
 #[derive(Default)]
 pub(super) struct Sights {
-    /// Each with its length in metres.
-    rays: RayBatch<f64>,
+    /// Each with its number and its length in metres.
+    rays: RayBatch<(u32, f64)>,
     hits: Vec<Option<Hit>>,
     through: Through,
 }
@@ -29,7 +29,8 @@ impl Sights {
         let length_m = way.length();
         // Between two points that are one there is nothing, whatever the direction.
         let direction = if length_m > 0.0 { way / length_m } else { DVec3::X };
-        self.rays.push(length_m, Ray { origin: from, direction, time_s }, None);
+        let number = self.rays.len() as u32;
+        self.rays.push((number, length_m), Ray { origin: from, direction, time_s }, None);
     }
 
     /// Whether something blocks each line, in the order in which they were added. Holes do not, and panes that take less than half of
@@ -41,9 +42,16 @@ impl Sights {
         if scene.is_see_through() {
             through.look(scene, tracer, rays, hits, |_, _| Ordering::Equal);
         }
-        let is_blocked = |(ray, (hit, &length_m)): (usize, (&Option<Hit>, &f64))| {
-            hit.as_ref().is_some_and(|hit| hit.t < NEARLY_ALL * length_m) && through.share(ray) >= 0.5
-        };
-        hits.iter().zip(rays.known()).enumerate().map(is_blocked).collect()
+        let mut blocked = vec![false; hits.len()];
+        for (ray, (hit, &(number, length_m))) in hits.iter().zip(rays.known()).enumerate() {
+            let is_near = hit.as_ref().is_some_and(|hit| hit.t < NEARLY_ALL * length_m);
+            blocked[number as usize] = is_near && through.share(ray) >= 0.5;
+        }
+        blocked
+    }
+
+    /// Sorts lines from one point by their directions, so that the tracer can take neighbours together.
+    pub fn sort(&mut self) {
+        self.rays.sort_by_direction(6);
     }
 }

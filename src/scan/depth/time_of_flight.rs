@@ -14,17 +14,19 @@ use std::sync::atomic::Ordering::Relaxed;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::Pixel;
+use super::pixel::Pixel;
 use super::shade::{CLEARANCE_M, Lit, Shader, sunlight};
 use super::sight::Sights;
 use crate::physics::phasor::{Demodulated, ModulatedLight, TofPixel};
 use crate::physics::unwrap::{Reliable, Unreliable, Unwrapped, Unwrapper};
 use crate::rng::FrameStreams;
+use crate::scan::Progress;
 use crate::scan::effects::Effect;
 use crate::scan::frame::{Cause, Echo, Frame, Images, Return, Terms};
+use crate::scan::ideal::scan_ideal;
 use crate::scan::ray_batch::{Ray, RayBatch};
+use crate::scan::strips::{STRIP, SensorPose, TILE};
 use crate::scan::through::Through;
-use crate::scan::{Progress, STRIP, SensorPose, TILE, scan_ideal};
 use crate::scene::Scene;
 use crate::sensor::{Capture, TimeOfFlight};
 use crate::trace::{Cast, Hit};
@@ -32,16 +34,16 @@ use crate::trace::{Cast, Hit};
 /// The most taps of a pixel.
 const MOST_TAPS: usize = 8;
 
-/// Casts a capture of a time-of-flight camera. `None` if `progress.cancelled` was set before the end.
+/// Casts a capture of a time-of-flight camera; `exact` is the same without limits of range. `None` if `progress.cancelled` was set before the end.
 pub(super) fn scan(
     scene: &Scene,
     tracer: &impl Cast,
-    capture: &Capture,
+    (capture, exact): (&Capture, &Capture),
     sensing: &TimeOfFlight,
     progress: &Progress,
 ) -> Option<(Vec<Pixel>, Images)> {
     let mut ideal = Frame::default();
-    scan_ideal(&mut ideal, scene, tracer, capture, progress, |_, _| ())?;
+    scan_ideal(&mut ideal, scene, tracer, exact, progress, |_, _| ())?;
     let camera = Camera {
         scene,
         tracer,
@@ -133,11 +135,22 @@ impl Bundle {
 
     fn cast(&mut self, scene: &Scene, tracer: &impl Cast) {
         let Self { rays, hits, through } = self;
-        rays.cast(scene, tracer, hits);
-        through.clear();
-        if scene.is_see_through() {
-            through.look(scene, tracer, rays, hits, |_, _| Ordering::Equal);
-        }
+        cast_through(rays, scene, tracer, hits, through);
+    }
+}
+
+/// Casts rays, and looks through holes and panes.
+fn cast_through<T>(
+    rays: &RayBatch<T>,
+    scene: &Scene,
+    tracer: &impl Cast,
+    hits: &mut Vec<Option<Hit>>,
+    through: &mut Through,
+) {
+    rays.cast(scene, tracer, hits);
+    through.clear();
+    if scene.is_see_through() {
+        through.look(scene, tracer, rays, hits, |_, _| Ordering::Equal);
     }
 }
 
@@ -172,19 +185,21 @@ struct IndirectWay {
 /// Rays of indirect light that are cast together.
 #[derive(Default)]
 struct IndirectWave {
-    bundle: Bundle,
-    ways: Vec<IndirectWay>,
+    rays: RayBatch<IndirectWay>,
+    hits: Vec<Option<Hit>>,
+    through: Through,
 }
 
 impl IndirectWave {
-    fn clear(&mut self) {
-        self.bundle.clear();
-        self.ways.clear();
+    fn push(&mut self, way: IndirectWay, from: &Lit, direction: DVec3, time_s: f64) {
+        self.rays.push(way, Ray { origin: from.point + from.normal * CLEARANCE_M, direction, time_s }, None);
     }
 
-    fn push(&mut self, way: IndirectWay, from: &Lit, direction: DVec3, time_s: f64) {
-        self.ways.push(way);
-        self.bundle.push(from.point + from.normal * CLEARANCE_M, direction, time_s);
+    /// Casts the rays, and looks through holes and panes. They are cast in the order of their directions.
+    fn cast(&mut self, scene: &Scene, tracer: &impl Cast) {
+        let Self { rays, hits, through } = self;
+        rays.sort_by_direction(3);
+        cast_through(rays, scene, tracer, hits, through);
     }
 }
 
@@ -340,7 +355,7 @@ impl<C: Cast> Camera<'_, C> {
     ) {
         let count = self.sensing.indirect_rays as usize;
         let samples = self.samples();
-        wave.clear();
+        wave.rays.clear();
         for first in (0..of_pixel.len()).step_by(samples) {
             let number = number_of(of_pixel[first] as usize);
             let mut stream = self.streams.stream(number as u32, 0, Effect::Indirect as u32);
@@ -385,14 +400,14 @@ impl<C: Cast> Camera<'_, C> {
         paths: &mut Vec<Path>,
         shader: &mut Shader,
     ) {
-        wave.bundle.cast(self.scene, self.tracer);
+        wave.cast(self.scene, self.tracer);
         let mut shadows = Sights::default();
         let mut found = Vec::new();
         let mut next = IndirectWave::default();
-        for (number, hit) in wave.bundle.hits.iter().enumerate() {
+        for (number, hit) in wave.hits.iter().enumerate() {
             let Some(hit) = hit else { continue };
-            let way = wave.ways[number];
-            let Ray { origin, direction, time_s } = wave.bundle.rays.ray(number);
+            let way = wave.rays.known()[number];
+            let Ray { origin, direction, time_s } = wave.rays.ray(number);
             let far = shader.light(origin, direction, hit, Some(way.source));
             if far.diffuse == 0.0 {
                 continue;
@@ -405,7 +420,8 @@ impl<C: Cast> Camera<'_, C> {
             if cosine > 0.0 {
                 let electrons = way.electrons * cosine / (range_m * range_m);
                 found.push(Path { pixel: way.pixel, electrons, length_m: way.length_m + range_m });
-                shadows.push(far.point + far.normal * CLEARANCE_M, way.source, time_s);
+                // From the source, so that all lines have one origin if the camera stands still.
+                shadows.push(way.source, far.point, time_s);
             }
             if !is_last {
                 // Each ray has streams of its own for each surface; those of the pixel itself are the streams of the first.
@@ -415,6 +431,7 @@ impl<C: Cast> Camera<'_, C> {
                 next.push(way, &far, direction, time_s);
             }
         }
+        shadows.sort();
         let blocked = shadows.are_blocked(self.scene, self.tracer);
         paths.extend(found.into_iter().zip(blocked).filter(|(_, blocked)| !blocked).map(|(path, _)| path));
         *wave = next;
@@ -479,7 +496,7 @@ impl<C: Cast> Camera<'_, C> {
         let ideal = self.ideal.causes()[number];
         let Some(brightest) = direct.brightest.and_then(&mut brightest) else {
             // Without any light the pixel says what the ideal camera says; a surface that scatters none is below the threshold.
-            let is_seen = matches!(ideal, Cause::Surface | Cause::TooNear);
+            let is_seen = ideal == Cause::Surface;
             return Pixel::without(if is_seen { Cause::BelowThreshold } else { ideal });
         };
         let reason = reliable.judge(noisy, unwrapped.as_ref()).map(|reason| match reason {
@@ -490,7 +507,7 @@ impl<C: Cast> Camera<'_, C> {
         let (None, Some(unwrapped)) = (reason, unwrapped) else {
             return Pixel::without(reason.unwrap_or(Cause::BelowThreshold));
         };
-        let is_ideal = matches!(ideal, Cause::Surface | Cause::TooNear);
+        let is_ideal = ideal == Cause::Surface;
         let surface = if is_ideal { self.ideal.returns().get(number) } else { brightest };
         let quiet_m = self.unwrap(quiet).map_or(surface.range_m, |quiet| quiet.range_m);
         let range_m = unwrapped.range_m;
