@@ -30,7 +30,7 @@ pub struct Args {
     /// Show so many frames of the scan a second [default: the sensor's rate, which is real time]
     #[arg(long, value_name = "HZ", value_parser = parse_rate)]
     rate: Option<f64>,
-    /// Put the frames side by side in one picture that does not move, so many in a row
+    /// Put the frames side by side in one picture that does not move, so many in a row; of a scan of one frame, its sensors
     #[arg(long, value_name = "COLUMNS", value_parser = clap::value_parser!(u32).range(1..=1000))]
     sheet: Option<u32>,
     /// Replace a picture that is there already
@@ -55,11 +55,12 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     check_file(&target, args.overwrite)?;
     let folder = Folder::open(&args.path)?;
     let reels = reels(&folder, &args.sensor)?;
-    let picture = |number: u32| -> Result<Picture, Error> {
+    let of_sensors = |number: u32| -> Result<Vec<Picture>, Error> {
         let width = args.width as usize;
         let part = |reel: &Reel| Ok(read(&folder, reel.at(&reels[0], number * args.every))?.scaled_to(width));
-        Ok(Picture::stacked(&reels.iter().map(part).collect::<Result<Vec<_>, Error>>()?))
+        reels.iter().map(part).collect()
     };
+    let picture = |number: u32| -> Result<Picture, Error> { Ok(Picture::stacked(&of_sensors(number)?)) };
     let count = (reels[0].frames.len() as u32).div_ceil(args.every);
     let unwritable = |e: Whose| match e {
         Whose::Encoder(e) => Error::output(&target, e),
@@ -67,7 +68,10 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     };
     let file = match args.sheet {
         Some(columns) => {
-            let pictures = (0..count).map(&picture).collect::<Result<Vec<_>, Error>>()?;
+            let pictures = match count {
+                1 => of_sensors(0)?,
+                _ => (0..count).map(&picture).collect::<Result<Vec<_>, Error>>()?,
+            };
             let sheet = Picture::grid(&pictures, columns as usize);
             drop(pictures);
             let mut palette = Palette::default();

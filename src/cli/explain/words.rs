@@ -3,7 +3,7 @@
 use super::told::{Told, unit};
 use crate::angle::Angle;
 use crate::scan::{Cause, Counts, Echo, Fate, Met, Return, Sent, Signal, SignalPeak, SignalUnit, Terms};
-use crate::sensor::{Limited, ReturnMode};
+use crate::sensor::{DepthSensing, Limited, ReturnMode, StereoMethod};
 use crate::source::words::{joined, quoted};
 
 /// The pixel that a story is about.
@@ -60,7 +60,23 @@ fn sending(told: &Told, sent: &Sent) -> String {
     if off > 0.0 {
         text += &format!(" Its axis is off by {off:.3}° from there, which the sensor does not know.");
     }
-    if told.story.signal.is_none() {
+    let depth = &told.sensor.measurement.depth;
+    if let Some(sensing) = depth {
+        text += match sensing {
+            DepthSensing::Stereo(stereo) => match stereo.method {
+                StereoMethod::Match(_) => {
+                    " The camera finds depth by matching two images, so that neighbours count, too."
+                }
+                StereoMethod::Analytic(_) => {
+                    " The camera finds depth by the disparity to a second viewpoint."
+                }
+            },
+            DepthSensing::TimeOfFlight(_) => {
+                " The camera finds depth by the phases of all the light of the pixel."
+            }
+        };
+        text += " This is the ray through the pixel's middle.";
+    } else if told.story.signal.is_none() {
         text += " The sensor is ideal: its beam has no width, and it reports the exact range.";
     } else if told.story.sub_rays > 1 {
         let count = told.story.sub_rays;
@@ -298,7 +314,7 @@ fn reporting(told: &Told, number: usize, one: &Return, echo: &Option<Echo>) -> S
     };
     let sum = match echo {
         None => ", which is the exact range".to_owned(),
-        Some(echo) if echo.snr > 0.0 => budget(told, &echo.terms),
+        Some(echo) if echo.snr > 0.0 || told.sensor.measurement.depth.is_some() => budget(told, &echo.terms),
         Some(_) => String::new(),
     };
     let intensity = significant(f64::from(one.intensity));
@@ -313,9 +329,14 @@ fn reporting(told: &Told, number: usize, one: &Return, echo: &Option<Echo>) -> S
 fn budget(told: &Told, terms: &Terms) -> String {
     let receiver = told.sensor.measurement.receiver.as_ref();
     let is_counting = receiver.is_some_and(|receiver| receiver.spad.is_some());
+    let width = match &told.sensor.measurement.depth {
+        None => "by the beam's width",
+        Some(DepthSensing::Stereo(_)) => "by matching",
+        Some(DepthSensing::TimeOfFlight(_)) => "by indirect light and by other depths in the pixel",
+    };
     let by: [&str; 6] = [
         "by the pulse's direction",
-        "by the beam's width",
+        width,
         if is_counting { "by pile-up" } else { "by the walk of the threshold" },
         "by noise",
         "by the beam's bias",
