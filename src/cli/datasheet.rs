@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::depth_quality;
+use super::facts::runs;
 use super::interrupt::Interrupt;
 use super::job::load_sensor_or_job;
 use super::json;
@@ -18,7 +19,7 @@ use crate::scan::Progress;
 use crate::selftest::datasheet::{self, Figure, Measured, Outcome, Replay, Stated};
 use crate::selftest::quality::{self, QualityReport};
 use crate::sensor::{Measurement, Published, Sensor};
-use crate::source::words::{on_one_line, runs};
+use crate::source::words::on_one_line;
 
 /// A sensor that states figures, or a camera that finds depth.
 struct Subject {

@@ -8,7 +8,7 @@ use crate::run::facts::{
     SceneFacts, SensorSizes, SequenceFacts, WayFacts,
 };
 use crate::sensor::facts::SensorFacts;
-use crate::source::words::{counted, on_one_line, quoted, runs};
+use crate::source::words::{counted, joined, on_one_line, quoted};
 
 /// The most labels, materials or images that a line lists.
 const MOST_SHOWN: usize = 32;
@@ -253,6 +253,21 @@ fn write_sequence(text: &mut String, sequence: &SequenceFacts) {
     }
 }
 
+/// Whole numbers in words, those that follow each other by their ends: `0 to 7, 9 and 24 to 31`.
+pub fn runs(numbers: &[usize]) -> String {
+    let mut sorted = numbers.to_vec();
+    sorted.sort_unstable();
+    sorted.dedup();
+    let parts: Vec<String> = sorted
+        .chunk_by(|a, b| a + 1 == *b)
+        .flat_map(|run| match run {
+            [first, .., last] if run.len() > 2 => vec![format!("{first} to {last}")],
+            _ => run.iter().map(usize::to_string).collect(),
+        })
+        .collect();
+    joined(&parts, "and")
+}
+
 /// Rounds a number to four decimals, for display.
 pub fn tidy(x: f64) -> f64 {
     let rounded = (x * 1e4).round() / 1e4;
@@ -280,6 +295,12 @@ mod tests {
     fn numbers_are_readable() {
         assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
         assert_eq!(tidy(-0.00001).to_string(), "0");
+    }
+
+    #[test]
+    fn numbers_that_follow_each_other_are_told_by_their_ends() {
+        let shown = [&[][..], &[3], &[4, 3], &[9, 2, 0, 1, 9], &[0, 1, 2, 24, 25, 26, 28]].map(runs);
+        assert_eq!(shown, ["", "3", "3 and 4", "0 to 2 and 9", "0 to 2, 24 to 26 and 28"]);
     }
 
     #[test]

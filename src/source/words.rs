@@ -116,21 +116,6 @@ pub(crate) fn joined(words: &[String], conjunction: &str) -> String {
     }
 }
 
-/// Whole numbers in words, those that follow each other by their ends: `0 to 7, 9 and 24 to 31`.
-pub(crate) fn runs(numbers: &[usize]) -> String {
-    let mut sorted = numbers.to_vec();
-    sorted.sort_unstable();
-    sorted.dedup();
-    let parts: Vec<String> = sorted
-        .chunk_by(|a, b| a + 1 == *b)
-        .flat_map(|run| match run {
-            [first, .., last] if run.len() > 2 => vec![format!("{first} to {last}")],
-            _ => run.iter().map(usize::to_string).collect(),
-        })
-        .collect();
-    joined(&parts, "and")
-}
-
 /// A number in a message: without an exponent, unless it has more zeros than anyone would count.
 pub(crate) fn number(value: f64) -> String {
     let size = value.abs();
@@ -155,12 +140,6 @@ mod tests {
     fn numbers_of_any_size_are_short() {
         let shown: Vec<_> = [0.0, 0.3, 36.5, -2e6, 1e-300, 64e-300, 1e300].map(number).into();
         assert_eq!(shown, ["0", "0.3", "36.5", "-2000000", "1e-300", "6.4e-299", "1e300"]);
-    }
-
-    #[test]
-    fn numbers_that_follow_each_other_are_told_by_their_ends() {
-        let shown = [&[][..], &[3], &[4, 3], &[9, 2, 0, 1, 9], &[0, 1, 2, 24, 25, 26, 28]].map(runs);
-        assert_eq!(shown, ["", "3", "3 and 4", "0 to 2 and 9", "0 to 2, 24 to 26 and 28"]);
     }
 
     #[test]
