@@ -190,7 +190,7 @@ pub struct FrameCounts {
 }
 
 impl SensorOutcome {
-    /// The frame in words, as [`title`] has it.
+    /// The frame in words, as `title` has it.
     pub fn title(&self) -> String {
         title(&self.name, self.frame, self.number)
     }
