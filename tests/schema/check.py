@@ -49,6 +49,22 @@ def to_toml(value):
 TIMES = ("t_s", "trigger_s", "start_s")
 
 
+# Words of which one makes other keys of its table meaningless, which are then refused; no schema knows.
+ALTERNATIVES = ("detector",)
+# Channels of depth cameras, which a job of other sensors can't choose; no schema knows.
+OF_DEPTH_CAMERAS = (
+    "ambient",
+    "amplitude",
+    "confidence",
+    "disparity",
+    "ir.left",
+    "ir.right",
+    "phase.1",
+    "phase.2",
+    "phase.3",
+)
+
+
 def keys(value, path=()):
     """The path of every key, and of the elements of lists of tables."""
     if isinstance(value, dict):
@@ -100,7 +116,8 @@ def mutations(config, schema):
             yield f"{name} = {wrong!r}", changed(wrong), agree and bool(told)
         words = schema_at(schema, path)
         for word in words.get("enum", words.get("items", {}).get("enum", [])):
-            yield f"{name} = {word}", changed([word] if words["type"] == "array" else word), True
+            agree = path[-1] not in ALTERNATIVES and word not in OF_DEPTH_CAMERAS
+            yield f"{name} = {word}", changed([word] if words["type"] == "array" else word), agree
         unknown = changed(at(config, path))
         at(unknown, path[:-1])["no_such_key"] = 1
         yield f"{name[:-len(str(path[-1]))]}no_such_key", unknown, path[:-1] != ("labels",)
