@@ -31,31 +31,26 @@ pub(super) struct Light<'a, C> {
 }
 
 impl<C: Cast> Light<'_, C> {
-    /// The grey values that an imager `right_m` metres to the right of a capture's camera sees, before the exposure is set, row by
-    /// row, and its ideal frame. `also` is asked of each strip. `None` if `progress.cancelled` was set before the end.
-    pub fn seen<T: Send>(
+    /// The grey values that an imager sees before the exposure is set, row by row, and its ideal frame. `capture` is the imager's own,
+    /// which is `right_m` metres to the right of the camera's. `None` if `progress.cancelled` was set before the end.
+    pub fn seen(
         &self,
         capture: &Capture,
         right_m: f64,
         ideal: &mut Frame,
         progress: &Progress,
-        also: impl Fn(&Strip, &Batch) -> T + Sync,
-    ) -> Option<(Vec<f32>, Vec<T>)> {
+    ) -> Option<Vec<f32>> {
         let offset_m = self.projector.map_or(0.0, |(projector, _)| projector.offset_m - right_m);
         let source = Second::to_the_right(self.scene, self.tracer, capture, offset_m);
         let columns = capture.columns();
         let strips = scan_ideal(ideal, self.scene, self.tracer, capture, progress, |strip, batch| {
-            (self.of_strip(capture, strip, batch, &source), also(strip, batch))
+            self.of_strip(capture, strip, batch, &source)
         })?;
         let mut grey = vec![0.0; capture.rows() * columns];
-        let mut answers = Vec::with_capacity(strips.len());
-        for (seen, answer) in strips {
-            for Seen { pixel, grey: value } in seen {
-                grey[pixel as usize] = value;
-            }
-            answers.push(answer);
+        for Seen { pixel, grey: value } in strips.into_iter().flatten() {
+            grey[pixel as usize] = value;
         }
-        Some((grey, answers))
+        Some(grey)
     }
 
     fn of_strip(&self, capture: &Capture, strip: &Strip, batch: &Batch, source: &Second<C>) -> Vec<Seen> {

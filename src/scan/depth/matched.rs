@@ -27,9 +27,9 @@ pub(super) fn scan(
     let projector = matching.projector.as_ref().zip(dots.as_ref());
     let light = Light { scene, tracer, imager: &matching.imager, projector };
     let mut ideal = Frame::default();
-    let (left, _) = light.seen(exact, 0.0, &mut ideal, progress, |_, _| ())?;
+    let left = light.seen(exact, 0.0, &mut ideal, progress)?;
     let second = exact.to_the_right(stereo.baseline_m);
-    let (right, _) = light.seen(&second, stereo.baseline_m, &mut Frame::default(), progress, |_, _| ())?;
+    let right = light.seen(&second, stereo.baseline_m, &mut Frame::default(), progress)?;
     let gain = exposure(&matching.imager, &left);
     let streams = FrameStreams::new(capture.seed, capture.index, capture.frame);
     let read = |grey: &[f32], effect: Effect| {
