@@ -29,11 +29,11 @@ struct Subject {
     is_nominal: bool,
     /// The publication that these, or the promises, are from, where the sensor's file says it.
     source: Option<String>,
-    /// What the data sheet promises of a depth camera.
+    /// The bounds that the data sheet states of a depth camera.
     published: Vec<Published>,
 }
 
-/// What was found of a sensor.
+/// The findings about a sensor.
 enum Found {
     /// Of a sensor with a receiver or with noise: the replay of its figures.
     Replay(Replay),

@@ -158,7 +158,7 @@ fn write_depth(text: &mut String, facts: &DepthFacts) {
     }
 }
 
-/// What the image spans, and its steps.
+/// The field of view or the size of the image, and its steps.
 fn write_field(text: &mut String, facts: &SensorFacts) {
     if let (Some(image), Some(pixel)) = (facts.image_m, facts.pixel_m) {
         let ([width, height], [across, down]) = (image.map(tidy), pixel.map(|m| tidy(m * 1e3)));

@@ -393,7 +393,7 @@ pub struct Nominal {
     pub source: String,
     /// The data sheet's figures, with the sensor's own tables over them.
     pub measurement: Measurement,
-    /// What the data sheet promises of a depth camera.
+    /// The bounds that the data sheet states of a depth camera.
     pub published: Vec<Published>,
 }
 

@@ -33,7 +33,7 @@ impl Gray {
     }
 }
 
-/// What became of a pixel. The first that applies counts, in this order after `Matched`.
+/// The outcome of a pixel. The first that applies counts, in this order after `Matched`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Verdict {
@@ -66,7 +66,7 @@ pub struct Matched {
     /// 255·(second − best)/second, rounded down, of the sums that [`uniqueness_percent`](super::Settings::uniqueness_percent)
     /// compares.
     pub confidence: Vec<u8>,
-    /// What became of each pixel.
+    /// The outcome of each pixel.
     pub verdict: Vec<Verdict>,
 }
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::{Paths, Settings};
 
-/// What stands beside the first and the last disparity: more than any cost of a path, and no overflow with a penalty added, because
+/// The cost beside the first and the last disparity: more than any cost of a path, and no overflow with a penalty added, because
 /// the largest cost of a path is at most i16::MAX/4.
 const BEYOND: i16 = i16::MAX / 2;
 

@@ -41,7 +41,7 @@ pub struct Settings {
     /// The largest difference, in pixels, between a disparity and the one which the right image's pixel finds. `None` leaves out
     /// the check.
     pub left_right_px: Option<u16>,
-    /// What counts as texture.
+    /// The texture that a window has to have.
     pub texture: Texture,
     /// What counts as a speckle. `None` leaves out the filter.
     pub speckle: Option<Speckle>,

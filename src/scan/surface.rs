@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::Return;
 use crate::frame::Pose;
-use crate::scene::{Scene, Surface};
+use crate::scene::{Appearance, Optics, Scene, Surface};
 use crate::trace::Hit;
 
 /// The values that all returns of one triangle share.
@@ -84,5 +84,34 @@ impl SeenTriangle {
             self.reflectivity
         };
         (share * reflectivity * hit.normal.dot(direction).abs().min(1.0)) as f32
+    }
+}
+
+/// The triangle that was hit last. Neighbouring rays often hit the same one.
+#[derive(Default)]
+pub(super) struct LastSeen<'a>(Option<Known<'a>>);
+
+struct Known<'a> {
+    seen: SeenTriangle,
+    optics: Option<&'a Optics>,
+    /// The appearance, if it is the same all over the triangle.
+    appearance: Option<Appearance>,
+}
+
+impl<'a> LastSeen<'a> {
+    /// The triangle of a hit, what the job says of its optics, and how it looks where it is hit.
+    #[inline]
+    pub fn at(&mut self, scene: &'a Scene, hit: &Hit) -> (&SeenTriangle, Option<&'a Optics>, Appearance) {
+        let look = || scene.appearance(hit.placement, hit.triangle, hit.u, hit.v);
+        if !self.0.as_ref().is_some_and(|known| known.seen.is_of(hit)) {
+            self.0 = None;
+        }
+        let known = self.0.get_or_insert_with(|| {
+            let seen = SeenTriangle::of(hit, scene);
+            let optics = scene.optics(seen.surface());
+            let appearance = (!seen.varies()).then(look);
+            Known { seen, optics, appearance }
+        });
+        (&known.seen, known.optics, known.appearance.unwrap_or_else(look))
     }
 }

@@ -129,7 +129,7 @@ pub struct Judged {
     pub outcome: Outcome,
 }
 
-/// What became of a promise.
+/// The outcome of a promise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
     /// It was held against the wall that is worst for it.
@@ -232,7 +232,7 @@ impl<'a> Bench<'a> {
         let sensing = sensor.measurement.depth.as_ref()?;
         let (pair, is_textured) = match sensing {
             DepthSensing::Stereo(stereo) => {
-                let pair = StereoPair { focal_px: camera.focal_px().0, baseline_m: stereo.baseline_m.abs() };
+                let pair = stereo.pair(camera);
                 let is_passive = match &stereo.method {
                     StereoMethod::Analytic(_) => false,
                     StereoMethod::Match(matching) => matching.projector.is_none(),

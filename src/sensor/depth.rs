@@ -1,8 +1,10 @@
 //! How a depth camera finds the depth of its pixels: by the disparity of a second viewpoint, or by the time of flight of modulated
 //! light.
 
+use super::Camera;
 use crate::angle::Angle;
 use crate::matching::Settings;
+use crate::physics::disparity::StereoPair;
 use crate::physics::dots::{Dots, Field};
 use crate::physics::phasor::{Phasor, range_m as range_of_phase_m};
 use crate::rng::Rng;
@@ -145,6 +147,11 @@ impl Projector {
 }
 
 impl Stereo {
+    /// The geometry of the two viewpoints of a camera, by which depth and disparity follow from each other.
+    pub fn pair(&self, camera: &Camera) -> StereoPair {
+        StereoPair { focal_px: camera.focal_px().0, baseline_m: self.baseline_m.abs() }
+    }
+
     /// The disparities that are searched, in pixels: from the first, which is among them, to the second, which is not.
     pub fn searched_px(&self) -> [f64; 2] {
         let first = f64::from(self.first_disparity_px);

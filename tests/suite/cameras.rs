@@ -22,6 +22,8 @@ use glam::{DAffine3, DVec3};
 use crate::plates::{Plate, lambert, optics, scene, wall};
 use crate::shapes::{cuboid, placed, quad, seen_from};
 
+use super::depth_cameras::time_of_flight;
+
 /// A camera of parallel rays with pixels of 25 cm.
 fn parallel() -> Sensor {
     Sensor::new(Pattern::Orthographic(Orthographic::new((16, 8), (4.0, 2.0), Some(10.0)).unwrap()))
@@ -88,23 +90,7 @@ fn a_camera_of_parallel_rays_has_a_shutter_and_limits_of_depth() {
 
 /// A camera of one pixel, as narrow as a ray, that gathers light for a while about each tenth of a second.
 fn exposed(mhz: f64, exposure_s: f64) -> Sensor {
-    let sensing = TimeOfFlight {
-        frequencies_hz: vec![mhz * 1e6],
-        wavelength_m: 850e-9,
-        electrons_at_1_m: 1e16,
-        contrast: 0.8,
-        sun_electrons: 0.0,
-        read_noise: 0.0,
-        full_well: f64::INFINITY,
-        taps: 4,
-        samples: 2,
-        indirect_rays: 0,
-        bounces: 1,
-        third_harmonic: 0.0,
-        least_amplitude: 0.0,
-        exposure_s,
-        disagreement_m: f64::INFINITY,
-    };
+    let sensing = TimeOfFlight { electrons_at_1_m: 1e16, samples: 2, exposure_s, ..time_of_flight(&[mhz]) };
     let camera = Camera::new((1, 1), (1e6, 1e6), (0.5, 0.5), Some(10.0)).unwrap();
     let measurement =
         Measurement { depth: Some(DepthSensing::TimeOfFlight(sensing)), ..Measurement::default() };

@@ -177,7 +177,8 @@ fn a_window_needs_its_share() {
     assert_eq!([at(60, 60), at(60, 100), at(100, 100)], [Cause::Ambiguous, Cause::Surface, Cause::Surface]);
 }
 
-fn time_of_flight(frequencies_mhz: &[f64]) -> TimeOfFlight {
+/// A time-of-flight camera of these frequencies with much light, one sub-ray, and nothing else.
+pub(super) fn time_of_flight(frequencies_mhz: &[f64]) -> TimeOfFlight {
     TimeOfFlight {
         frequencies_hz: frequencies_mhz.iter().map(|mhz| mhz * 1e6).collect(),
         wavelength_m: 850e-9,

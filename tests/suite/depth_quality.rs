@@ -13,6 +13,8 @@ use beamcast::sensor::{
 use beamcast::{Camera, Pattern, Progress, RangeLimits, Sensor};
 use serde_json::Value;
 
+use super::depth_cameras::time_of_flight;
+
 /// A camera of so many columns and rows, with its limits in depth.
 fn camera(size: (usize, usize), focal_px: f64, limits_m: [f64; 2], depth: DepthSensing) -> Sensor {
     let centre = (size.0 as f64 / 2.0, size.1 as f64 / 2.0);
@@ -39,23 +41,7 @@ fn stereo(baseline_m: f64, sigma_px: f64, unit_px: f64) -> DepthSensing {
 }
 
 fn tof(electrons_at_1_m: f64, taps: u32) -> DepthSensing {
-    DepthSensing::TimeOfFlight(TimeOfFlight {
-        frequencies_hz: vec![20e6, 100e6],
-        wavelength_m: 850e-9,
-        electrons_at_1_m,
-        contrast: 0.8,
-        sun_electrons: 0.0,
-        read_noise: 0.0,
-        full_well: f64::INFINITY,
-        taps,
-        samples: 1,
-        indirect_rays: 0,
-        bounces: 1,
-        third_harmonic: 0.0,
-        least_amplitude: 0.0,
-        exposure_s: 0.0,
-        disagreement_m: f64::INFINITY,
-    })
+    DepthSensing::TimeOfFlight(TimeOfFlight { electrons_at_1_m, taps, ..time_of_flight(&[20.0, 100.0]) })
 }
 
 /// The mean over the middle 40 % of an image of a function of the cosine to the optical axis.

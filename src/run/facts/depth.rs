@@ -3,7 +3,6 @@
 use serde::Serialize;
 
 use super::RangeSigma;
-use crate::physics::disparity::StereoPair;
 use crate::physics::unwrap::Unwrapper;
 use crate::sensor::{DepthSensing, Pattern, SecondViewpoint, Sensor, StereoMethod};
 
@@ -34,7 +33,7 @@ impl DepthFacts {
         let Pattern::Camera(camera) = &sensor.pattern else { return None };
         match sensor.measurement.depth.as_ref()? {
             DepthSensing::Stereo(stereo) => {
-                let pair = StereoPair { focal_px: camera.focal_px().0, baseline_m: stereo.baseline_m.abs() };
+                let pair = stereo.pair(camera);
                 let [_, end_px] = stereo.searched_px();
                 let sigmas = |sigma_px: f64| at(|z| pair.depth_per_px(z) * sigma_px);
                 Some(Self {

@@ -16,7 +16,8 @@ use crate::scene::Scene;
 use crate::sensor::{AnalyticDisparity, Capture, Pattern, SecondViewpoint, Stereo};
 use crate::trace::Cast;
 
-/// Casts a capture of a camera whose disparities follow from the exact depths; `exact` is the same without limits of range. `None` if `progress.cancelled` was set before the end.
+/// Casts a capture of a camera whose disparities follow from the exact depths; `exact` is the same without limits of range.
+/// `None` if `progress.cancelled` was set before the end.
 ///
 /// # Panics
 /// If the sensor is no camera.
@@ -49,7 +50,7 @@ impl<'a> View<'a> {
     /// If the sensor is no camera.
     pub fn new(capture: &'a Capture<'a>, stereo: &'a Stereo, ideal: Frame) -> Self {
         let Pattern::Camera(camera) = &capture.sensor.pattern else { panic!("a stereo camera is a camera") };
-        let rig = StereoPair { focal_px: camera.focal_px().0, baseline_m: stereo.baseline_m.abs() };
+        let rig = stereo.pair(camera);
         Self { capture, stereo, rig, ideal, exact_px: Vec::new() }
     }
 

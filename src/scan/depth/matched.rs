@@ -15,7 +15,8 @@ use crate::scene::Scene;
 use crate::sensor::{Capture, Imager, Matching, Stereo};
 use crate::trace::Cast;
 
-/// Casts a capture of a camera that matches two images; `exact` is the same without limits of range. `None` if `progress.cancelled` was set before the end.
+/// Casts a capture of a camera that matches two images; `exact` is the same without limits of range.
+/// `None` if `progress.cancelled` was set before the end.
 pub(super) fn scan(
     scene: &Scene,
     tracer: &impl Cast,

@@ -2,11 +2,12 @@
 
 use glam::DVec3;
 
+use crate::frame::Pose;
 use crate::physics::sun::ambient;
 use crate::scan::frame::Return;
 use crate::scan::optics::{Meeting, split};
-use crate::scan::surface::SeenTriangle;
-use crate::scene::{Appearance, Optics, Scene, Sun, Surface};
+use crate::scan::surface::LastSeen;
+use crate::scene::{Scene, Sun, Surface};
 use crate::trace::{Cast, Hit, Origins, Rays};
 
 /// The roughness below which a lobe is a mirror's: a pixel is some milliradians wide, and so is such a lobe.
@@ -35,39 +36,18 @@ pub(super) struct Lit {
 pub(super) struct Shader<'a> {
     scene: &'a Scene,
     wavelength_m: f64,
-    last: Option<Last<'a>>,
-}
-
-struct Last<'a> {
-    seen: SeenTriangle,
-    optics: Option<&'a Optics>,
-    /// The appearance, if it is the same all over the triangle.
-    appearance: Option<Appearance>,
+    last: LastSeen<'a>,
 }
 
 impl<'a> Shader<'a> {
     pub fn new(scene: &'a Scene, wavelength_m: f64) -> Self {
-        Self { scene, wavelength_m, last: None }
-    }
-
-    fn triangle(&mut self, hit: &Hit) -> &Last<'a> {
-        if !self.last.as_ref().is_some_and(|last| last.seen.is_of(hit)) {
-            let seen = SeenTriangle::of(hit, self.scene);
-            let optics = self.scene.optics(seen.surface());
-            let appearance =
-                (!seen.varies()).then(|| self.scene.appearance(hit.placement, hit.triangle, hit.u, hit.v));
-            self.last = Some(Last { seen, optics, appearance });
-        }
-        self.last.as_ref().expect("it was just set")
+        Self { scene, wavelength_m, last: LastSeen::default() }
     }
 
     /// The surface that a ray from `origin` hits, seen along the ray. `towards` is where the light comes from, or `None` if that is
     /// the viewer.
     pub fn light(&mut self, origin: DVec3, direction: DVec3, hit: &Hit, towards: Option<DVec3>) -> Lit {
-        let (scene, wavelength_m) = (self.scene, self.wavelength_m);
-        let last = self.triangle(hit);
-        let appearance =
-            last.appearance.unwrap_or_else(|| scene.appearance(hit.placement, hit.triangle, hit.u, hit.v));
+        let (seen, optics, appearance) = self.last.at(self.scene, hit);
         let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
         let point = origin + direction * hit.t;
         let cosine = match towards {
@@ -77,30 +57,24 @@ impl<'a> Shader<'a> {
         let cosine = cosine.clamp(0.0, 1.0);
         let split = split(
             &appearance,
-            last.optics,
+            optics,
             Meeting {
                 cosine,
                 length_m: hit.t,
                 spacing_m: 0.0,
-                wavelength_m,
+                wavelength_m: self.wavelength_m,
                 mirror_roughness: MIRROR_ROUGHNESS,
             },
         );
         // A mirror and a pane have a reflectance, and scatter nothing.
         let diffuse =
             if cosine > 0.0 { split.reflectance.min(split.back / cosine) } else { split.reflectance };
-        Lit {
-            point,
-            normal,
-            surface: last.seen.surface(),
-            diffuse: diffuse.clamp(0.0, 1.0),
-            back: split.back,
-        }
+        Lit { point, normal, surface: seen.surface(), diffuse: diffuse.clamp(0.0, 1.0), back: split.back }
     }
 
     /// The return of a hit as an ideal camera has it.
-    pub fn receive(&mut self, sensor_from_world: &crate::frame::Pose, direction: DVec3, hit: &Hit) -> Return {
-        self.triangle(hit).seen.receive(sensor_from_world, direction, hit, hit.t)
+    pub fn receive(&mut self, sensor_from_world: &Pose, direction: DVec3, hit: &Hit) -> Return {
+        self.last.at(self.scene, hit).0.receive(sensor_from_world, direction, hit, hit.t)
     }
 }
 

@@ -34,7 +34,8 @@ use crate::trace::{Cast, Hit};
 /// The most taps of a pixel.
 const MOST_TAPS: usize = 8;
 
-/// Casts a capture of a time-of-flight camera; `exact` is the same without limits of range. `None` if `progress.cancelled` was set before the end.
+/// Casts a capture of a time-of-flight camera; `exact` is the same without limits of range. `None` if `progress.cancelled` was set
+/// before the end.
 pub(super) fn scan(
     scene: &Scene,
     tracer: &impl Cast,
@@ -447,9 +448,7 @@ impl<C: Cast> Camera<'_, C> {
         brightest: impl FnMut(usize) -> Option<Return>,
     ) -> Measured {
         let frequencies = self.unwrapper.frequencies_hz();
-        let mut noisy = [None; 3];
-        let mut quiet = [None; 3];
-        for (k, &frequency_hz) in frequencies.iter().enumerate() {
+        let at_frequency = |(k, &frequency_hz): (usize, &f64)| {
             let mut light = ModulatedLight { ambient, ..ModulatedLight::default() };
             for path in paths {
                 light.add_path(path.electrons, path.length_m, frequency_hz);
@@ -461,11 +460,10 @@ impl<C: Cast> Camera<'_, C> {
                 taps[tap] = self.pixel.tap(tap, count, &light, || stream.normal());
                 means[tap] = self.pixel.mean_tap(tap, count, &light);
             }
-            noisy[k] = Some(self.pixel.demodulate(&taps[..count]));
-            quiet[k] = Some(self.pixel.demodulate(&means[..count]));
-        }
-        let noisy: Vec<Demodulated> = noisy.into_iter().flatten().collect();
-        let quiet: Vec<Demodulated> = quiet.into_iter().flatten().collect();
+            (self.pixel.demodulate(&taps[..count]), self.pixel.demodulate(&means[..count]))
+        };
+        let (noisy, quiet): (Vec<Demodulated>, Vec<Demodulated>) =
+            frequencies.iter().enumerate().map(at_frequency).unzip();
         let count = frequencies.len() as f64;
         let phase = |k: usize| noisy.get(k).map_or(0.0, |measured| measured.phasor.phase() as f32);
         Measured {

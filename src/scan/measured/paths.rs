@@ -6,8 +6,8 @@ use super::light::{IDEAL_SAMPLE, Light, PATHS_A_SAMPLE, Target};
 use super::receive::fall;
 use crate::scan::optics::{Meeting, Split, split};
 use crate::scan::ray_batch::{Ray, RayBatch};
-use crate::scan::{Cause, surface::SeenTriangle, through::is_same_depth};
-use crate::scene::{Appearance, Optics, Scene, Surface};
+use crate::scan::{Cause, surface::LastSeen, through::is_same_depth};
+use crate::scene::{Scene, Surface};
 use crate::sensor::{Pulse, Receiver};
 use crate::trace::{Cast, Hit};
 
@@ -69,14 +69,6 @@ pub(super) struct Paths<'a, C> {
     pub mirror_roughness: f64,
 }
 
-/// The surfaces that the rays of a wave meet, of which neighbours often meet the same.
-#[derive(Default)]
-struct Last<'s> {
-    triangle: Option<SeenTriangle>,
-    appearance: Option<Appearance>,
-    optics: Option<&'s Optics>,
-}
-
 /// What comes back from the pulses of a strip.
 pub(super) struct Back<'m> {
     pub pulses: &'m [Pulse],
@@ -117,7 +109,7 @@ impl<'a, C: Cast> Paths<'a, C> {
             rays += wave.len();
             wave.cast(self.scene, self.tracer, hits);
             next.clear();
-            let mut last = Last::default();
+            let mut last = LastSeen::default();
             for (ray, (way, hit)) in wave.known().iter().zip(hits.iter()).enumerate() {
                 if let Some(hit) = hit {
                     self.meet(*way, wave.ray(ray), hit, &mut last, back, next);
@@ -128,29 +120,15 @@ impl<'a, C: Cast> Paths<'a, C> {
         rays
     }
 
-    fn meet(&self, way: Way, ray: Ray, hit: &Hit, last: &mut Last<'a>, back: &mut Back, next: &mut Wave) {
+    fn meet(&self, way: Way, ray: Ray, hit: &Hit, last: &mut LastSeen<'a>, back: &mut Back, next: &mut Wave) {
         let length_m = way.length_m + hit.t;
-        if !last.triangle.as_ref().is_some_and(|seen| seen.is_of(hit)) {
-            let seen = last.triangle.insert(SeenTriangle::of(hit, self.scene));
-            last.optics = self.scene.optics(seen.surface());
-            last.appearance = None;
-        }
-        let Some(seen) = &last.triangle else { return };
+        let (seen, optics, appearance) = last.at(self.scene, hit);
         let surface = seen.surface();
         if way.through.is_some_and(|(depth, last)| last == surface && is_same_depth(depth, hit.t)) {
             // The ray passes an edge of a surface, and meets the triangles on both of its sides. It went through it before.
             next.push(way, ray, Some(*hit));
             return;
         }
-        let appearance = match last.appearance {
-            Some(appearance) => appearance,
-            None => {
-                let appearance = self.scene.appearance(hit.placement, hit.triangle, hit.u, hit.v);
-                // The appearance of a triangle without textures is the same everywhere.
-                last.appearance = (!seen.varies()).then_some(appearance);
-                appearance
-            }
-        };
         let along = hit.normal.dot(ray.direction);
         let normal = if along > 0.0 { -hit.normal } else { hit.normal };
         let cosine = along.abs().min(1.0);
@@ -161,7 +139,7 @@ impl<'a, C: Cast> Paths<'a, C> {
             wavelength_m: self.receiver.wavelength_m,
             mirror_roughness: self.mirror_roughness,
         };
-        let split = split(&appearance, last.optics, at);
+        let split = split(&appearance, optics, at);
         let cover = f64::from(appearance.cover);
         let returned = cover * split.back;
         let pulse = &back.pulses[way.pulse as usize];
