@@ -3,7 +3,7 @@
 use super::channel::channel;
 use super::format::{Content, EncodeError, FormatSpec, Kind, field};
 use super::image::Image;
-use super::options::{OptionSpec, OptionValues, Options};
+use super::options::{OptionSpec, OptionValue, OptionValues, Options};
 use super::picture::{Pixels, check_sides, encode_numbers};
 use super::sensor_frame::SensorFrame;
 
@@ -38,7 +38,7 @@ const NUMBERS: FormatSpec = FormatSpec {
     read_by: "PIL, OpenCV 4 and 5",
     options: &[BITS, PALETTE],
     check_options: |options| {
-        if options.is_set(&PALETTE) && options.given(&BITS) == Some(16.0) {
+        if options.is_set(&PALETTE) && options.given(&BITS) == Some(OptionValue::Number(16.0)) {
             return Err(EncodeError::new("a palette has 8 bits: leave out `bits`"));
         }
         Ok(())

@@ -74,7 +74,7 @@ pub use legend::{Entry, round_step, ticks, with_legend};
 pub use manifest::{Manifest, SensorFrames};
 pub use names::Names;
 pub use objects::{BOXES, VISIBLE, box_row, visible_row};
-pub use options::{Channels, OptionSpec, OptionValues, Options};
+pub use options::{Channels, OptionSpec, OptionValue, OptionValues, Options};
 pub use page::formats_page;
 pub use picture::{LINE_COLOUR, NO_RETURN_COLOUR, Picture, Rgb, TEXT_COLOUR, text_width};
 pub use poses::{POSES, pose_row};

@@ -1,5 +1,8 @@
 //! How a job wants a format to be written: the options of the format, and the channels that it chooses.
 
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
+
 use super::channel::{CHANNELS, ChannelSpec};
 use crate::sensor::Sensor;
 
@@ -15,7 +18,7 @@ pub struct OptionSpec {
     pub values: OptionValues,
 }
 
-/// The values that an option may have. All of them are numbers here: a flag that is set is 1.
+/// The values that an option may have.
 #[derive(Clone, Copy, Debug)]
 pub enum OptionValues {
     /// A number within bounds, both included.
@@ -34,26 +37,69 @@ pub enum OptionValues {
         /// The value of an option that is left out.
         default: u32,
     },
-    /// `true` or `false`.
+    /// `true` or `false`. As a number, a flag that is set is 1.
     Flag {
         /// The value of an option that is left out.
         default: bool,
     },
+    /// One of a few words.
+    Word {
+        /// The words.
+        words: &'static [&'static str],
+        /// The value of an option that is left out.
+        default: &'static str,
+    },
+    /// Any text of one line or more.
+    Text {
+        /// The value of an option that is left out.
+        default: &'static str,
+    },
+}
+
+/// The value of an option.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum OptionValue {
+    /// A number, or a flag.
+    Number(f64),
+    /// A word, or a text.
+    Text(&'static str),
+}
+
+impl OptionValue {
+    /// A text that a job gives. Texts are kept for as long as the program runs, each of them once, so that settings stay small
+    /// values that are copied.
+    pub fn text(text: &str) -> Self {
+        static KEPT: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+        let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = kept.get(text) {
+            return Self::Text(known);
+        }
+        let text: &'static str = Box::leak(text.into());
+        kept.insert(text);
+        Self::Text(text)
+    }
+}
+
+impl From<f64> for OptionValue {
+    fn from(number: f64) -> Self {
+        Self::Number(number)
+    }
 }
 
 impl OptionValues {
     /// The value of an option that is left out.
-    pub fn default_value(&self) -> f64 {
+    pub fn default_value(&self) -> OptionValue {
         match *self {
-            Self::Number { default, .. } => default,
-            Self::OneOf { default, .. } => default.into(),
-            Self::Flag { default } => f64::from(u8::from(default)),
+            Self::Number { default, .. } => default.into(),
+            Self::OneOf { default, .. } => f64::from(default).into(),
+            Self::Flag { default } => f64::from(u8::from(default)).into(),
+            Self::Word { default, .. } | Self::Text { default } => OptionValue::Text(default),
         }
     }
 }
 
 /// The most options that a format has.
-pub(super) const MOST_OPTIONS: usize = 4;
+pub(super) const MOST_OPTIONS: usize = 16;
 
 /// A job's settings of one of its formats: the values of the format's options, and the channels.
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +107,7 @@ pub struct Options {
     /// The options that the format declares.
     of: &'static [OptionSpec],
     /// The values that were given, in the order of the declarations.
-    given: [Option<f64>; MOST_OPTIONS],
+    given: [Option<OptionValue>; MOST_OPTIONS],
     /// The channels that were chosen. They concern formats that hold channels.
     pub channels: Channels,
 }
@@ -73,13 +119,28 @@ impl Options {
     }
 
     /// The value that was given for an option. `None` if it is left out.
-    pub fn given(&self, option: &OptionSpec) -> Option<f64> {
+    pub fn given(&self, option: &OptionSpec) -> Option<OptionValue> {
         self.given[self.index(option)]
     }
 
-    /// The value of an option, given or not.
-    pub fn number(&self, option: &OptionSpec) -> f64 {
+    fn value(&self, option: &OptionSpec) -> OptionValue {
         self.given(option).unwrap_or(option.values.default_value())
+    }
+
+    /// The value of an option of numbers, given or not.
+    pub fn number(&self, option: &OptionSpec) -> f64 {
+        match self.value(option) {
+            OptionValue::Number(number) => number,
+            OptionValue::Text(_) => panic!("the option {} has texts", option.name),
+        }
+    }
+
+    /// The value of an option of words or texts, given or not.
+    pub fn text(&self, option: &OptionSpec) -> &'static str {
+        match self.value(option) {
+            OptionValue::Text(text) => text,
+            OptionValue::Number(_) => panic!("the option {} has numbers", option.name),
+        }
     }
 
     /// Whether a flag is set.
@@ -88,8 +149,8 @@ impl Options {
     }
 
     /// Gives an option a value, which is one of the right ones.
-    pub fn set(&mut self, option: &OptionSpec, value: f64) {
-        self.given[self.index(option)] = Some(value);
+    pub fn set(&mut self, option: &OptionSpec, value: impl Into<OptionValue>) {
+        self.given[self.index(option)] = Some(value.into());
     }
 
     fn index(&self, option: &OptionSpec) -> usize {
@@ -152,17 +213,21 @@ mod tests {
 
     #[test]
     fn an_option_that_is_left_out_has_its_default() {
-        static OPTIONS: [OptionSpec; 2] = [
+        static OPTIONS: [OptionSpec; 3] = [
             OptionSpec {
                 name: "bits",
                 about: "",
                 values: OptionValues::OneOf { numbers: &[8, 16], default: 16 },
             },
             OptionSpec { name: "palette", about: "", values: OptionValues::Flag { default: false } },
+            OptionSpec { name: "crs", about: "", values: OptionValues::Text { default: "local" } },
         ];
         let mut options = Options::none(&OPTIONS);
         assert_eq!((options.given(&OPTIONS[0]), options.number(&OPTIONS[0])), (None, 16.0));
         options.set(&OPTIONS[1], 1.0);
         assert!(options.is_set(&OPTIONS[1]) && options.given(&OPTIONS[0]).is_none());
+        assert_eq!(options.text(&OPTIONS[2]), "local");
+        options.set(&OPTIONS[2], OptionValue::text("EPSG:25832"));
+        assert_eq!(options.text(&OPTIONS[2]), "EPSG:25832");
     }
 }

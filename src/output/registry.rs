@@ -5,7 +5,7 @@ use std::hash::{Hash, Hasher};
 
 use super::channel::{ChannelSpec, TERM_NAMES};
 use super::format::{Content, EncodeError, FormatSpec, Kind};
-use super::options::{Channels, OptionSpec, Options};
+use super::options::{Channels, OptionSpec, OptionValue, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
 use super::{color, depth16, exr, labels, npy, npz, pcd, ply, png, poses, registered, waveform};
@@ -52,7 +52,7 @@ impl Format {
 
     /// The format with a value for an option that it declares.
     #[must_use]
-    pub fn with(mut self, option: &OptionSpec, value: f64) -> Self {
+    pub fn with(mut self, option: &OptionSpec, value: impl Into<OptionValue>) -> Self {
         self.options.set(option, value);
         self
     }

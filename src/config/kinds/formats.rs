@@ -8,9 +8,10 @@ use super::super::table::{AnyKey, Describe, Given, Key, Kind, Table, TableKeys, 
 use super::super::{reference, schema};
 use super::number::{Flag, Number};
 use super::object::object;
-use super::text::{Choice, either};
-use crate::output::{FORMATS, Format, OptionSpec, OptionValues};
+use super::text::{Choice, Text, either};
+use crate::output::{FORMATS, Format, OptionSpec, OptionValue, OptionValues};
 use crate::source::Spanned;
+use crate::source::suggest::nearest;
 use crate::source::tree::Value;
 use crate::source::words::quoted;
 
@@ -161,9 +162,10 @@ struct OneOption(OptionValues);
 impl OneOption {
     /// The value of an option that is left out, in TOML.
     fn default(self) -> String {
-        match self.0 {
-            OptionValues::Flag { default } => default.to_string(),
-            values => values.default_value().to_string(),
+        match (self.0, self.0.default_value()) {
+            (OptionValues::Flag { default }, _) => default.to_string(),
+            (_, OptionValue::Number(number)) => number.to_string(),
+            (_, OptionValue::Text(text)) => format!("{text:?}"),
         }
     }
 
@@ -178,6 +180,8 @@ impl Describe for OneOption {
             OptionValues::Number { least, most, .. } => Self::number(least, most).expected(unit),
             OptionValues::OneOf { numbers, .. } => either(numbers.iter().map(u32::to_string)),
             OptionValues::Flag { .. } => Flag.expected(unit),
+            OptionValues::Word { words, .. } => either(words.iter().map(|word| format!("\"{word}\""))),
+            OptionValues::Text { .. } => Text.expected(unit),
         }
     }
 
@@ -186,23 +190,34 @@ impl Describe for OneOption {
             OptionValues::Number { least, most, .. } => Self::number(least, most).schema(is_partial),
             OptionValues::OneOf { numbers, .. } => object(json!({ "type": "integer", "enum": numbers })),
             OptionValues::Flag { .. } => Flag.schema(is_partial),
+            OptionValues::Word { words, .. } => object(json!({ "type": "string", "enum": words })),
+            OptionValues::Text { .. } => Text.schema(is_partial),
         }
     }
 }
 
 impl Kind for OneOption {
-    type Value<'a> = f64;
+    type Value<'a> = OptionValue;
 
-    fn read(&self, given: Given<'_>) -> Option<f64> {
+    fn read(&self, given: Given<'_>) -> Option<OptionValue> {
         match self.0 {
-            OptionValues::Number { least, most, .. } => Self::number(least, most).read(given),
+            OptionValues::Number { least, most, .. } => Self::number(least, most).read(given).map(Into::into),
             OptionValues::OneOf { numbers, .. } => match given.node.value {
                 Value::Integer(value) if numbers.iter().any(|number| i128::from(*number) == value) => {
-                    Some(value as f64)
+                    Some((value as f64).into())
                 }
                 _ => given.wrong(&self.expected(None), None),
             },
-            OptionValues::Flag { .. } => Flag.read(given).map(|is_set| f64::from(u8::from(is_set))),
+            OptionValues::Flag { .. } => Flag.read(given).map(|is_set| f64::from(u8::from(is_set)).into()),
+            OptionValues::Word { words, .. } => match &given.node.value {
+                Value::String(text) if words.contains(&text.as_str()) => Some(OptionValue::text(text)),
+                Value::String(text) => {
+                    let help = nearest(text, words.iter().copied());
+                    given.wrong(&self.expected(None), help.map(|word| format!("did you mean \"{word}\"?")))
+                }
+                _ => given.wrong(&self.expected(None), None),
+            },
+            OptionValues::Text { .. } => Text.read(given).map(OptionValue::text),
         }
     }
 }
