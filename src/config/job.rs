@@ -282,8 +282,8 @@ pub struct InputFile {
 
 impl InputFile {
     /// The file of this name, which was read once and had this content.
-    pub(super) fn new(name: String, content: &str) -> Self {
-        let blake3 = blake3::hash(content.as_bytes()).to_hex().to_string();
+    pub(super) fn new(name: String, content: &[u8]) -> Self {
+        let blake3 = blake3::hash(content).to_hex().to_string();
         Self { name, bytes: content.len() as u64, blake3 }
     }
 }

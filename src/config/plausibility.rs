@@ -43,6 +43,12 @@ pub(super) fn key_of_other_method(key: &str, is_matched: bool) -> Doubt {
     Doubt::new("key-of-other-method", key, message).label("does nothing")
 }
 
+/// A setting of dots beside a pattern that has none.
+pub(super) fn dots_beside_a_pattern(key: &str) -> Doubt {
+    let message = format!("`{key}` is a setting of dots, and the projector's `pattern` is an image");
+    Doubt::new("dots-beside-a-pattern", key, message).label("does nothing")
+}
+
 /// Roll, pitch and yaw that are a part of a turn in radians.
 pub(super) fn rpy(key: &str, rpy: [f64; 3]) -> Option<Doubt> {
     let turn = rpy.into_iter().find(|angle| is_turn_in_radians(*angle))?;

@@ -41,88 +41,9 @@ impl StereoPair {
     }
 }
 
-/// The disparity in whole steps, of which a pixel has `steps_per_px`: the nearest step, and the larger of two as near.
-pub fn quantise(disparity_px: f64, steps_per_px: f64) -> f64 {
-    (disparity_px * steps_per_px + 0.5).floor() / steps_per_px
-}
-
-/// How a camera with a projector of dots finds disparities: it finds a dot if the dots of the window around it agree, and gives the
-/// pixels between the dots the disparity of the nearest.
-///
-/// Source: M. Gschwandtner et al., "BlenSor: Blender sensor simulation toolbox" (ISVC 2011), and A. Handa et al., "A benchmark for
-/// RGB-D visual odometry, 3D reconstruction and SLAM" (ICRA 2014), which use a window of 9 × 9 px, agreement within .1 px, more
-/// than 1/1.2 of the dots, and a reach of 3 px. Here windows end where the image does; theirs leave its margins empty.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DotWindow {
-    /// How many pixels the window reaches to each side: 4 for 9 × 9.
-    pub reach_px: usize,
-    /// How far the disparity of a dot may be from the mean of the window's, in pixels: for the dot in the middle. At the distance
-    /// ρ from it, the limit is 1.44·ρ² times as large.
-    pub agreement_px: f64,
-    /// The share of the window's dots that more than so many agree.
-    pub least_share: f64,
-    /// The steps of disparity in a pixel.
-    pub steps_per_px: f64,
-    /// The farthest pixel that takes a dot's disparity, in pixels.
-    pub fill_px: usize,
-}
-
-impl DotWindow {
-    /// The Kinect's window for Xbox 360, with steps of 1/8 px.
-    pub const KINECT_V1: Self =
-        Self { reach_px: 4, agreement_px: 0.1, least_share: 1.0 / 1.2, steps_per_px: 8.0, fill_px: 3 };
-
-    /// The disparity in whole steps of the dot at `pixel`, or NaN where no dot is found.
-    ///
-    /// `disparity` has a disparity for each pixel of an image that is `width` pixels wide, row by row, and NaN where there is none.
-    /// `dots` says which pixels have a dot.
-    pub fn dot(&self, disparity: &[f64], dots: &[bool], width: usize, pixel: usize) -> f64 {
-        let own = disparity[pixel];
-        if !dots[pixel] || own.is_nan() {
-            return f64::NAN;
-        }
-        let (mut sum, mut valid) = (0.0, 0.0);
-        for (at, _) in window(disparity.len(), width, pixel, self.reach_px) {
-            if !disparity[at].is_nan() {
-                sum += disparity[at];
-                valid += 1.0;
-            }
-        }
-        let mean = sum / valid;
-        let (mut all, mut agreeing) = (0.0, 0.0);
-        for (at, square) in window(disparity.len(), width, pixel, self.reach_px).filter(|(at, _)| dots[*at]) {
-            let scale = if square == 0 { 1.0 } else { 1.44 * square as f64 };
-            all += 1.0;
-            // A comparison with NaN does not hold.
-            if (disparity[at] - mean).abs() < self.agreement_px * scale {
-                agreeing += 1.0;
-            }
-        }
-        if agreeing > self.least_share * all { quantise(own, self.steps_per_px) } else { f64::NAN }
-    }
-
-    /// The disparity of a pixel: that of the nearest dot within reach, of several as near the first in the order of pixels, or NaN if
-    /// there is none. `found` has for each pixel what [`DotWindow::dot`] gives.
-    pub fn fill(&self, found: &[f64], width: usize, pixel: usize) -> f64 {
-        let limit = self.fill_px * self.fill_px;
-        window(found.len(), width, pixel, self.fill_px)
-            .filter(|&(at, square)| square <= limit && !found[at].is_nan())
-            .min_by_key(|&(_, square)| square)
-            .map_or(f64::NAN, |(at, _)| found[at])
-    }
-}
-
-/// The pixels of a square around a pixel, as far as the image reaches, in the order of pixels, each with its squared distance.
-fn window(pixels: usize, width: usize, pixel: usize, reach: usize) -> impl Iterator<Item = (usize, usize)> {
-    let (row, column) = (pixel / width, pixel % width);
-    let rows = row.saturating_sub(reach)..(row + reach + 1).min(pixels / width);
-    rows.flat_map(move |r| {
-        let columns = column.saturating_sub(reach)..(column + reach + 1).min(width);
-        columns.map(move |c| {
-            let (down, right) = (r.abs_diff(row), c.abs_diff(column));
-            (r * width + c, down * down + right * right)
-        })
-    })
+/// The disparity in whole steps of so many pixels: the nearest step, and the larger of two as near.
+pub fn quantise(disparity_px: f64, step_px: f64) -> f64 {
+    step_px * (disparity_px / step_px + 0.5).floor()
 }
 
 #[cfg(test)]
@@ -190,9 +111,9 @@ mod tests {
     #[test]
     fn steps_are_the_nearest() {
         for (disparity, rounded) in [(3.0, 3.0), (3.0624, 3.0), (3.0625, 3.125), (3.07, 3.125), (0.05, 0.0)] {
-            assert_eq!(quantise(disparity, 8.0), rounded);
+            assert_eq!(quantise(disparity, 0.125), rounded);
         }
-        assert!(quantise(f64::NAN, 8.0).is_nan());
+        assert!(quantise(f64::NAN, 0.125).is_nan());
     }
 
     /// The left view stands at x = 0 and the right one at x = b. A near plane at x > e hides from the right view what lies to the left
@@ -227,7 +148,7 @@ mod tests {
             agrees(100.0 * mean, error_cm, 0.01);
             let draws = 100_000;
             let sampled = (0..draws)
-                .map(|_| BARRON_MALIK.depth_m(quantise(exact + rng.normal() / 48.0, 8.0)) - depth)
+                .map(|_| BARRON_MALIK.depth_m(quantise(exact + rng.normal() / 48.0, 0.125)) - depth)
                 .sum::<f64>()
                 / f64::from(draws);
             let allowed = 4.0 * ((square - mean * mean) / f64::from(draws)).sqrt();
@@ -249,7 +170,7 @@ mod tests {
             let mut square = 0.0;
             for _ in 0..draws {
                 let exact = KINECT.disparity_px(depth) + (rng.unit() - 0.5) / 8.0;
-                let measured = quantise(exact + noise * rng.normal(), 8.0);
+                let measured = quantise(exact + noise * rng.normal(), 0.125);
                 let error = KINECT.depth_m(measured) - KINECT.depth_m(exact);
                 square += error * error / f64::from(draws);
             }
@@ -259,91 +180,5 @@ mod tests {
             let nguyen = nguyen_m(depth) / square.sqrt();
             assert!((0.98..1.35).contains(&nguyen), "{depth}: {nguyen}");
         }
-    }
-
-    const WIDTH: usize = 40;
-    const HEIGHT: usize = 24;
-
-    fn measure(
-        disparity: impl Fn(usize, usize) -> f64,
-        dots: impl Fn(usize, usize) -> bool,
-    ) -> [Vec<f64>; 2] {
-        let pixels = WIDTH * HEIGHT;
-        let image: Vec<_> = (0..pixels).map(|i| disparity(i / WIDTH, i % WIDTH)).collect();
-        let dots: Vec<_> = (0..pixels).map(|i| dots(i / WIDTH, i % WIDTH)).collect();
-        let window = DotWindow::KINECT_V1;
-        let found: Vec<_> = (0..pixels).map(|i| window.dot(&image, &dots, WIDTH, i)).collect();
-        let filled = (0..pixels).map(|i| window.fill(&found, WIDTH, i)).collect();
-        [found, filled]
-    }
-
-    #[test]
-    fn a_wall_is_found_in_steps_up_to_the_margins() {
-        let [found, filled] = measure(|_, _| 20.3, |r, c| r % 3 == 0 && c % 3 == 0);
-        // 20.3 is 162.4 steps.
-        assert!(filled.iter().all(|&d| d == 20.25));
-        assert_eq!(found.iter().filter(|d| !d.is_nan()).count(), 8 * 14);
-        // A dot alone is found, and reaches 3 px.
-        let [_, filled] = measure(|_, _| 20.3, |r, c| r == 10 && c == 20);
-        let reached = |i: usize| (i / WIDTH).abs_diff(10).pow(2) + (i % WIDTH).abs_diff(20).pow(2) <= 9;
-        assert!(filled.iter().enumerate().all(|(i, d)| d.is_nan() != reached(i)));
-    }
-
-    /// A step of 10 px between columns 19 and 20. The mean of a window across it is off by more than a pixel from all of its dots, more
-    /// than the limit of those near the middle; so dots need 4 columns of their own wall, and pixels 3 px nearer are filled.
-    #[test]
-    fn no_dot_is_found_across_a_step() {
-        let [found, filled] = measure(|_, c| if c < 20 { 10.0 } else { 20.0 }, |_, _| true);
-        for i in 0..WIDTH * HEIGHT {
-            let column = i % WIDTH;
-            assert_eq!(found[i].is_nan(), (16..24).contains(&column), "{column}");
-            assert_eq!(filled[i].is_nan(), (19..21).contains(&column), "{column}");
-            assert!(filled[i].is_nan() || filled[i] == if column < 20 { 10.0 } else { 20.0 });
-        }
-        // A step within the agreement hides nothing.
-        let [found, _] = measure(|_, c| if c < 20 { 10.0 } else { 10.09 }, |_, _| true);
-        assert!(found.iter().all(|d| !d.is_nan()));
-    }
-
-    /// A slope of s px a pixel differs from the mean by s·ρ at most at the distance ρ, within .144·ρ² px for all dots if s is below
-    /// .144, as the dot in the middle is the mean itself; and at 1 px a pixel, those nearer than 1/.144 = 6.9 px disagree.
-    #[test]
-    fn slopes_are_found_until_neighbours_disagree() {
-        // Away from the margins, where windows are symmetric.
-        let inside = |r: usize, c: usize| (4..HEIGHT - 4).contains(&r) && (4..WIDTH - 4).contains(&c);
-        let share = |slope: f64| {
-            let [found, _] = measure(|_, c| 10.0 + slope * c as f64, |_, _| true);
-            let within = (0..WIDTH * HEIGHT).filter(|i| inside(i / WIDTH, i % WIDTH));
-            let hits: Vec<_> = within.map(|i| !found[i].is_nan()).collect();
-            hits.iter().filter(|hit| **hit).count() as f64 / hits.len() as f64
-        };
-        assert_eq!((share(0.0), share(0.14), share(1.0)), (1.0, 1.0, 0.0));
-        // A dot and its two neighbours in the row: all three must agree, being more than 1/1.2 of them.
-        let alone = |slope: f64| {
-            let [found, _] = measure(|_, c| 10.0 + slope * c as f64, |r, c| r == 12 && (19..22).contains(&c));
-            !found[12 * WIDTH + 20].is_nan()
-        };
-        assert_eq!((alone(0.143), alone(0.145)), (true, false));
-    }
-
-    #[test]
-    fn holes_take_dots_with_them() {
-        // Of 81 dots in a window, 68 and more must be there: .8333·81 = 67.5.
-        for (missing, kept) in [(13, true), (14, false)] {
-            let hole = |r: usize, c: usize| {
-                (8..17).contains(&r) && (8..17).contains(&c) && (r - 8) * 9 + c - 8 < missing
-            };
-            let [found, filled] = measure(|r, c| if hole(r, c) { f64::NAN } else { 30.0 }, |_, _| true);
-            assert_eq!(!found[12 * WIDTH + 12].is_nan(), kept, "{missing}");
-            // A hole has no dot of its own, and is filled from its neighbours.
-            assert!(found[8 * WIDTH + 12].is_nan());
-            assert_eq!(filled[8 * WIDTH + 8], 30.0);
-        }
-        // Half way between two dots, the upper and the left one win.
-        let [_, filled] = measure(
-            |r, c| if r < 10 && c < 20 { 10.0 } else { 10.0 + 0.125 },
-            |r, c| [(9, 19), (9, 23), (13, 19)].contains(&(r, c)),
-        );
-        assert_eq!([filled[9 * WIDTH + 21], filled[11 * WIDTH + 19]], [10.0, 10.0]);
     }
 }

@@ -10,6 +10,33 @@ use libm::{erf, exp, floor};
 /// left out is as large a share of the dot's energy.
 const REACH: f64 = 2.449_489_742_783_178;
 
+/// The pattern that a projector throws.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Projected {
+    /// Dots.
+    Dots(Dots),
+    /// An image.
+    Image(ImagePattern),
+}
+
+impl Projected {
+    /// The mean irradiance of the field.
+    pub fn mean(&self) -> f64 {
+        match self {
+            Self::Dots(dots) => dots.mean(),
+            Self::Image(image) => image.mean(),
+        }
+    }
+
+    /// The mean irradiance of a rectangle between its lower and its upper corner, which differ in both coordinates.
+    pub fn irradiance_over(&self, lower: [f64; 2], upper: [f64; 2]) -> f64 {
+        match self {
+            Self::Dots(dots) => dots.irradiance_over(lower, upper),
+            Self::Image(image) => image.irradiance_over(lower, upper),
+        }
+    }
+}
+
 /// The rectangle that a projector lights, about its axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Field {
@@ -190,6 +217,12 @@ impl ImagePattern {
             }
         }
         Some(Self { field, width, height, pixels, sums })
+    }
+
+    /// The mean irradiance of the field.
+    pub fn mean(&self) -> f64 {
+        let all = self.sums.last().copied().unwrap_or(0);
+        all as f64 / (255.0 * self.width as f64 * self.height as f64)
     }
 
     /// The irradiance at a place.

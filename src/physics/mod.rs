@@ -7,7 +7,7 @@
 //! | `binomial` | the binomial distribution of counts |
 //! | `depth_quality` | the measures of depth on a flat target that RealSense's tool has |
 //! | `detection` | thresholds, false alarms, the sensitivity that range limits of data sheets imply, and the noise of a range |
-//! | `disparity` | triangulation: depth and disparity, its steps, and how a projector's dots are found |
+//! | `disparity` | triangulation: depth and disparity, and its steps |
 //! | `dots` | what the projector of an active stereo camera throws |
 //! | `echo` | pulses that add up to a waveform, and its peaks |
 //! | `film` | diffuse ground under a film of water |
@@ -18,7 +18,7 @@
 //! | `intensity` | the scales of intensity of LiDAR makers |
 //! | `pane` | a pane of two faces: transmission, reflectance, delay and shift |
 //! | `particles` | sizes, numbers, places and echoes of drops and flakes |
-//! | `phasor` | continuous-wave time of flight: phasors, taps, their noise, and light that bounces once |
+//! | `phasor` | continuous-wave time of flight: phasors, taps, and their noise |
 //! | `retro` | retroreflective sheeting and prisms |
 //! | `soft_target` | the echo of fog and dust |
 //! | `spad` | the first count of a single-photon detector, and pile-up |

@@ -189,13 +189,6 @@ impl Demodulated {
         if amplitude > 0.0 { variance.sqrt() / amplitude } else { f64::INFINITY }
     }
 
-    /// The range in metres, in [0, c/(2f)), and its standard deviation σ_d = c·σ_φ/(4πf).
-    pub fn range_and_sigma_m(&self, frequency_hz: f64, read_noise: f64) -> (f64, f64) {
-        let [range, sigma] =
-            [self.phasor.phase(), self.phase_sigma(read_noise)].map(|phase| range_m(phase, frequency_hz));
-        (range, sigma)
-    }
-
     /// The electrons of ambient light in all taps: n·(B − A/m). Light of several paths counts as ambient as far as their phases
     /// cancel.
     pub fn ambient(&self, contrast: f64) -> f64 {
@@ -240,26 +233,6 @@ fn unit_turn(k: usize, n: usize) -> Phasor {
     Phasor { re, im }
 }
 
-/// The irradiance at a point p from a small patch q that is lit: K = (ρ/π)·E_q·cos α·cos β/d²·dA, for Lambert's reflection of the
-/// reflectance ρ at q.
-///
-/// `irradiance` is E_q, in any unit, which the result has too. `cos_out` is cos α between the patch's normal and the way to p,
-/// and `cos_in` is cos β between p's normal and the way to q; 0 is right where one of them looks away. `distance_m` is d, and
-/// `area_m2` is dA. The light of that path is longer than the direct light at p by r_q + d − r_p, with the ranges r from the source.
-///
-/// The integral over all patches is the one over directions from p, with the density cos β/π: the mean of ρ·E_q of what n such
-/// directions meet estimates it without a kernel.
-pub fn one_bounce(
-    reflectance: f64,
-    irradiance: f64,
-    cos_out: f64,
-    cos_in: f64,
-    distance_m: f64,
-    area_m2: f64,
-) -> f64 {
-    reflectance / PI * irradiance * cos_out.max(0.0) * cos_in.max(0.0) / (distance_m * distance_m) * area_m2
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::testing::{agrees, close, midpoint};
@@ -267,6 +240,36 @@ mod tests {
     use crate::rng::Rng;
 
     const MHZ: f64 = 1e6;
+
+    impl Demodulated {
+        /// The range in metres, in [0, c/(2f)), and its standard deviation σ_d = c·σ_φ/(4πf).
+        fn range_and_sigma_m(&self, frequency_hz: f64, read_noise: f64) -> (f64, f64) {
+            let [range, sigma] =
+                [self.phasor.phase(), self.phase_sigma(read_noise)].map(|phase| range_m(phase, frequency_hz));
+            (range, sigma)
+        }
+    }
+
+    /// The irradiance at a point p from a small patch q that is lit: K = (ρ/π)·E_q·cos α·cos β/d²·dA, for Lambert's reflection of the
+    /// reflectance ρ at q.
+    ///
+    /// `irradiance` is E_q, in any unit, which the result has too. `cos_out` is cos α between the patch's normal and the way to p,
+    /// and `cos_in` is cos β between p's normal and the way to q; 0 is right where one of them looks away. `distance_m` is d, and
+    /// `area_m2` is dA. The light of that path is longer than the direct light at p by r_q + d − r_p, with the ranges r from the source.
+    ///
+    /// The integral over all patches is the one over directions from p, with the density cos β/π: the mean of ρ·E_q of what n such
+    /// directions meet estimates it without a kernel.
+    fn one_bounce(
+        reflectance: f64,
+        irradiance: f64,
+        cos_out: f64,
+        cos_in: f64,
+        distance_m: f64,
+        area_m2: f64,
+    ) -> f64 {
+        reflectance / PI * irradiance * cos_out.max(0.0) * cos_in.max(0.0) / (distance_m * distance_m)
+            * area_m2
+    }
 
     fn pixel(contrast: f64) -> TofPixel {
         TofPixel { contrast, third_harmonic: 0.0, read_noise: 0.0, full_well: f64::INFINITY }

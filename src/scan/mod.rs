@@ -13,6 +13,7 @@ mod progress;
 mod ray_batch;
 mod story;
 mod strips;
+mod sunlight;
 mod surface;
 mod through;
 mod waveforms;

@@ -1,11 +1,13 @@
 //! How a depth camera finds the depth of its pixels: by the disparity of a second viewpoint, or by the time of flight of modulated
 //! light.
 
+use std::sync::Arc;
+
 use super::Camera;
 use crate::angle::Angle;
 use crate::matching::Settings;
 use crate::physics::disparity::StereoPair;
-use crate::physics::dots::{Dots, Field};
+use crate::physics::dots::{Dots, Field, Projected};
 use crate::physics::phasor::{Phasor, range_m as range_of_phase_m};
 use crate::rng::Rng;
 
@@ -79,7 +81,7 @@ pub struct AnalyticDisparity {
 }
 
 /// The images of a stereo camera, and how they are matched.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Matching {
     /// The pattern projector; `None`: the camera is passive.
     pub projector: Option<Projector>,
@@ -89,19 +91,15 @@ pub struct Matching {
     pub settings: Settings,
 }
 
-/// A projector of dots at places that follow from a seed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A projector of a pattern.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Projector {
     /// The distance from the camera to the projector along the image's rows to the right, in metres.
     pub offset_m: f64,
-    /// The full angles of the pattern, horizontal and vertical.
-    pub field: [Angle; 2],
-    /// The number of dots.
-    pub dots: u32,
-    /// The full width of a dot at half of its maximum.
-    pub dot_width: Angle,
-    /// The seed of the dots' places.
-    pub seed: u64,
+    /// What the pattern lights.
+    pub field: Field,
+    /// The pattern. Of its irradiance only the ratio to the mean counts.
+    pub pattern: Arc<Projected>,
     /// The share of the light that is spread evenly over the field, 0 to 1.
     pub flood: f64,
 }
@@ -124,24 +122,25 @@ pub struct Imager {
 }
 
 impl Projector {
-    /// The dots.
-    pub fn pattern(&self) -> Dots {
+    /// What a pattern lights that has these full angles, horizontal and vertical, each less than 180°.
+    pub fn field_of(full: [Angle; 2]) -> Field {
+        let [half_width, half_height] = full.map(|angle| libm::tan(0.5 * angle.radians()));
+        Field { half_width, half_height }
+    }
+
+    /// About so many dots at places that follow from a seed, each of this full width at half of its maximum.
+    pub fn dots(field: Field, count: u32, width: Angle, seed: u64) -> Projected {
         /// The part of a cell of the dots' grid that a dot's centre may lie in: dots keep a distance of a third of the cell.
         const SPREAD: f64 = 0.67;
         // The irradiance of a Gaussian beam falls to half at √(ln 2/2) of the radius at 1/e².
-        let radius = 0.5 * libm::tan(self.dot_width.radians()) / (0.5 * std::f64::consts::LN_2).sqrt();
-        let mut stream = Rng::new(self.seed);
-        Dots::scattered(self.lit(), radius, self.dots as usize, SPREAD, || stream.unit())
-    }
-
-    fn lit(&self) -> Field {
-        let [half_width, half_height] = self.field.map(|angle| libm::tan(0.5 * angle.radians()));
-        Field { half_width, half_height }
+        let radius = 0.5 * libm::tan(width.radians()) / (0.5 * std::f64::consts::LN_2).sqrt();
+        let mut stream = Rng::new(seed);
+        Projected::Dots(Dots::scattered(field, radius, count as usize, SPREAD, || stream.unit()))
     }
 
     /// Whether a place is in the field: the tangents to the right and up.
     pub fn lights(&self, [right, up]: [f64; 2]) -> bool {
-        let Field { half_width, half_height } = self.lit();
+        let Field { half_width, half_height } = self.field;
         right.abs() <= half_width && up.abs() <= half_height
     }
 }

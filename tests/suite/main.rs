@@ -36,6 +36,7 @@ mod places;
 mod plates;
 mod plausibility;
 mod presets;
+mod projectors;
 mod published_mistakes;
 mod random;
 mod recognition;

@@ -2,7 +2,7 @@
 
 use std::ops::Bound::{Excluded, Included};
 
-use super::super::kinds::{Choice, Integer, List, Nested, Number, NumberChoice, Vector};
+use super::super::kinds::{Choice, Integer, List, Nested, Number, NumberChoice, Text, Vector};
 use super::super::table::{AnyKey, Key, TableKeys, key, table};
 
 /// The tables of which a depth camera has at most one.
@@ -121,7 +121,8 @@ pub(crate) mod projector {
     use super::*;
 
     pub static KEYS: TableKeys =
-        table("`[stereo.projector]`", &[&OFFSET, &FIELD, &DOTS, &DOT_WIDTH, &SEED, &FLOOD]).partial();
+        table("`[stereo.projector]`", &[&OFFSET, &FIELD, &PATTERN, &DOTS, &DOT_WIDTH, &SEED, &FLOOD])
+            .partial();
     pub static OFFSET: Key<Number> = key(
         "offset_m",
         SIDEWAYS,
@@ -134,6 +135,12 @@ pub(crate) mod projector {
         "The full angles of the pattern, horizontal and vertical; each is greater than 0 and less than 180.",
     )
     .required("`field_deg = [87.0, 58.0]`, the full angles, horizontal and vertical");
+    pub static PATTERN: Key<Text> = key(
+        "pattern",
+        Text,
+        "A PNG of grey values, linear in light, that fills the field and replaces the dots; its path is relative to the file that names \
+         it. Left out: dots.",
+    );
     pub static DOTS: Key<Integer<u32>> =
         key("dots", Integer::within(1, 1_000_000), "The number of dots of the pattern.").or("5000");
     pub static DOT_WIDTH: Key<Number> = key(

@@ -15,7 +15,7 @@ use super::super::plausibility;
 use super::super::table::{Grammar, Reading, Table};
 use super::pose_files::PoseFiles;
 use super::preset::Laid;
-use super::rays::RayFiles;
+use super::sensor_files::SensorFiles;
 use super::{actors, expect, rig, surroundings, trajectory};
 use crate::check::{Settings, Tolerance};
 use crate::frame::{Pose, UpAxis};
@@ -30,7 +30,7 @@ use crate::source::{Place, Report, Span, portable};
 #[derive(Debug)]
 pub(super) struct Files {
     pub presets: Laid,
-    pub ray_files: RayFiles,
+    pub sensor_files: SensorFiles,
     pub pose_files: PoseFiles,
 }
 
@@ -42,7 +42,7 @@ pub(super) fn from_entries(
     entries: &Entries,
     files: &Files,
 ) -> Option<Job> {
-    let Files { presets, ray_files, pose_files } = files;
+    let Files { presets, sensor_files, pose_files } = files;
     let folder = path.parent().unwrap_or(Path::new(""));
     let t = Table::new(Reading { report, grammar }, &keys::JOB, entries, Span::new(0, 0..0));
     let scene = t.read(&keys::SCENE);
@@ -60,7 +60,7 @@ pub(super) fn from_entries(
     let kernel = t.read(&keys::TRACE).and_then(|t| t.value.value(&keys::KERNEL));
     let output = t.read(&keys::OUTPUT).and_then(|t| output(&t.value, folder));
     let rig::Rig { sensors, places: sensors_at, tables: tables_at, from_scene, unposed } =
-        rig::sensors(&t, ray_files, &presets.lost, body_at);
+        rig::sensors(&t, sensor_files, &presets.lost, body_at);
     let environment = surroundings::environment(&t);
     check_rates(report, &sequence, &sensors, &tables_at);
     let truth = truth(&t);
@@ -111,8 +111,8 @@ pub(super) fn from_entries(
         expectations: at(expectations_at),
     };
     let own_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let mut inputs = vec![InputFile::new(own_name, report.text(0))];
-    inputs.extend(presets.inputs.iter().chain(&ray_files.inputs).chain(&pose_files.inputs).cloned());
+    let mut inputs = vec![InputFile::new(own_name, report.text(0).as_bytes())];
+    inputs.extend(presets.inputs.iter().chain(sensor_files.inputs()).chain(&pose_files.inputs).cloned());
     Some(Job {
         path: path.to_path_buf(),
         scene_path: folder.join(scene?.value),

@@ -13,11 +13,11 @@ use super::job::{Files, from_entries};
 use super::pose_files::PoseFiles;
 use super::preset::{lay_presets_under, name_lone_sensor};
 use super::random;
-use super::rays::RayFiles;
+use super::sensor_files::SensorFiles;
 use crate::source::tree::{Entries, Value};
 use crate::source::{Layer, Report, Span};
 
-/// Reads the job in `entries`, which is the first text of the report, with its presets and tables of rays. `None` if the
+/// Reads the job in `entries`, which is the first text of the report, with its presets and the files that its sensors name. `None` if the
 /// report has errors.
 pub(in super::super) fn job(
     report: &mut Report,
@@ -36,11 +36,11 @@ pub(in super::super) fn job(
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let presets = lay_presets_under(report, grammar, &mut entries, folder);
-    let mut ray_files = RayFiles::default();
+    let mut sensor_files = SensorFiles::default();
     if let Some(Value::Array(sensors)) = entries.get(keys::SENSORS.name()).map(|entry| &entry.node.value) {
         for sensor in sensors.iter().take(keys::MAX_SENSORS) {
             if let Value::Table(sensor) = &sensor.value {
-                ray_files.read(report, sensor);
+                sensor_files.read(report, sensor);
             }
         }
     }
@@ -48,7 +48,7 @@ pub(in super::super) fn job(
     for trajectory in trajectories(&entries) {
         pose_files.read(report, trajectory);
     }
-    let (report, files) = (&*report, Files { presets, ray_files, pose_files });
+    let (report, files) = (&*report, Files { presets, sensor_files, pose_files });
     if !entries.contains_key(RANDOM.name()) {
         return from_entries(report, grammar, path, &entries, &files);
     }

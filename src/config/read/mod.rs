@@ -16,6 +16,7 @@ mod rays;
 mod rig;
 mod sensor;
 pub(super) mod sensor_file;
+mod sensor_files;
 mod surroundings;
 #[cfg(test)]
 mod tests;

@@ -9,6 +9,7 @@ use super::super::kinds::Number;
 use super::super::overlay;
 use super::super::table::{AnyKey, Key, Reading, Table};
 use super::sensor::{max_at, measurement, range};
+use super::sensor_files::SensorFiles;
 use crate::sensor::{Published, Quantity, StatedAt};
 use crate::source::Span;
 use crate::source::tree::{Entries, Node, Value};
@@ -59,7 +60,12 @@ fn lay_under(reading: Reading<'_>, entries: &mut Entries, nominal: &Node) {
 
 /// How the sensor of a file measures if its `[nominal]` is turned on. `None` if there is none, or if it is wrong, which is then
 /// reported.
-pub(super) fn nominal(reading: Reading<'_>, entries: &Entries, file: Span) -> Option<Nominal> {
+pub(super) fn nominal(
+    reading: Reading<'_>,
+    entries: &Entries,
+    files: &SensorFiles,
+    file: Span,
+) -> Option<Nominal> {
     let t = Table::new(reading, &SENSOR_FILE, entries, file);
     let given = t.read(&NOMINAL)?;
     let source = given.value.read(&SOURCE);
@@ -69,12 +75,12 @@ pub(super) fn nominal(reading: Reading<'_>, entries: &Entries, file: Span) -> Op
         reading.report.error(given.span, "`[nominal]` has no figures", "needs a table", Some(help));
     }
     // Own tables may hide what is wrong with the figures.
-    measurement(&given.value, range(&t), max_at(&t));
+    measurement(&given.value, files, range(&t), max_at(&t));
     let mut laid = entries.clone();
     let figures = laid.remove(NOMINAL.name())?.node;
     lay_under(reading, &mut laid, &figures);
     let t = Table::new(reading, &SENSOR_FILE, &laid, file);
-    let measurement = measurement(&t, range(&t), max_at(&t));
+    let measurement = measurement(&t, files, range(&t), max_at(&t));
     Some(Nominal { source: source?.value.to_owned(), measurement, published })
 }
 

@@ -52,7 +52,7 @@ impl PoseFiles {
     fn open(&mut self, report: &mut Report, as_written: &str, path: &Path, span: Span) -> Option<u32> {
         match report.open_up_to(path, Layer::Preset, MAX_BYTES) {
             Ok(source) => {
-                self.inputs.push(InputFile::new(portable(as_written), report.text(source)));
+                self.inputs.push(InputFile::new(portable(as_written), report.text(source).as_bytes()));
                 Some(source)
             }
             Err(Unreadable::Reported) => None,

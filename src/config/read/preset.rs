@@ -97,7 +97,8 @@ pub(super) fn lay_presets_under(
         overlay::lay_over(reading, &mut merged, std::mem::take(sensor));
         *sensor = merged;
     }
-    let input = |preset: &Preset| InputFile::new(portable(&preset.as_written), report.text(preset.source));
+    let input =
+        |preset: &Preset| InputFile::new(portable(&preset.as_written), report.text(preset.source).as_bytes());
     laid.inputs = presets.iter().map(input).collect();
     laid
 }

@@ -63,7 +63,7 @@ impl RayFiles {
     ) -> Option<(RayTable, Option<Span>)> {
         match report.open_up_to(path, Layer::Preset, MAX_BYTES) {
             Ok(source) => {
-                self.inputs.push(InputFile::new(portable(as_written), report.text(source)));
+                self.inputs.push(InputFile::new(portable(as_written), report.text(source).as_bytes()));
                 // Every ray was checked as it was parsed.
                 let (pulses, counted) = parse(report, source)?;
                 Some((RayTable::new(pulses, None).ok()?, counted))

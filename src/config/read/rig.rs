@@ -8,8 +8,8 @@ use super::super::keys::measurement::IS_NOMINAL;
 use super::super::table::Table;
 use super::nominal::report_absence;
 use super::pose::{Placed, placed};
-use super::rays::RayFiles;
 use super::sensor;
+use super::sensor_files::SensorFiles;
 use crate::frame::Pose;
 use crate::source::Span;
 use crate::source::words::quoted;
@@ -32,7 +32,7 @@ pub(super) struct Rig {
 }
 
 /// The rig. `body` is where the body's pose stands. The patterns of the sensors in `lost` are in files that were reported.
-pub(super) fn sensors(job: &Table<'_>, ray_files: &RayFiles, lost: &[Span], body: Option<Span>) -> Rig {
+pub(super) fn sensors(job: &Table<'_>, files: &SensorFiles, lost: &[Span], body: Option<Span>) -> Rig {
     let Some(tables) = job.read(&SENSORS) else { return Rig::default() };
     let is_alone = tables.value.len() == 1;
     let mut taken = BTreeMap::new();
@@ -50,7 +50,7 @@ pub(super) fn sensors(job: &Table<'_>, ray_files: &RayFiles, lost: &[Span], body
         let name = name(t, is_alone, &mut taken);
         let placed = placed(t, &POSE);
         let trigger_s = t.value(&TRIGGER);
-        let sensor = sensor::sensor(t, ray_files, lost.contains(&t.span));
+        let sensor = sensor::sensor(t, files, lost.contains(&t.span));
         if let Some(pattern) = sensor.as_ref().map(|sensor| &sensor.pattern).filter(|p| !p.is_camera()) {
             beams += pattern.rows();
             if beams > MAX_BEAMS {

@@ -7,9 +7,9 @@ use super::super::keys::sensor::SENSOR_FILE;
 use super::super::table::{Grammar, Reading, Table};
 use super::modes::{lay_mode, take_modes};
 use super::nominal::nominal;
-use super::rays::RayFiles;
 use super::rig::MAX_BEAMS;
 use super::sensor::sensor;
+use super::sensor_files::SensorFiles;
 use crate::source::tree::Entries;
 use crate::source::{Report, Span};
 
@@ -33,20 +33,20 @@ pub(in super::super) fn sensor_file(
         report.error(mode.span, message, "expected fewer, or a shorter file", None);
         return None;
     }
-    let mut ray_files = RayFiles::default();
-    let read = |report: &mut Report, ray_files: &mut RayFiles, entries: &Entries| {
-        ray_files.read(report, entries);
-        sensor(&Table::new(Reading { report, grammar }, &SENSOR_FILE, entries, whole), ray_files, false)
+    let mut files = SensorFiles::default();
+    let read = |report: &mut Report, files: &mut SensorFiles, entries: &Entries| {
+        files.read(report, entries);
+        sensor(&Table::new(Reading { report, grammar }, &SENSOR_FILE, entries, whole), files, false)
     };
-    let as_it_stands = read(report, &mut ray_files, &entries);
-    let nominal_figures = nominal(Reading { report, grammar }, &entries, whole);
+    let as_it_stands = read(report, &mut files, &entries);
+    let nominal_figures = nominal(Reading { report, grammar }, &entries, &files, whole);
     let mut in_modes = Vec::new();
     let mut beams = 0;
     for (name, mode) in modes {
         let mut entries = entries.clone();
         lay_mode(Reading { report, grammar }, &mut entries, &mode);
-        nominal(Reading { report, grammar }, &entries, whole); // what is wrong with it is reported
-        let Some(sensor) = read(report, &mut ray_files, &entries) else { continue };
+        nominal(Reading { report, grammar }, &entries, &files, whole); // what is wrong with it is reported
+        let Some(sensor) = read(report, &mut files, &entries) else { continue };
         beams += if sensor.pattern.is_camera() { 0 } else { sensor.pattern.rows() };
         if beams > MAX_BEAMS {
             let message = format!("the modes of the sensor have more than {MAX_BEAMS} beams in all");

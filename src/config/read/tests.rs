@@ -6,13 +6,14 @@ use super::super::table::asked;
 use super::super::{load_job, load_sensor};
 
 /// Sensor files that have each table of a sensor between them.
-const SENSORS: [&str; 15] = [
+const SENSORS: [&str; 16] = [
     "analytic",
     "equirectangular",
     "fisheye",
     "measured",
     "mirror",
     "orthographic",
+    "pattern",
     "pinhole",
     "raster",
     "rays",

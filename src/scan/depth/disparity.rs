@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::pixel::Pixel;
 use super::second::Second;
-use crate::physics::disparity::StereoPair;
+use crate::physics::disparity::{StereoPair, quantise};
 use crate::rng::FrameStreams;
 use crate::scan::Progress;
 use crate::scan::effects::Effect;
@@ -148,7 +148,7 @@ impl<'a> View<'a> {
     pub fn pixel(&self, pixel: usize, found: Found) -> (Pixel, f32) {
         let unit_px = self.stereo.unit_px;
         let reported_px = match unit_px > 0.0 {
-            true => unit_px * libm::floor(found.disparity_px / unit_px + 0.5),
+            true => quantise(found.disparity_px, unit_px),
             false => found.disparity_px,
         };
         let [first_px, end_px] = self.stereo.searched_px();

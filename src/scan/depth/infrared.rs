@@ -3,13 +3,13 @@
 use glam::DVec3;
 
 use super::second::Second;
-use super::shade::{Lit, Shader, sunlight};
-use crate::physics::dots::Dots;
+use super::shade::{Lit, Shader};
 use crate::scan::Progress;
 use crate::scan::frame::Frame;
 use crate::scan::ideal::{Batch, Strip, scan_ideal};
 use crate::scan::ray_batch::Ray;
 use crate::scan::strips::SensorPose;
+use crate::scan::sunlight::{Place, sunlight};
 use crate::scene::Scene;
 use crate::sensor::{Capture, Imager, Projector};
 use crate::trace::Cast;
@@ -27,7 +27,7 @@ pub(super) struct Light<'a, C> {
     pub scene: &'a Scene,
     pub tracer: &'a C,
     pub imager: &'a Imager,
-    pub projector: Option<(&'a Projector, &'a Dots)>,
+    pub projector: Option<&'a Projector>,
 }
 
 impl<C: Cast> Light<'_, C> {
@@ -40,7 +40,7 @@ impl<C: Cast> Light<'_, C> {
         ideal: &mut Frame,
         progress: &Progress,
     ) -> Option<Vec<f32>> {
-        let offset_m = self.projector.map_or(0.0, |(projector, _)| projector.offset_m - right_m);
+        let offset_m = self.projector.map_or(0.0, |projector| projector.offset_m - right_m);
         let source = Second::to_the_right(self.scene, self.tracer, capture, offset_m);
         let columns = capture.columns();
         let strips = scan_ideal(ideal, self.scene, self.tracer, capture, progress, |strip, batch| {
@@ -74,13 +74,14 @@ impl<C: Cast> Light<'_, C> {
         if self.imager.sun > 0.0
             && let Some(sun) = self.scene.environment.sun
         {
-            let times_s: Vec<f64> = rays.iter().map(|&ray| batch.rays.ray(ray).time_s).collect();
-            let of_sun = sunlight(self.scene, self.tracer, &sun, &lit, &times_s);
+            let place = |(lit, &ray): (&Lit, &usize)| lit.place(batch.rays.ray(ray).time_s);
+            let places: Vec<Place> = lit.iter().zip(&rays).map(place).collect();
+            let of_sun = sunlight(self.scene, self.tracer, &sun, &places);
             for (seen, share) in seen.iter_mut().zip(of_sun) {
                 seen.grey += (self.imager.sun * share) as f32;
             }
         }
-        if let Some((projector, dots)) = self.projector {
+        if let Some(projector) = self.projector {
             let hidden = source.hidden(strip, batch, columns);
             let mut hidden = hidden.into_iter().peekable();
             for ((seen, lit), &ray) in seen.iter_mut().zip(&lit).zip(&rays) {
@@ -91,7 +92,7 @@ impl<C: Cast> Light<'_, C> {
                 let pose = source.pose(batch, ray);
                 let (row, column) = (seen.pixel as usize / columns, seen.pixel as usize % columns);
                 let pixel = SeenPixel { capture, row, column, origin: batch.rays.ray(ray).origin, pose };
-                let irradiance = self.pattern(&pixel, lit, source, (projector, dots));
+                let irradiance = self.pattern(&pixel, lit, source, projector);
                 seen.grey +=
                     (self.imager.projected_at_1_m * lit.back * irradiance * batch.through.share(ray)) as f32;
             }
@@ -105,13 +106,7 @@ impl<C: Cast> Light<'_, C> {
     /// On a plane the inverse of depth is linear in the image, and so is its place in the projector's: the image of a pixel there is a
     /// parallelogram between two lines along the rows. It is taken for the rectangle between the middles of its slanted sides, whose
     /// slope is b/Z times the tangent of the surface's tilt: a hundredth, as a rule.
-    fn pattern(
-        &self,
-        pixel: &SeenPixel,
-        lit: &Lit,
-        source: &Second<C>,
-        (projector, dots): (&Projector, &Dots),
-    ) -> f64 {
+    fn pattern(&self, pixel: &SeenPixel, lit: &Lit, source: &Second<C>, projector: &Projector) -> f64 {
         let SeenPixel { capture, row, column, origin, pose } = *pixel;
         let depth = lit.normal.dot(lit.point - origin);
         let corner = |place: [f64; 2]| {
@@ -130,7 +125,8 @@ impl<C: Cast> Light<'_, C> {
         }
         let [x, y] = [0, 1].map(|axis| 0.5 * (lower[axis] + upper[axis]));
         let flood = if projector.lights([x, y]) { projector.flood } else { 0.0 };
-        let pattern = dots.irradiance_over(lower, upper) / dots.mean();
+        let pattern = &projector.pattern;
+        let pattern = pattern.irradiance_over(lower, upper) / pattern.mean();
         (flood + (1.0 - projector.flood) * pattern) / from_projector.length_squared()
     }
 }

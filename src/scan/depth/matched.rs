@@ -24,9 +24,7 @@ pub(super) fn scan(
     (stereo, matching): (&Stereo, &Matching),
     progress: &Progress,
 ) -> Option<(Vec<Pixel>, Images)> {
-    let dots = matching.projector.as_ref().map(|projector| projector.pattern());
-    let projector = matching.projector.as_ref().zip(dots.as_ref());
-    let light = Light { scene, tracer, imager: &matching.imager, projector };
+    let light = Light { scene, tracer, imager: &matching.imager, projector: matching.projector.as_ref() };
     let mut ideal = Frame::default();
     let left = light.seen(exact, 0.0, &mut ideal, progress)?;
     let second = exact.to_the_right(stereo.baseline_m);

@@ -3,12 +3,12 @@
 use glam::DVec3;
 
 use crate::frame::Pose;
-use crate::physics::sun::ambient;
 use crate::scan::frame::Return;
 use crate::scan::optics::{Meeting, split};
+use crate::scan::sunlight::Place;
 use crate::scan::surface::LastSeen;
-use crate::scene::{Scene, Sun, Surface};
-use crate::trace::{Cast, Hit, Origins, Rays};
+use crate::scene::{Scene, Surface};
+use crate::trace::Hit;
 
 /// The roughness below which a lobe is a mirror's: a pixel is some milliradians wide, and so is such a lobe.
 const MIRROR_ROUGHNESS: f64 = 0.05;
@@ -78,28 +78,9 @@ impl<'a> Shader<'a> {
     }
 }
 
-/// The sunlight that each surface scatters to a viewer, relative to a white plane that faces a sun of 100 klx. `times_s` has the
-/// time of each on the scene's clock.
-pub(super) fn sunlight(
-    scene: &Scene,
-    tracer: &impl Cast,
-    sun: &Sun,
-    lit: &[Lit],
-    times_s: &[f64],
-) -> Vec<f64> {
-    let origins: Vec<DVec3> = lit.iter().map(|lit| lit.point + lit.normal * CLEARANCE_M).collect();
-    let directions = vec![sun.direction; lit.len()];
-    let rays = Rays {
-        times_s: scene.arrangement.window.is_some().then_some(times_s),
-        ..Rays::unlimited(Origins::Each(&origins), &directions)
-    };
-    let mut is_shaded = vec![false; lit.len()];
-    tracer.blocked(&rays, &mut is_shaded);
-    lit.iter()
-        .zip(is_shaded)
-        .map(|(lit, is_shaded)| match is_shaded {
-            true => 0.0,
-            false => ambient(lit.diffuse, lit.normal.dot(sun.direction)) * sun.klx / 100.0,
-        })
-        .collect()
+impl Lit {
+    /// The place, as it is seen at a time in seconds on the clock of the scene.
+    pub fn place(&self, time_s: f64) -> Place {
+        Place { point: self.point, normal: self.normal, reflectance: self.diffuse, time_s }
+    }
 }

@@ -15,7 +15,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::pixel::Pixel;
-use super::shade::{CLEARANCE_M, Lit, Shader, sunlight};
+use super::shade::{CLEARANCE_M, Lit, Shader};
 use super::sight::Sights;
 use crate::physics::phasor::{Demodulated, ModulatedLight, TofPixel};
 use crate::physics::unwrap::{Reliable, Unreliable, Unwrapped, Unwrapper};
@@ -25,11 +25,18 @@ use crate::scan::effects::Effect;
 use crate::scan::frame::{Cause, Echo, Frame, Images, Return, Terms};
 use crate::scan::ideal::scan_ideal;
 use crate::scan::ray_batch::{Ray, RayBatch};
-use crate::scan::strips::{STRIP, SensorPose, TILE};
+use crate::scan::strips::{SensorPose, TILE};
+use crate::scan::sunlight::{Place, sunlight};
 use crate::scan::through::Through;
 use crate::scene::Scene;
 use crate::sensor::{Capture, TimeOfFlight};
 use crate::trace::{Cast, Hit};
+
+/// The rows and columns of the parts in which an image is measured, and the bits of a direction by which the rays of indirect light of a
+/// part are sorted. The more rays there are, the more alike are those that the tracer takes together: in a warehouse, parts of 8 × 64
+/// pixels take a third longer.
+const PART: (usize, usize) = (64, 128);
+const DIRECTION_BITS: u32 = 5;
 
 /// The most taps of a pixel.
 const MOST_TAPS: usize = 8;
@@ -62,9 +69,8 @@ pub(super) fn scan(
         unwrapper: Unwrapper::new(&sensing.frequencies_hz)?,
     };
     let (rows, columns) = (capture.rows(), capture.columns());
-    let width = (STRIP / (sensing.samples * sensing.samples) as usize).max(TILE.1);
-    let parts: Vec<(usize, usize)> = (0..rows.div_ceil(TILE.0))
-        .flat_map(|band| (0..columns.div_ceil(width)).map(move |part| (band * TILE.0, part * width)))
+    let parts: Vec<(usize, usize)> = (0..rows.div_ceil(PART.0))
+        .flat_map(|band| (0..columns.div_ceil(PART.1)).map(move |part| (band * PART.0, part * PART.1)))
         .collect();
     let measured = parts
         .par_iter()
@@ -72,7 +78,7 @@ pub(super) fn scan(
             if progress.cancelled.load(Relaxed) {
                 return None;
             }
-            let size = (TILE.0.min(rows - first_row), width.min(columns - first_column));
+            let size = (PART.0.min(rows - first_row), PART.1.min(columns - first_column));
             let part = camera.part((first_row, first_column), size, memory);
             progress.samples_done.fetch_add(memory.rays.len() as u64, Relaxed);
             Some(part)
@@ -199,7 +205,7 @@ impl IndirectWave {
     /// Casts the rays, and looks through holes and panes. They are cast in the order of their directions.
     fn cast(&mut self, scene: &Scene, tracer: &impl Cast) {
         let Self { rays, hits, through } = self;
-        rays.sort_by_direction(3);
+        rays.sort_by_direction(DIRECTION_BITS);
         cast_through(rays, scene, tracer, hits, through);
     }
 }
@@ -281,10 +287,10 @@ impl<C: Cast> Camera<'_, C> {
         let mut ambient = vec![0.0; rows * columns];
         if let Some(sun) = self.scene.environment.sun.filter(|_| self.sensing.sun_electrons > 0.0) {
             let rays_lit: Vec<usize> = (0..lit.len()).filter(|&ray| lit[ray].is_some()).collect();
-            let surfaces: Vec<Lit> = lit.iter().flatten().copied().collect();
-            let times_s: Vec<f64> = rays_lit.iter().map(|&ray| rays.rays.ray(ray).time_s).collect();
-            let of_sun = sunlight(self.scene, self.tracer, &sun, &surfaces, &times_s);
-            for (&ray, share) in rays_lit.iter().zip(of_sun) {
+            let place = |(lit, &ray): (&Lit, &usize)| lit.place(rays.rays.ray(ray).time_s);
+            let places: Vec<Place> = lit.iter().flatten().zip(&rays_lit).map(place).collect();
+            let of_sun = sunlight(self.scene, self.tracer, &sun, &places);
+            for (ray, share) in rays_lit.into_iter().zip(of_sun) {
                 ambient[of_pixel[ray] as usize] += share * self.sensing.sun_electrons / self.samples() as f64;
             }
         }
@@ -432,6 +438,7 @@ impl<C: Cast> Camera<'_, C> {
                 next.push(way, &far, direction, time_s);
             }
         }
+
         shadows.sort();
         let blocked = shadows.are_blocked(self.scene, self.tracer);
         paths.extend(found.into_iter().zip(blocked).filter(|(_, blocked)| !blocked).map(|(path, _)| path));

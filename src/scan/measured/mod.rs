@@ -38,12 +38,12 @@ use self::spill::{Brightness, Sources, Spill};
 pub(super) use self::story::explain;
 use super::ray_batch::Ray;
 use super::strips::{STRIP, SensorPose, TILE};
+use super::sunlight::{Place, sunlight};
 use super::{Cause, Echo, Frame, NO_OBJECT, Progress, Return};
 use crate::physics::echo::Part;
-use crate::physics::sun::ambient;
 use crate::scene::{Scene, Sun};
 use crate::sensor::{Capture, Pulse, Receiver};
-use crate::trace::{Cast, Origins, Rays};
+use crate::trace::Cast;
 
 /// Casts a capture of a sensor that is not ideal, as [`scan_into`](super::scan_into) does.
 pub(super) fn scan_into(
@@ -323,28 +323,15 @@ impl<'a, C: Cast> Scanner<'a, C> {
 
     /// Writes the sunlight of each return.
     fn light(&self, sun: &Sun, targets: &[Target], times_s: &[f64], returns: &mut [(Return, Echo)]) {
-        /// The distance of a shadow's ray from its surface, in metres.
-        const CLEARANCE_M: f64 = 1e-3;
-        let scene = self.paths.scene;
-        let lit: Vec<usize> = (0..targets.len())
-            .filter(|&i| targets[i].object != NO_OBJECT && targets[i].normal.dot(sun.direction) > 0.0)
-            .collect();
-        let origins: Vec<_> =
-            lit.iter().map(|&i| targets[i].point + targets[i].normal * CLEARANCE_M).collect();
-        let times_s: Vec<_> = lit.iter().map(|&i| times_s[i]).collect();
-        let directions = vec![sun.direction; lit.len()];
-        let rays = Rays {
-            times_s: scene.arrangement.window.is_some().then_some(&times_s[..]),
-            ..Rays::unlimited(Origins::Each(&origins), &directions)
+        let lit: Vec<usize> = (0..targets.len()).filter(|&i| targets[i].object != NO_OBJECT).collect();
+        let place = |&i: &usize| {
+            let Target { point, normal, reflectance, .. } = targets[i];
+            Place { point, normal, reflectance: reflectance.into(), time_s: times_s[i] }
         };
-        let mut is_shaded = vec![false; lit.len()];
-        self.paths.tracer.blocked(&rays, &mut is_shaded);
-        for (&i, is_shaded) in lit.iter().zip(is_shaded) {
-            if !is_shaded {
-                let Target { normal, reflectance, .. } = targets[i];
-                let of_full_sun = ambient(f64::from(reflectance), normal.dot(sun.direction));
-                returns[i].1.ambient = (of_full_sun * sun.klx / 100.0) as f32;
-            }
+        let places: Vec<Place> = lit.iter().map(place).collect();
+        let of_sun = sunlight(self.paths.scene, self.paths.tracer, sun, &places);
+        for (i, light) in lit.into_iter().zip(of_sun) {
+            returns[i].1.ambient = light as f32;
         }
     }
 

@@ -1,13 +1,17 @@
 //! The tables by which a depth camera finds depth → [`DepthSensing`].
 
+use std::sync::Arc;
+
 use super::super::super::keys::depth::{
     self as keys, imager, matcher, projector, stereo, structured_light, tof,
 };
 use super::super::super::kinds::{Integer, Nested, Number};
 use super::super::super::plausibility;
 use super::super::super::table::{AnyKey, Key, Table};
+use super::super::sensor_files::{GreyImage, SensorFiles};
 use crate::angle::Angle;
 use crate::matching::{Paths, Settings, Speckle, Texture, UNITS_PER_PX};
+use crate::physics::dots::{ImagePattern, Projected};
 use crate::physics::unwrap::Unwrapper;
 use crate::sensor::{
     AnalyticDisparity, DepthSensing, Imager, Lens, Matching, Measurement, Pattern, Projector,
@@ -16,9 +20,9 @@ use crate::sensor::{
 use crate::source::tree::Entries;
 
 /// How the depth camera of a table finds depth. A table that is wrong is reported, and counts as left out.
-pub(super) fn sensing(t: &Table<'_>) -> Option<DepthSensing> {
+pub(super) fn sensing(t: &Table<'_>, files: &SensorFiles) -> Option<DepthSensing> {
     let read = |key: &Key<Nested>| t.read(key).map(|t| t.value);
-    let stereo = read(&keys::STEREO).and_then(|t| stereo(&t));
+    let stereo = read(&keys::STEREO).and_then(|t| stereo(&t, files));
     let structured = read(&keys::STRUCTURED_LIGHT).and_then(|t| structured_light(&t));
     let tof = read(&keys::TOF).and_then(|t| time_of_flight(&t));
     let given: Vec<&dyn AnyKey> = keys::METHODS.into_iter().filter(|key| t.has(*key)).collect();
@@ -107,7 +111,7 @@ struct Keys {
     window: &'static Key<Integer<u32>>,
 }
 
-fn stereo(t: &Table<'_>) -> Option<Stereo> {
+fn stereo(t: &Table<'_>, files: &SensorFiles) -> Option<Stereo> {
     let stereo = two_viewpoints(
         t,
         &Keys {
@@ -121,7 +125,7 @@ fn stereo(t: &Table<'_>) -> Option<Stereo> {
     );
     let is_matched = t.value(&stereo::METHOD);
     let searched = [t.value(&stereo::FIRST_DISPARITY), t.value(&stereo::DISPARITIES)];
-    let matching = matching(t, searched);
+    let matching = matching(t, files, searched);
     let others: [&dyn AnyKey; 3] = [&stereo::PROJECTOR, &stereo::IMAGER, &stereo::MATCHER];
     let analytic: [&dyn AnyKey; 4] =
         [&stereo::SIGMA, &stereo::WINDOW, &stereo::INLIER, &stereo::INLIER_SHARE];
@@ -137,9 +141,9 @@ fn stereo(t: &Table<'_>) -> Option<Stereo> {
 }
 
 /// The images of a stereo camera, and how they are matched. `None` if something is wrong.
-fn matching(t: &Table<'_>, searched_px: [u32; 2]) -> Option<Matching> {
+fn matching(t: &Table<'_>, files: &SensorFiles, searched_px: [u32; 2]) -> Option<Matching> {
     let projector = match t.read(&stereo::PROJECTOR) {
-        Some(t) => Some(projector(&t.value)?),
+        Some(t) => Some(projector(&t.value, files)?),
         None => None,
     };
     // A table that is left out has all of its defaults.
@@ -152,25 +156,32 @@ fn matching(t: &Table<'_>, searched_px: [u32; 2]) -> Option<Matching> {
     Some(Matching { projector, imager, settings })
 }
 
-fn projector(t: &Table<'_>) -> Option<Projector> {
+fn projector(t: &Table<'_>, files: &SensorFiles) -> Option<Projector> {
     let (offset, field) = (t.read(&projector::OFFSET), t.read(&projector::FIELD));
     let dots = t.value(&projector::DOTS);
     let dot_width = Angle::rad(t.value(&projector::DOT_WIDTH) * 1e-3);
     let (seed, flood) = (t.value(&projector::SEED), t.value(&projector::FLOOD));
+    let image = t.read(&projector::PATTERN);
+    let of_dots: [&dyn AnyKey; 3] = [&projector::DOTS, &projector::DOT_WIDTH, &projector::SEED];
+    if let Some(key) = of_dots.iter().find(|key| image.is_some() && t.has(**key)) {
+        t.report().doubt(t.span_of(*key), plausibility::dots_beside_a_pattern(key.name()));
+    }
     let field = field?;
     if let Some(wrong) = field.value.iter().find(|degrees| !(**degrees > 0.0 && **degrees < 180.0)) {
         let message = format!("a projector's pattern is {wrong} degrees wide");
         let label = "expected angles greater than 0 and less than 180";
         return t.report().fail(field.span, message, label.to_owned(), None);
     }
-    Some(Projector {
-        offset_m: offset?.value,
-        field: field.value.map(Angle::deg),
-        dots,
-        dot_width,
-        seed,
-        flood,
-    })
+    let field = Projector::field_of(field.value.map(Angle::deg));
+    let pattern = match image {
+        None => Projector::dots(field, dots, dot_width, seed),
+        Some(file) => {
+            // What is wrong with the file was reported when it was read.
+            let GreyImage { width, height, pixels } = files.pattern(t.report(), file)?.clone();
+            Projected::Image(ImagePattern::new(field, width, height, pixels)?)
+        }
+    };
+    Some(Projector { offset_m: offset?.value, field, pattern: Arc::new(pattern), flood })
 }
 
 fn imager_of(t: &Table<'_>) -> Imager {

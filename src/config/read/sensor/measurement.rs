@@ -4,6 +4,7 @@ use super::super::super::keys::measurement::{self as keys, blooming, footprint, 
 use super::super::super::kinds::{List, Vector};
 use super::super::super::plausibility;
 use super::super::super::table::{AnyKey, Key, Table};
+use super::super::sensor_files::SensorFiles;
 use crate::angle::Angle;
 use crate::physics::SPEED_OF_LIGHT_M_S;
 use crate::physics::detection::{RangePair, Sensitivity};
@@ -14,8 +15,13 @@ use crate::source::words::{counted, number};
 
 /// How the sensor of a table measures. A table that is wrong is reported, and counts as left out.
 ///
-/// `max_at` is where the largest range is written.
-pub(in super::super) fn measurement(t: &Table<'_>, range: RangeLimits, max_at: Span) -> Measurement {
+/// `files` has the files that the sensor names, and `max_at` is where the largest range is written.
+pub(in super::super) fn measurement(
+    t: &Table<'_>,
+    files: &SensorFiles,
+    range: RangeLimits,
+    max_at: Span,
+) -> Measurement {
     let receiver = t.read(&keys::RECEIVER).map(|t| receiver(&t.value, range, max_at));
     let noise = t.read(&keys::NOISE).map(|t| noise(&t.value, receiver.as_ref()));
     Measurement {
@@ -23,7 +29,7 @@ pub(in super::super) fn measurement(t: &Table<'_>, range: RangeLimits, max_at: S
         receiver,
         noise,
         blooming: t.read(&keys::BLOOMING).and_then(|t| blooming(&t.value)),
-        depth: super::depth::sensing(t),
+        depth: super::depth::sensing(t, files),
     }
 }
 

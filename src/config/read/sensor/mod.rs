@@ -11,7 +11,7 @@ use super::super::keys::sensor::{self as keys, range};
 use super::super::kinds::Nested;
 use super::super::plausibility;
 use super::super::table::{Key, Table};
-use super::rays::RayFiles;
+use super::sensor_files::SensorFiles;
 use crate::sensor::{Capture, Limited, Pattern, RangeLimits, Ranging, Sensor};
 use crate::source::words::number;
 use crate::source::{Doubt, Span};
@@ -20,7 +20,7 @@ use measurement::check_rows;
 pub(super) use measurement::measurement;
 
 /// The reader of a pattern's table.
-type Read = fn(&Table<'_>, &RayFiles) -> Option<Pattern>;
+type Read = fn(&Table<'_>, &SensorFiles) -> Option<Pattern>;
 
 /// The tables that a sensor may have one of, each with its reader.
 const PATTERNS: &[(&Key<Nested>, Read)] = &[
@@ -42,11 +42,11 @@ pub(in super::super) fn is_pattern(key: &str) -> bool {
 
 /// The sensor of a table with a pattern, `range`, `ring` and the tables by which it measures. `None` if the report has errors about it. `is_pattern_lost`
 /// says that there would be a pattern, had its file not been reported as unreadable.
-pub(super) fn sensor(t: &Table<'_>, files: &RayFiles, is_pattern_lost: bool) -> Option<Sensor> {
+pub(super) fn sensor(t: &Table<'_>, files: &SensorFiles, is_pattern_lost: bool) -> Option<Sensor> {
     let report = t.report();
     let range = range(t);
     let ring = t.value(&keys::RING);
-    let measurement = measurement(t, range, max_at(t));
+    let measurement = measurement(t, files, range, max_at(t));
     let given: Vec<_> = PATTERNS.iter().filter(|(key, _)| t.has(*key)).collect();
     if let [(a, _), (b, _), ..] = given.as_slice() {
         report.error(

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::super::super::keys::sensor::{BEAMS, FRAME_RATE, NEEDED_FRAME_RATE, PULSE_RATE};
 use super::super::super::keys::sensor::{mirror, raster, rays, risley};
 use super::super::super::table::Table;
-use super::super::rays::RayFiles;
+use super::super::sensor_files::SensorFiles;
 use super::limit::check_rays;
 use crate::angle::Angle;
 use crate::sensor::{
@@ -136,11 +136,11 @@ fn beams(t: &Table<'_>) -> Option<Vec<(Angle, Angle)>> {
     Some(beams.value.iter().map(|beam| (Angle::deg(beam.value[0]), Angle::deg(beam.value[1]))).collect())
 }
 
-pub(super) fn rays(t: &Table<'_>, files: &RayFiles) -> Option<RayTable> {
+pub(super) fn rays(t: &Table<'_>, files: &SensorFiles) -> Option<RayTable> {
     let (file, rate) = (t.read(&rays::FILE), t.read(&FRAME_RATE));
     let (lines, pulse_rate) = (t.read_or_default(&rays::LINES), t.read(&rays::PULSE_RATE));
     // The errors of the file were reported when it was read.
-    let (table, counted) = files.table(t.report(), file?)?;
+    let (table, counted) = files.rays.table(t.report(), file?)?;
     if let Some(span) = counted.filter(|_| !t.has(&rays::PULSE_RATE)) {
         let help = "`pulse_rate_hz`, the pulses of each beam a second, gives them times; without it all go out at once";
         let message = "this column counts the rays, and is no time";
