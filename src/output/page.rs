@@ -82,8 +82,12 @@ pub fn formats_page() -> String {
         let spec = format.spec;
         let anchor = format!("[options](keys.md#the-format-{})", spec.name);
         let options = if spec.options.is_empty() { "" } else { &anchor };
-        let (name, ending, about, read_by) = (spec.name, spec.ending, spec.about, spec.read_by);
-        let _ = writeln!(page, "| `{name}` | `000000.{ending}` | {about} | {options} | {read_by} |");
+        let (name, about, read_by) = (spec.name, spec.about, spec.read_by);
+        let files = match spec.content {
+            Content::Files(_) => format!("[a folder](#{name})"),
+            _ => format!("`000000.{}`", spec.ending),
+        };
+        let _ = writeln!(page, "| `{name}` | {files} | {about} | {options} | {read_by} |");
     }
     page.push_str(CHANNELS_INTRODUCTION);
     for channel in &CHANNELS {
@@ -108,12 +112,14 @@ pub fn formats_page() -> String {
             Content::Pixels(fields) => ("A pixel", fields),
             Content::Lines(fields) => ("A line", fields),
             Content::Arrays(fields) => ("An array", fields),
+            Content::Files(fields) => ("The files", fields),
         };
         let _ = writeln!(page, "\n## {}\n\n{what} of {}.\n", format.name(), format.spec.about);
         if format.tells_waveforms() {
             page.push_str(WAVEFORM_INTRODUCTION);
         }
-        page.push_str("| field | type | unit or meaning |\n|---|---|---|\n");
+        let place = if matches!(format.spec.content, Content::Files(_)) { "file" } else { "field" };
+        let _ = writeln!(page, "| {place} | type | unit or meaning |\n|---|---|---|");
         for Field { name, kind, unit } in fields {
             let _ = writeln!(page, "| {name} | `{kind}` | {unit} |");
         }

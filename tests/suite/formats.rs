@@ -476,3 +476,45 @@ fn files_of_one_kind_lie_beside_each_other() {
     assert_eq!(code, 0, "{text}");
     assert_eq!(files(), ["000000.pcd"]);
 }
+
+/// The points of a frame and their labels lie in files of their own, in the same order.
+#[test]
+fn a_sequence_of_kitti_has_points_and_labels_in_files_of_their_own() {
+    let (lidar, camera, frame) = (lidar(), camera(), frame());
+    let kitti = format("kitti", "");
+    let names = |file| kitti.frame_file(file).unwrap().path.of("top", "000012");
+    let all: Vec<String> = (0..kitti.frame_files()).map(names).collect();
+    let expected = [
+        "top/velodyne/000012.bin",
+        "top/labels/000012.label",
+        "top/label_2/000012.txt",
+        "top/calib/000012.txt",
+    ];
+    assert_eq!(all, expected);
+    assert!(all.iter().all(|name| kitti.frame_of(name) == Some(("top", "000012"))));
+    for (sensor, is_camera) in [(&lidar, false), (&camera, true)] {
+        let seen = seen(sensor, &frame);
+        let [points, labels] = [0, 1].map(|file| kitti.encode_file(file, &seen).unwrap());
+        let labels: Vec<u32> =
+            labels.chunks(4).map(|bytes| u32::from_le_bytes(bytes.try_into().unwrap())).collect();
+        assert_eq!(labels, [1 << 16 | 3, 300 << 16, 2 << 16 | 70, 3 << 16 | 3]);
+        let points: Vec<f32> =
+            points.chunks(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).collect();
+        let places = [(0, 0, 1.5), (0, 2, 2.0004), (0, 2, 2.75), (1, 2, 70.25)];
+        assert_eq!(points.len(), 4 * places.len());
+        for (point, (row, column, range_m)) in points.chunks(4).zip(places) {
+            let [x, y, z] = seen.point(row, column, range_m).unwrap().to_array().map(|v| v as f32);
+            // A camera's optical axis is forward, and its y is down.
+            let expected = if is_camera { [z, -x, -y, 0.5] } else { [x, y, z, 0.5] };
+            assert_eq!(point, expected);
+        }
+        for (file, is_made) in [(0, true), (1, true), (2, is_camera), (3, is_camera)] {
+            assert_eq!(kitti.makes_frame_file(file, sensor, true), is_made, "{file}");
+            assert_eq!(kitti.makes_frame_file(file, sensor, false), file < 2, "{file}");
+        }
+    }
+    assert!(kitti.check_label(65_535).is_ok() && kitti.check_instances(65_535).is_ok());
+    let told = [kitti.check_label(65_536), kitti.check_instances(65_536)].map(|e| e.unwrap_err().to_string());
+    assert!(told.iter().all(|told| told.contains("at most 65535")), "{told:?}");
+    assert!(kitti.loses(&lidar).unwrap().contains("no time"));
+}
