@@ -221,9 +221,18 @@ impl RunFile {
     }
 }
 
+/// What was noted of a frame.
+#[derive(Clone, Debug)]
+pub struct Note {
+    /// The format's line of text.
+    pub text: String,
+    /// The paths of all files of the frame.
+    pub files: Vec<String>,
+}
+
 /// The notes of a run's frames, in the order in which the frames start and at the same time in the order of sensors. They are
 /// read anew each time that they are asked for, so that none are kept.
-pub type Notes<'n> = dyn Fn() -> Result<Box<dyn Iterator<Item = String> + 'n>, EncodeError> + 'n;
+pub type Notes<'n> = dyn Fn() -> Result<Box<dyn Iterator<Item = Note> + 'n>, EncodeError> + 'n;
 
 /// A file that grows frame by frame. The written part is not used before [`Stream::finish`].
 pub trait Stream: Send {

@@ -154,7 +154,7 @@ fn world_from_points(frame: &SensorFrame) -> Pose {
 }
 
 /// The focal lengths and the principal point of a camera in pixels, whose centres are at whole numbers.
-fn intrinsics(sensor: &Sensor) -> Option<[f64; 4]> {
+pub(super) fn intrinsics(sensor: &Sensor) -> Option<[f64; 4]> {
     let Pattern::Camera(camera) = &sensor.pattern else { return None };
     let ((fx, fy), (cx, cy)) = (camera.focal_px(), camera.principal_px());
     Some([fx, fy, cx - 0.5, cy - 0.5])
@@ -199,7 +199,7 @@ impl Noted {
 fn write_poses(notes: &Notes, file: &mut dyn Write) -> Result<(), EncodeError> {
     let mut first_from_world: Option<Pose> = None;
     for note in notes()? {
-        let world_from_points = Noted::of(&note)?.world_from_points;
+        let world_from_points = Noted::of(&note.text)?.world_from_points;
         let first_from_points = match first_from_world {
             Some(first_from_world) => first_from_world * world_from_points,
             None => {
@@ -217,7 +217,7 @@ fn write_poses(notes: &Notes, file: &mut dyn Write) -> Result<(), EncodeError> {
 fn write_times(notes: &Notes, file: &mut dyn Write) -> Result<(), EncodeError> {
     let mut first_s = None;
     for note in notes()? {
-        let time_s = Noted::of(&note)?.time_s;
+        let time_s = Noted::of(&note.text)?.time_s;
         writeln!(file, "{}", line([time_s - *first_s.get_or_insert(time_s)]))?;
     }
     Ok(())
@@ -226,7 +226,7 @@ fn write_times(notes: &Notes, file: &mut dyn Write) -> Result<(), EncodeError> {
 /// The calibration of the sequence, which is that of its first frame.
 fn write_calibration(notes: &Notes, file: &mut dyn Write) -> Result<(), EncodeError> {
     let Some(note) = notes()?.next() else { return Ok(()) };
-    let camera = Noted::of(&note)?.camera;
+    let camera = Noted::of(&note.text)?.camera;
     writeln!(file, "{}Tr: {}", projections(camera), line(rows_of(&BODY_FROM_OPTICAL.inverse())))?;
     Ok(())
 }
@@ -321,6 +321,7 @@ fn line(numbers: impl IntoIterator<Item = f64>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::format::Note;
     use super::*;
     use crate::angle::Angle;
 
@@ -330,7 +331,8 @@ mod tests {
 
     fn written(notes: &[String], write: fn(&Notes, &mut dyn Write) -> Result<(), EncodeError>) -> String {
         let mut file = Vec::new();
-        write(&|| Ok(Box::new(notes.iter().cloned())), &mut file).unwrap();
+        let note = |text: &String| Note { text: text.clone(), files: Vec::new() };
+        write(&|| Ok(Box::new(notes.iter().map(note))), &mut file).unwrap();
         String::from_utf8(file).unwrap()
     }
 

@@ -8,7 +8,9 @@ use super::format::{Asked, Content, EncodeError, FormatSpec, FrameFile, FramePat
 use super::options::{Channels, OptionSpec, OptionValue, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
-use super::{color, depth16, exr, kitti, labels, npy, npz, pcd, ply, png, poses, registered, waveform};
+use super::{
+    color, depth16, exr, kitti, labels, npy, npz, nuscenes, pcd, ply, png, poses, registered, waveform,
+};
 use crate::sensor::Sensor;
 
 /// Every format that a job can name, in the order in which lists show them.
@@ -27,6 +29,7 @@ pub static FORMATS: &[&FormatSpec] = &[
     &poses::FORMAT,
     &waveform::FORMAT,
     &kitti::FORMAT,
+    &nuscenes::FORMAT,
 ];
 
 /// A format with its options: all that says how a frame is written. Formats are equal if their names are, whatever their
@@ -111,7 +114,7 @@ impl Format {
 
     /// Whether the files tell the colours of surfaces.
     pub fn tells_colors(self) -> bool {
-        self.name() == color::FORMAT.name
+        [color::FORMAT.name, nuscenes::FORMAT.name].contains(&self.name())
             || self.holds_channels() && self.options.channels.iter().any(ChannelSpec::is_of_color)
     }
 

@@ -5,7 +5,7 @@ use std::io::Write;
 use super::record::Line;
 use crate::config::{Job, MountedSensor, TruthSettings};
 use crate::error::Error;
-use crate::output::{BOXES, EncodeError, Format, POSES, RunFile, VISIBLE};
+use crate::output::{BOXES, EncodeError, Format, Note, POSES, RunFile, VISIBLE};
 
 /// A table of a run: a file that is made of rows from every frame.
 #[derive(Clone, Debug)]
@@ -95,23 +95,27 @@ impl Table {
     /// Writes the table of a run with these lines.
     pub(super) fn write(&self, lines: &Lines, file: &mut dyn Write) -> Result<(), EncodeError> {
         let sensor = self.sensor();
-        let rows_of = |key: String| -> Result<Box<dyn Iterator<Item = String> + '_>, EncodeError> {
-            let of_table = lines().map_err(|e| EncodeError::new(e.to_string()))?;
-            let of_table = of_table.filter(move |line| sensor.is_none_or(|sensor| line.sensor == sensor));
-            Ok(Box::new(of_table.flat_map(move |mut line| line.rows.remove(&key).unwrap_or_default())))
+        let lines_of = || -> Result<_, EncodeError> {
+            let all = lines().map_err(|e| EncodeError::new(e.to_string()))?;
+            Ok(all.filter(move |line| sensor.is_none_or(|sensor| line.sensor == sensor)))
         };
         match self.kind {
             Kind::Rows { header } => {
-                for row in header.map(str::to_owned).into_iter().chain(rows_of(self.name.clone())?) {
+                let rows = lines_of()?.flat_map(|mut line| line.rows.remove(&self.name).unwrap_or_default());
+                for row in header.map(str::to_owned).into_iter().chain(rows) {
                     file.write_all(row.as_bytes())?;
                     file.write_all(b"\n")?;
                 }
                 Ok(())
             }
-            Kind::Format { format, .. } => match self.declared() {
-                Some(declared) => (declared.write)(&|| rows_of(format.name().to_owned()), file),
-                None => Ok(()),
-            },
+            Kind::Format { format, .. } => {
+                let Some(declared) = self.declared() else { return Ok(()) };
+                let note = move |mut line: Line| {
+                    let text = line.rows.remove(format.name())?.pop()?;
+                    Some(Note { text, files: line.outputs.into_iter().map(|file| file.path).collect() })
+                };
+                (declared.write)(&|| Ok(Box::new(lines_of()?.filter_map(note))), file)
+            }
         }
     }
 }
