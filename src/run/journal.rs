@@ -18,7 +18,9 @@ use super::table::Table;
 use crate::config::{InputFile, Job};
 use crate::error::Error;
 use crate::output::recorded::read_manifest;
-use crate::output::{Destination, Format, GrowingFile, Kind, Manifest, SensorFrame, Stream, WrittenFile};
+use crate::output::{
+    Destination, EncodeError, Format, GrowingFile, Kind, Manifest, Note, SensorFrame, Stream, WrittenFile,
+};
 use crate::scene::SourceFile;
 
 /// What a run does with what is in its folder.
@@ -322,10 +324,11 @@ pub(super) fn write_end(
 ) -> Result<Vec<WrittenFile>, Error> {
     for table in tables {
         let mut file = destination.open(table.name())?;
-        let lines = || -> Result<Box<dyn Iterator<Item = Line>>, Error> {
-            Ok(Box::new(lines()?.into_iter().flatten()))
+        let notes = || -> Result<Box<dyn Iterator<Item = Note> + '_>, EncodeError> {
+            let lines = lines().map_err(|e| EncodeError::new(e.to_string()))?.into_iter().flatten();
+            Ok(Box::new(lines.flat_map(|line| notes_for(table, line))))
         };
-        table.write(&lines, &mut file).map_err(|e| Error::output(file.path(), e))?;
+        table.write(&notes, &mut file).map_err(|e| Error::output(file.path(), e))?;
         of_run.push(file.finish()?);
     }
     // The frames of a sensor follow each other, so what is drawn for a frame is told of the first sensor that comes to it.
@@ -341,6 +344,16 @@ pub(super) fn write_end(
         .map_err(|e| Error::output(file.path(), e))?;
     file.finish()?;
     Ok(of_run)
+}
+
+/// What a frame has noted for a table.
+fn notes_for(table: &Table, mut line: Line) -> Vec<Note> {
+    if table.sensor().is_some_and(|sensor| sensor != line.sensor) {
+        return Vec::new();
+    }
+    let files: Vec<String> = line.outputs.into_iter().map(|file| file.path).collect();
+    let rows = line.rows.remove(table.key()).unwrap_or_default();
+    rows.into_iter().map(|text| Note { text, files: files.clone() }).collect()
 }
 
 /// The manifest of a session's run, without its outputs.
@@ -411,8 +424,9 @@ impl Old {
 /// Whether a path is one that a run gives an output: that of a frame's file, `run.exr` for a file of all frames, or that of a
 /// table. A manifest is a file that anybody may have written, and `--overwrite` removes no other file of its folder because of it.
 pub(super) fn is_of_a_run(name: &str) -> bool {
-    let is_stream =
-        |format: Format| name.strip_prefix("run.").is_some_and(|ending| ending == format.ending());
+    // A folder's format has no ending.
+    let of_run = name.strip_prefix("run.").filter(|ending| !ending.is_empty());
+    let is_stream = |format: Format| of_run == Some(format.ending());
     Table::named(name).is_some()
         || Format::all().any(|format| format.frame_of(name).is_some() || is_stream(format))
 }

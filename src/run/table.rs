@@ -2,10 +2,8 @@
 
 use std::io::Write;
 
-use super::record::Line;
 use crate::config::{Job, MountedSensor, TruthSettings};
-use crate::error::Error;
-use crate::output::{BOXES, EncodeError, Format, Note, POSES, RunFile, VISIBLE};
+use crate::output::{BOXES, EncodeError, Format, Notes, POSES, RunFile, VISIBLE};
 
 /// A table of a run: a file that is made of rows from every frame.
 #[derive(Clone, Debug)]
@@ -25,9 +23,6 @@ enum Kind {
 
 /// The tables of rows, each with the line before the first row.
 const OF_ROWS: [(&str, Option<&str>); 3] = [(POSES.0, Some(POSES.1)), (BOXES, None), (VISIBLE, None)];
-
-/// Reads the lines of a run's frames from the beginning.
-pub(super) type Lines<'l> = dyn Fn() -> Result<Box<dyn Iterator<Item = Line> + 'l>, Error> + 'l;
 
 impl Table {
     /// The tables that a job asks for.
@@ -92,30 +87,29 @@ impl Table {
         }
     }
 
-    /// Writes the table of a run with these lines.
-    pub(super) fn write(&self, lines: &Lines, file: &mut dyn Write) -> Result<(), EncodeError> {
-        let sensor = self.sensor();
-        let lines_of = || -> Result<_, EncodeError> {
-            let all = lines().map_err(|e| EncodeError::new(e.to_string()))?;
-            Ok(all.filter(move |line| sensor.is_none_or(|sensor| line.sensor == sensor)))
-        };
+    /// The name under which frames note what the table is made of.
+    pub fn key(&self) -> &str {
         match self.kind {
-            Kind::Rows { header } => {
-                let rows = lines_of()?.flat_map(|mut line| line.rows.remove(&self.name).unwrap_or_default());
-                for row in header.map(str::to_owned).into_iter().chain(rows) {
+            Kind::Rows { .. } => &self.name,
+            Kind::Format { format, .. } => format.name(),
+        }
+    }
+
+    /// Writes the table of what was noted of its frames under its key.
+    ///
+    /// # Errors
+    /// An error if the file can't be written or the notes can't be read.
+    pub fn write(&self, notes: &Notes, file: &mut dyn Write) -> Result<(), EncodeError> {
+        match (self.kind, self.declared()) {
+            (Kind::Rows { header }, _) => {
+                for row in header.map(str::to_owned).into_iter().chain(notes()?.map(|note| note.text)) {
                     file.write_all(row.as_bytes())?;
                     file.write_all(b"\n")?;
                 }
                 Ok(())
             }
-            Kind::Format { format, .. } => {
-                let Some(declared) = self.declared() else { return Ok(()) };
-                let note = move |mut line: Line| {
-                    let text = line.rows.remove(format.name())?.pop()?;
-                    Some(Note { text, files: line.outputs.into_iter().map(|file| file.path).collect() })
-                };
-                (declared.write)(&|| Ok(Box::new(lines_of()?.filter_map(note))), file)
-            }
+            (Kind::Format { .. }, Some(declared)) => (declared.write)(notes, file),
+            (Kind::Format { .. }, None) => Ok(()),
         }
     }
 }

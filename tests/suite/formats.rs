@@ -518,3 +518,39 @@ fn a_sequence_of_kitti_has_points_and_labels_in_files_of_their_own() {
     assert!(told.iter().all(|told| told.contains("at most 65535")), "{told:?}");
     assert!(kitti.loses(&lidar).unwrap().contains("no time"));
 }
+
+/// A LiDAR has clouds, a camera pictures, and labels lie beside clouds if they are asked for.
+#[test]
+fn a_scene_of_nuscenes_has_clouds_and_pictures_and_its_labels_if_asked() {
+    let (lidar, camera, frame) = (lidar(), camera(), frame());
+    let (plain, labelled) = (format("nuscenes", ""), format("nuscenes", ", lidarseg = true"));
+    let made = |format: &Format, sensor| {
+        let files = (0..format.frame_files()).filter(|file| format.makes_frame_file(*file, sensor, false));
+        files.map(|file| format.frame_file(file).unwrap().path.of("top", "000000")).collect::<Vec<_>>()
+    };
+    let cloud = "nuscenes/samples/top/000000.pcd.bin";
+    assert_eq!(made(&plain, &lidar), [cloud]);
+    assert_eq!(made(&labelled, &lidar), [cloud, "nuscenes/lidarseg/v1.0-beamcast/top-000000_lidarseg.bin"]);
+    assert_eq!(made(&labelled, &camera), ["nuscenes/samples/top/000000.color.png"]);
+    for name in made(&labelled, &lidar) {
+        assert_eq!(labelled.frame_of(&name), Some(("top", "000000")));
+    }
+    let seen = seen(&lidar, &frame);
+    let points: Vec<f32> = plain
+        .encode(&seen)
+        .unwrap()
+        .chunks(4)
+        .map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap()))
+        .collect();
+    // Rings count from the lowest beam.
+    let fields: Vec<_> = points.chunks(5).map(|point| [point[3], point[4]]).collect();
+    assert_eq!(fields, [[0.5, 1.0], [0.5, 1.0], [0.5, 1.0], [0.5, 0.0]]);
+    let first = seen.point(0, 0, 1.5).unwrap().to_array().map(|v| v as f32);
+    assert_eq!(points[..3], first);
+    assert_eq!(labelled.encode_file(2, &seen).unwrap(), [3, 0, 70, 3]);
+    assert!(plain.check_label(256).is_ok() && labelled.check_label(255).is_ok());
+    assert!(labelled.check_label(256).unwrap_err().to_string().contains("at most 255"));
+    assert!(plain.loses(&camera).unwrap().contains("without depth"));
+    let refused = asked("[{ format = \"nuscenes\", scene = \"\" }]").unwrap_err();
+    assert!(refused.contains("needs a name"), "{refused}");
+}

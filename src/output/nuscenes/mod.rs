@@ -2,23 +2,26 @@
 //! of cameras, and tables of JSON.
 //!
 //! ```text
+//! layout     the paths of the folder, and the options
 //! note       what the tables need to know of a frame
 //! timeline   the samples of a scene, and the frames that belong to each
 //! tables     the tables, and their tokens
 //! ```
 
+mod layout;
 mod note;
 mod tables;
 mod timeline;
 
 use super::color;
 use super::format::{
-    Asked, Content, EncodeError, Folder, FormatSpec, FrameFile, FramePath, Kind, Notes, RunFile, field,
+    Asked, Content, EncodeError, Folder, FormatSpec, FrameFile, Kind, Notes, RunFile, field,
 };
-use super::options::{OptionSpec, OptionValues, Options};
+use super::options::Options;
 use super::picture::{Picture, check_sides};
 use super::sensor_frame::SensorFrame;
 use crate::sensor::{Pattern, Sensor};
+use layout::{CLOUD, LABELS, LIDARSEG, MAP, PICTURE, SCENE};
 
 /// A scene of nuScenes. Every frame of the sensor that has the fewest is a sample, with the frame of every other sensor that is
 /// nearest in time as its key frame; all other frames are sweeps.
@@ -115,28 +118,6 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
         note: |frame, options| note::Noted::of(frame, options).text(),
     }),
     ..FormatSpec::PLAIN
-};
-
-const CLOUD: FramePath = FramePath { stem: "nuscenes/samples/SENSOR/FRAME", ending: "pcd.bin" };
-const PICTURE: FramePath = FramePath { stem: "nuscenes/samples/SENSOR/FRAME", ending: "color.png" };
-const LABELS: FramePath =
-    FramePath { stem: "nuscenes/lidarseg/v1.0-beamcast/SENSOR-FRAME_lidarseg", ending: "bin" };
-
-/// The folder that the kit is given. Paths in tables begin below it.
-const ROOT: &str = "nuscenes/";
-const MAP: &str = "nuscenes/maps/none.png";
-
-const SCENE: OptionSpec = OptionSpec {
-    name: "scene",
-    about: "The name of the scene. All tokens follow from it, so that scenes of different names can be put into one set of tables.",
-    values: OptionValues::Text { default: "scene-0001" },
-};
-
-const LIDARSEG: OptionSpec = OptionSpec {
-    name: "lidarseg",
-    about: "Whether each LiDAR's point has its label, of 255 at most, in a file beside. The development kit knows colours for its own \
-            categories alone, and has to be given a `colormap` with those of the job.",
-    values: OptionValues::Flag { default: false },
 };
 
 /// A file that every run has.

@@ -9,8 +9,9 @@ use super::super::format::{EncodeError, Note};
 use super::super::kitti::intrinsics;
 use super::super::options::Options;
 use super::super::sensor_frame::{CloudFrame, SensorFrame};
-use super::{CLOUD, LABELS, LIDARSEG, PICTURE, ROOT, SCENE};
+use super::layout::{CLOUD, LABELS, LIDARSEG, PICTURE, ROOT, SCENE};
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
+use crate::scene::label_names;
 use crate::truth::BoxTruth;
 
 /// What is noted of a frame.
@@ -35,7 +36,7 @@ pub(super) struct Noted {
     pub boxes: Vec<NotedBox>,
     /// The paths of the frame's files. They come with the note.
     #[serde(skip)]
-    files: Vec<String>,
+    pub files: Vec<String>,
 }
 
 /// A pose as nuScenes has it: a translation in metres, and a rotation as a quaternion whose real part is first.
@@ -150,7 +151,8 @@ fn box_of(found: &BoxTruth) -> NotedBox {
     }
 }
 
-/// The words for the labels that a frame or its boxes show. Of several words for a label the first in the alphabet counts.
+/// The words for the labels that a frame or its boxes show: the job's, of which the first in the alphabet counts, or those of the
+/// scene's files.
 fn labels(frame: &SensorFrame, boxes: &[NotedBox]) -> BTreeMap<u32, String> {
     let shown = (0..frame.frame.pixels())
         .flat_map(|pixel| frame.frame.slots(pixel))
@@ -161,10 +163,50 @@ fn labels(frame: &SensorFrame, boxes: &[NotedBox]) -> BTreeMap<u32, String> {
     for (word, label) in words.filter(|(_, label)| shown.contains(label)) {
         named.entry(*label).or_insert_with(|| word.clone());
     }
+    let is_open = |label: &u32| shown.contains(label) && !named.contains_key(label);
+    let objects = frame.names.objects.iter();
+    let of_files = objects.filter_map(|o| Some((o.name.as_str(), o.file_label.filter(is_open)?)));
+    let of_files = label_names(std::iter::empty(), of_files);
+    named.extend(of_files);
     shown.into_iter().map(|label| (label, named.remove(&label).unwrap_or_else(|| unnamed(label)))).collect()
 }
 
 /// The word for a label that has no name.
 pub(super) fn unnamed(label: u32) -> String {
     if label == 0 { "unlabelled".to_owned() } else { format!("label {label}") }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A note of a LiDAR's frame.
+    pub(in super::super) fn note(sensor: &str, frame: u64, start_s: f64) -> Noted {
+        let place = Place { translation: [0.0; 3], rotation: [1.0, 0.0, 0.0, 0.0] };
+        Noted {
+            scene: "s".into(),
+            sensor: sensor.into(),
+            frame,
+            start_s,
+            time_us: (start_s * 1e6) as i64,
+            ego: place,
+            mount: place,
+            camera: None,
+            lidarseg: false,
+            labels: BTreeMap::new(),
+            boxes: Vec::new(),
+            files: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_note_is_read_as_it_was_written() {
+        let files = ["top/000001.exr", "nuscenes/samples/top/000001.pcd.bin"].map(str::to_owned).to_vec();
+        let mut written = note("top", 1, 0.1);
+        written.ego.translation = [1.0 / 3.0, 4.5e6 + 0.1, -1e-300];
+        let read = Noted::read(Note { text: written.text(), files }).unwrap();
+        assert_eq!((read.ego, read.start_s.to_bits()), (written.ego, 0.1_f64.to_bits()));
+        assert_eq!((read.data_path(), read.labels_path()), ("samples/top/000001.pcd.bin", ""));
+        assert!(Noted::read(Note { text: "{}".into(), files: Vec::new() }).is_err());
+    }
 }

@@ -6,9 +6,9 @@ use std::io::Write;
 use serde_json::{Value, json};
 
 use super::super::format::{EncodeError, Notes};
+use super::layout::{MAP, ROOT};
 use super::note::{Noted, NotedBox, unnamed};
 use super::timeline::{Placed, Timeline};
-use super::{MAP, ROOT};
 
 /// Writes a table whose rows come from one of the functions below.
 pub(super) fn write(
@@ -371,4 +371,115 @@ pub(super) fn instances(scene: &Scene, add: Add) -> Result<(), EncodeError> {
         }))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::format::Note;
+    use super::super::note::tests::note;
+    use super::super::note::{Imager, Place};
+    use super::*;
+
+    type Rows = fn(&Scene, Add) -> Result<(), EncodeError>;
+
+    fn rows(notes: &[Noted], rows: Rows) -> Vec<Value> {
+        let note = |noted: &Noted| Note { text: noted.text(), files: Vec::new() };
+        let mut file = Vec::new();
+        write(&|| Ok(Box::new(notes.iter().map(note))), &mut file, rows).unwrap();
+        serde_json::from_slice(&file).unwrap()
+    }
+
+    fn seen(track: u32, points: u64, pixels: u64, pixels_alone: u64) -> NotedBox {
+        let place = Place { translation: [points as f64, 0.0, 0.0], rotation: [1.0, 0.0, 0.0, 0.0] };
+        NotedBox { track, label: 9, size: [1.0, 2.0, 3.0], place, points, pixels, pixels_alone }
+    }
+
+    fn camera(noted: Noted) -> Noted {
+        let intrinsic = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        Noted { camera: Some(Imager { width: 4, height: 3, intrinsic }), ..noted }
+    }
+
+    /// Object 1 is in all samples but the second, object 2 in the second alone.
+    #[test]
+    fn the_annotations_of_an_object_follow_each_other() {
+        let with = |frame: u64, boxes: Vec<NotedBox>| Noted { boxes, ..note("top", frame, frame as f64) };
+        let notes = [
+            with(0, vec![seen(1, 5, 5, 5)]),
+            with(1, vec![seen(2, 5, 5, 5)]),
+            with(2, vec![seen(1, 5, 5, 5)]),
+            with(3, vec![seen(1, 5, 5, 5)]),
+        ];
+        let found = rows(&notes, annotations);
+        let instances = rows(&notes, instances);
+        assert_eq!((found.len(), instances.len()), (4, 2));
+        let by_token = |token: &Value| found.iter().find(|row| row["token"] == *token);
+        let mut row = by_token(&instances[0]["first_annotation_token"]).unwrap();
+        assert_eq!((&row["prev"], &instances[0]["nbr_annotations"]), (&json!(""), &json!(3)));
+        for _ in 0..2 {
+            let next = by_token(&row["next"]).unwrap();
+            assert_eq!((&next["prev"], &next["instance_token"]), (&row["token"], &instances[0]["token"]));
+            row = next;
+        }
+        assert_eq!((&row["next"], &row["token"]), (&json!(""), &instances[0]["last_annotation_token"]));
+        let samples = rows(&notes, samples);
+        assert_eq!(row["sample_token"], samples[3]["token"]);
+        assert_eq!(rows(&[], annotations), [] as [Value; 0]);
+    }
+
+    /// A box is the LiDAR's, its points are those of LiDARs, and its visibility that of cameras.
+    #[test]
+    fn a_sample_has_one_annotation_of_what_several_sensors_see() {
+        for is_camera_first in [true, false] {
+            let lidar = Noted { boxes: vec![seen(1, 7, 1, 9)], ..note("top", 0, 0.0) };
+            let left = camera(Noted { boxes: vec![seen(1, 40, 10, 10)], ..note("left", 0, 0.0) });
+            let right = camera(Noted { boxes: vec![seen(1, 9, 3, 10)], ..note("right", 0, 0.0) });
+            let notes = if is_camera_first { [left, right, lidar] } else { [lidar, right, left] };
+            let found = rows(&notes, annotations);
+            assert_eq!(found.len(), 1);
+            assert_eq!((&found[0]["num_lidar_pts"], &found[0]["translation"][0]), (&json!(7), &json!(7.0)));
+            // 13 of 20 pixels.
+            assert_eq!(found[0]["visibility_token"], "3");
+        }
+        let alone = [Noted { boxes: vec![seen(1, 2, 2, 5)], ..note("top", 0, 0.0) }];
+        assert_eq!(rows(&alone, annotations)[0]["visibility_token"], "2", "40 % of a LiDAR's pixels");
+    }
+
+    #[test]
+    fn a_calibration_that_is_drawn_anew_has_a_row_of_its_own() {
+        let mut notes = [note("top", 0, 0.0), note("top", 1, 1.0), note("top", 2, 2.0)];
+        notes[2].mount.translation[2] = 1.5;
+        let (calibrations, data) = (rows(&notes, calibrated_sensors), rows(&notes, sample_data));
+        assert_eq!((calibrations.len(), rows(&notes, sensors).len()), (2, 1));
+        let of_data: Vec<_> = data.iter().map(|row| &row["calibrated_sensor_token"]).collect();
+        assert!(of_data[0] == of_data[1] && of_data[1] != of_data[2]);
+        assert_eq!(*of_data[2], calibrations[1]["token"]);
+    }
+
+    #[test]
+    fn categories_have_no_gaps_where_the_kit_counts_them() {
+        let named = |lidarseg: bool| {
+            let labels = BTreeMap::from([(0, "unlabelled".to_owned()), (3, "car".to_owned())]);
+            rows(&[Noted { labels, lidarseg, ..note("top", 0, 0.0) }], categories)
+        };
+        let names = |rows: &[Value]| rows.iter().map(|row| row["name"].clone()).collect::<Vec<_>>();
+        assert_eq!(names(&named(false)), ["unlabelled", "car"]);
+        assert_eq!(names(&named(true)), ["unlabelled", "label 1", "label 2", "car"]);
+        assert!(named(true).iter().enumerate().all(|(index, row)| row["index"] == index));
+    }
+
+    #[test]
+    fn tokens_are_unlike_each_other_and_follow_from_the_scenes_name() {
+        let token = |scene: &str, parts: &[&dyn std::fmt::Display]| {
+            let timeline = Timeline { scene: scene.into(), ..Timeline::default() };
+            Scene { timeline, notes: &|| Ok(Box::new(std::iter::empty())) }.token("sample_data", parts)
+        };
+        let all = [
+            token("a", &[&"b", &12]),
+            token("a", &[&"b1", &2]),
+            token("ab", &[&"", &12]),
+            token("a", &[&"b12"]),
+        ];
+        assert_eq!(all.iter().collect::<std::collections::BTreeSet<_>>().len(), all.len());
+        assert!(all.iter().all(|token| token.len() == 32) && all[0] == token("a", &[&"b", &12]));
+    }
 }
