@@ -332,6 +332,7 @@ impl Run<'_> {
         let seen = SensorFrame {
             motions: &truth.motions,
             colors: &truth.colors,
+            boxes: &truth.boxes,
             ..session.sensor_frame(item, frame)
         };
         let destination = journal.destination();
@@ -543,7 +544,7 @@ fn print_plan(
         }
     });
     let formats = &job.output.formats;
-    let files = plan.frames().saturating_mul(formats.len() as u64).saturating_add(1);
+    let files = plan.files();
     let file_bytes = job.sensors.iter().enumerate().fold(0_u64, |sum, (index, mounted)| {
         let a_ray: u64 = formats.iter().map(|format| format.file_bytes_a_ray(&mounted.sensor)).sum();
         let rays = plan.frames_of(index).saturating_mul(mounted.sensor.pattern.rays() as u64);

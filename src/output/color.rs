@@ -20,7 +20,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     ..FormatSpec::PLAIN
 };
 
-fn encode(frame: &SensorFrame, _: &Options) -> Result<Vec<u8>, EncodeError> {
+pub(super) fn encode(frame: &SensorFrame, _: &Options) -> Result<Vec<u8>, EncodeError> {
     let color = |pixel: usize| frame.frame.slot(pixel, 0).map_or([0.0; 3], |slot| frame.color(slot));
     let pixels = (0..frame.frame.pixels()).flat_map(|pixel| color(pixel).map(encoded)).collect();
     Picture { width: frame.frame.columns(), height: frame.frame.rows(), pixels }.to_png()

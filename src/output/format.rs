@@ -13,7 +13,8 @@ pub struct FormatSpec {
     /// The name in a job.
     pub name: &'static str,
     /// The end of the names of the files, after the frame's number and a dot. It is unlike that of every other format, so that
-    /// two formats of one kind, such as PNGs of depth and PNGs of labels, can lie beside each other.
+    /// two formats of one kind, such as PNGs of depth and PNGs of labels, can lie beside each other. A [`Kind::Folder`] names
+    /// its files itself, and has none.
     pub ending: &'static str,
     /// The content of the files, in a few words for lists.
     pub about: &'static str,
@@ -79,6 +80,8 @@ pub enum Content {
     Lines(&'static [Field]),
     /// Arrays of their own shapes, one for each of these.
     Arrays(&'static [Field]),
+    /// Files of several kinds, clouds of points among them, each at one of these paths.
+    Files(&'static [Field]),
 }
 
 /// A field of a point, or a value of a pixel.
@@ -106,7 +109,130 @@ pub enum Kind {
     /// One file for each run, to which all frames of all sensors are added in order, as in bags and in clouds of a whole
     /// drive.
     Stream(fn() -> Box<dyn Stream>),
+    /// Several files for each frame, and files that are made at the run's end: a folder as the tools of a data set expect it.
+    Folder(Folder),
 }
+
+/// The files of a [`Kind::Folder`].
+///
+/// What the run's files need to know of a frame is noted when the frame is finished, and is kept in the run's journal. So they
+/// are the same whether the run was parted, was resumed, or went through at once.
+#[derive(Clone, Copy)]
+pub struct Folder {
+    /// The files of each frame.
+    pub of_frame: &'static [FrameFile],
+    /// The files of the run.
+    pub of_run: &'static [RunFile],
+    /// What [`Self::of_run`] needs to know of a frame, as a line of text.
+    pub note: fn(&SensorFrame, &Options) -> String,
+}
+
+/// What a job asks for, by which a folder has a file or does not have it.
+#[derive(Clone, Copy)]
+pub struct Asked<'a> {
+    /// The sensor. For a file of all sensors it is any of them.
+    pub sensor: &'a Sensor,
+    /// The options of the format.
+    pub options: &'a Options,
+    /// Whether the job asks for the boxes of objects.
+    pub has_boxes: bool,
+}
+
+/// A file that a frame becomes.
+#[derive(Clone, Copy)]
+pub struct FrameFile {
+    /// The path in the output folder, in which `SENSOR` stands for the sensor's name and then `FRAME` for the frame's number.
+    pub path: FramePath,
+    /// Whether the frames of a sensor have it.
+    pub is_made: fn(&Asked) -> bool,
+    /// The content of the whole file.
+    pub encode: fn(&SensorFrame, &Options) -> Result<Vec<u8>, EncodeError>,
+}
+
+/// The path that the files of all frames have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FramePath {
+    /// The path without its ending, in which `SENSOR` stands for the sensor's name and then `FRAME` for the frame's number.
+    pub stem: &'static str,
+    /// The ending, after a dot.
+    pub ending: &'static str,
+}
+
+/// Stands for a sensor's name in paths.
+pub(super) const SENSOR: &str = "SENSOR";
+
+/// Stands for a frame's number in paths.
+pub(super) const FRAME: &str = "FRAME";
+
+impl FramePath {
+    /// The path of a frame's file. `digits` is the frame's number with leading zeros.
+    pub fn of(self, sensor: &str, digits: &str) -> String {
+        format!("{}.{}", self.stem.replacen(FRAME, digits, 1).replacen(SENSOR, sensor, 1), self.ending)
+    }
+
+    /// The sensor and the digits of the frame whose file has this path. `None` if no frame's has.
+    pub fn frame_of(self, path: &str) -> Option<(&str, &str)> {
+        let (before, rest) = self.stem.split_once(SENSOR)?;
+        let (between, after) = rest.split_once(FRAME)?;
+        let stem = path.strip_suffix(self.ending)?.strip_suffix('.')?;
+        let (sensor, digits) = stem.strip_prefix(before)?.strip_suffix(after)?.rsplit_once(between)?;
+        let is_number = digits.len() >= LEAST_DIGITS && digits.bytes().all(|b| b.is_ascii_digit());
+        (is_number && is_sensor(sensor)).then_some((sensor, digits))
+    }
+}
+
+/// The fewest digits of a frame's number in the name of a file. A sequence of more frames has more in all its names, so that
+/// names are in the order of numbers.
+pub const LEAST_DIGITS: usize = 6;
+
+/// Whether a text can be the name of a sensor's folder.
+fn is_sensor(name: &str) -> bool {
+    !name.contains(['/', '\\']) && !["", ".", ".."].contains(&name)
+}
+
+/// A file that is made at a run's end of what was noted of its frames.
+#[derive(Clone, Copy)]
+pub struct RunFile {
+    /// The path in the output folder. If it begins with `SENSOR`, which stands for a sensor's name, there is one for each sensor.
+    pub path: &'static str,
+    /// Whether a run has it, or a sensor of it.
+    pub is_made: fn(&Asked) -> bool,
+    /// Writes the file.
+    pub write: fn(&Notes, &mut dyn Write) -> Result<(), EncodeError>,
+}
+
+impl RunFile {
+    /// Whether there is a file for each sensor, which has the notes of that sensor's frames.
+    pub fn is_of_sensor(&self) -> bool {
+        self.path.starts_with(SENSOR)
+    }
+
+    /// The path of a sensor's file, or of that of all sensors.
+    pub fn path_of(&self, sensor: &str) -> String {
+        self.path.replacen(SENSOR, sensor, 1)
+    }
+
+    /// The sensor whose file has this path; an empty text if the file is that of all sensors. `None` if the path is another's.
+    pub fn sensor_of<'p>(&self, path: &'p str) -> Option<&'p str> {
+        match self.path.strip_prefix(SENSOR) {
+            Some(rest) => path.strip_suffix(rest).filter(|sensor| is_sensor(sensor)),
+            None => (path == self.path).then_some(""),
+        }
+    }
+}
+
+/// What was noted of a frame.
+#[derive(Clone, Debug)]
+pub struct Note {
+    /// The format's line of text.
+    pub text: String,
+    /// The paths of all files of the frame.
+    pub files: Vec<String>,
+}
+
+/// The notes of a run's frames, in the order in which the frames start and at the same time in the order of sensors. They are
+/// read anew each time that they are asked for, so that none are kept.
+pub type Notes<'n> = dyn Fn() -> Result<Box<dyn Iterator<Item = Note> + 'n>, EncodeError> + 'n;
 
 /// A file that grows frame by frame. The written part is not used before [`Stream::finish`].
 pub trait Stream: Send {

@@ -11,6 +11,7 @@
 //! options        what a job says about a format: its options, and the channels
 //! exr ply png color depth16 registered labels npz npy pcd   the formats, with one file each
 //! waveform       the waveform of every pulse, as arrays
+//! kitti nuscenes the folders of KITTI and SemanticKITTI, and of nuScenes
 //! page           the page of all formats, for docs
 //! poses          where a sensor was: a row a frame in a run's table, and a row a column in a file of its own
 //! objects        the boxes of objects and what is seen, as lines of JSON
@@ -36,12 +37,14 @@ mod format;
 mod id;
 mod image;
 mod json;
+mod kitti;
 mod labels;
 mod legend;
 mod manifest;
 mod names;
 mod npy;
 mod npz;
+mod nuscenes;
 mod objects;
 mod options;
 mod page;
@@ -66,7 +69,10 @@ pub use channel::{
 };
 pub use files::{Destination, FileNames, GrowingFile, WrittenFile};
 pub use film::{Palette, film};
-pub use format::{Content, EncodeError, Field, FormatSpec, Kind, Stream};
+pub use format::{
+    Asked, Content, EncodeError, Field, Folder, FormatSpec, FrameFile, FramePath, Kind, LEAST_DIGITS, Note,
+    Notes, RunFile, Stream,
+};
 pub use id::{id_of, index_of};
 pub use image::{Channel, Image, Samples};
 pub use json::json_lines;

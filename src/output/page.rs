@@ -19,7 +19,7 @@ formats = [\"exr\", { format = \"depth16\", scale = 5000 }, { format = \"labels\
 channels = [\"range\", \"Z\", \"id.semantic\"]
 ```
 
-A file is `SENSOR/000000.ENDING`, one a frame. All numbers are little-endian but for PNG's, which are big-endian, and the same
+A file is `SENSOR/000000.ENDING`, one a frame; the formats that are folders say below which files they have. All numbers are little-endian but for PNG's, which are big-endian, and the same
 frame gives the same bytes everywhere.
 
 A PNG of numbers tells its channel in a text under `beamcast:channel`, and a depth image its `beamcast:scale`: the depth in metres
@@ -74,6 +74,40 @@ height = (arrays[\"amplitude\"][own] * numpy.exp(-0.5 * z**2)).sum(axis=1)
 
 ";
 
+/// What the page says of a format beside its fields.
+fn prose(format: Format) -> &'static str {
+    match format.name() {
+        _ if format.tells_waveforms() => WAVEFORM_INTRODUCTION,
+        "kitti" => KITTI_INTRODUCTION,
+        "nuscenes" => NUSCENES_INTRODUCTION,
+        _ => "",
+    }
+}
+
+const KITTI_INTRODUCTION: &str = "\
+The folder of a sensor is a sequence of the odometry benchmark. Points are in the frame of the job's clouds, with x forward for every
+sensor: with `cloud_time` they are compensated as KITTI's are, left out they are raw, and their pose is that of the frame's start.
+`Tr` turns axes and moves nothing, so a reader that computes inv(Tr)·P·Tr gets the pose of the points. Poses and times count from the
+first frame of the run. Tools that want `sequences/00` and `poses/00.txt` are given links. A box's bounds are those of its vertices in the
+image, cut off at its edges; pixels have their centres at whole numbers, as in P0 to P3, which know no distortion of the lens. The
+bottom's centre is exact, and only the turn about the camera's y axis is there: of a camera that is tilted, boxes are tilted with it.
+
+";
+
+const NUSCENES_INTRODUCTION: &str = "\
+The kit is given the folder `nuscenes` and the version `v1.0-beamcast`. Name the sensors of a job as the kit knows them, such as
+`LIDAR_TOP` and `CAM_FRONT`. Each frame of the sensor that has the fewest is a sample; of every other sensor, the frame that starts
+nearest is its key frame, and the rest are sweeps, which lie in the same folder. Points have x forward, unlike those of nuScenes' own LiDAR,
+whose x is right: `calibrated_sensor` says so. The time of a frame is that of its start, or that which `cloud_time` compensates to. An
+annotation has the box as the LiDAR's key frame saw it, else the first camera's, at the time of its points; its visibility is that of all
+cameras' pixels, or of the LiDARs' where no camera could see it. Categories are the job's labels.
+
+```python
+kit = NuScenes(\"v1.0-beamcast\", \"out/nuscenes\", colormap=collections.defaultdict(lambda: (0, 0, 0)))
+```
+
+";
+
 /// The page.
 pub fn formats_page() -> String {
     let mut page = INTRODUCTION.to_owned();
@@ -82,8 +116,12 @@ pub fn formats_page() -> String {
         let spec = format.spec;
         let anchor = format!("[options](keys.md#the-format-{})", spec.name);
         let options = if spec.options.is_empty() { "" } else { &anchor };
-        let (name, ending, about, read_by) = (spec.name, spec.ending, spec.about, spec.read_by);
-        let _ = writeln!(page, "| `{name}` | `000000.{ending}` | {about} | {options} | {read_by} |");
+        let (name, about, read_by) = (spec.name, spec.about, spec.read_by);
+        let files = match spec.content {
+            Content::Files(_) => format!("[a folder](#{name})"),
+            _ => format!("`000000.{}`", spec.ending),
+        };
+        let _ = writeln!(page, "| `{name}` | {files} | {about} | {options} | {read_by} |");
     }
     page.push_str(CHANNELS_INTRODUCTION);
     for channel in &CHANNELS {
@@ -108,12 +146,12 @@ pub fn formats_page() -> String {
             Content::Pixels(fields) => ("A pixel", fields),
             Content::Lines(fields) => ("A line", fields),
             Content::Arrays(fields) => ("An array", fields),
+            Content::Files(fields) => ("The files", fields),
         };
         let _ = writeln!(page, "\n## {}\n\n{what} of {}.\n", format.name(), format.spec.about);
-        if format.tells_waveforms() {
-            page.push_str(WAVEFORM_INTRODUCTION);
-        }
-        page.push_str("| field | type | unit or meaning |\n|---|---|---|\n");
+        page.push_str(prose(format));
+        let place = if matches!(format.spec.content, Content::Files(_)) { "file" } else { "field" };
+        let _ = writeln!(page, "| {place} | type | unit or meaning |\n|---|---|---|");
         for Field { name, kind, unit } in fields {
             let _ = writeln!(page, "| {name} | `{kind}` | {unit} |");
         }

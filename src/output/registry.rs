@@ -4,11 +4,13 @@ use std::fmt;
 use std::hash::{Hash, Hasher};
 
 use super::channel::{ChannelSpec, TERM_NAMES};
-use super::format::{Content, EncodeError, FormatSpec, Kind};
+use super::format::{Asked, Content, EncodeError, FormatSpec, FrameFile, FramePath, Kind, RunFile};
 use super::options::{Channels, OptionSpec, OptionValue, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
-use super::{color, depth16, exr, labels, npy, npz, pcd, ply, png, poses, registered, waveform};
+use super::{
+    color, depth16, exr, kitti, labels, npy, npz, nuscenes, pcd, ply, png, poses, registered, waveform,
+};
 use crate::sensor::Sensor;
 
 /// Every format that a job can name, in the order in which lists show them.
@@ -26,6 +28,8 @@ pub static FORMATS: &[&FormatSpec] = &[
     &pcd::FORMAT,
     &poses::FORMAT,
     &waveform::FORMAT,
+    &kitti::FORMAT,
+    &nuscenes::FORMAT,
 ];
 
 /// A format with its options: all that says how a frame is written. Formats are equal if their names are, whatever their
@@ -110,7 +114,7 @@ impl Format {
 
     /// Whether the files tell the colours of surfaces.
     pub fn tells_colors(self) -> bool {
-        self.name() == color::FORMAT.name
+        [color::FORMAT.name, nuscenes::FORMAT.name].contains(&self.name())
             || self.holds_channels() && self.options.channels.iter().any(ChannelSpec::is_of_color)
     }
 
@@ -200,15 +204,77 @@ impl Format {
         (self.spec.file_bytes_a_ray)(sensor, &self.options)
     }
 
-    /// The whole content of the file of one frame.
+    /// The number of files that a frame can have.
+    pub fn frame_files(self) -> usize {
+        match self.spec.kind {
+            Kind::File(_) => 1,
+            Kind::Stream(_) => 0,
+            Kind::Folder(folder) => folder.of_frame.len(),
+        }
+    }
+
+    /// The declaration of one of the files that a frame can have.
+    pub fn frame_file(self, file: usize) -> Option<FrameFile> {
+        match self.spec.kind {
+            Kind::File(encode) if file == 0 => {
+                let path = FramePath { stem: "SENSOR/FRAME", ending: self.ending() };
+                Some(FrameFile { path, is_made: |_| true, encode })
+            }
+            Kind::Folder(folder) => folder.of_frame.get(file).copied(),
+            _ => None,
+        }
+    }
+
+    /// The sensor and the digits of the frame that this path is a file of.
+    pub fn frame_of(self, path: &str) -> Option<(&str, &str)> {
+        let files = (0..self.frame_files()).filter_map(|file| self.frame_file(file));
+        files.into_iter().find_map(|file| file.path.frame_of(path))
+    }
+
+    /// Whether the frames of a sensor have one of the files that a frame can have. `has_boxes` says whether the job asks for boxes.
+    pub fn makes_frame_file(self, file: usize, sensor: &Sensor, has_boxes: bool) -> bool {
+        let asked = Asked { sensor, options: &self.options, has_boxes };
+        self.frame_file(file).is_some_and(|file| (file.is_made)(&asked))
+    }
+
+    /// Whether a run, or a sensor of it, has one of the files that are made at its end.
+    pub fn makes_run_file(self, file: &RunFile, sensor: &Sensor, has_boxes: bool) -> bool {
+        (file.is_made)(&Asked { sensor, options: &self.options, has_boxes })
+    }
+
+    /// The files that are made at a run's end.
+    pub fn run_files(self) -> &'static [RunFile] {
+        match self.spec.kind {
+            Kind::Folder(folder) => folder.of_run,
+            _ => &[],
+        }
+    }
+
+    /// What [`Self::run_files`] need to know of a frame. `None` if there are none.
+    pub fn note(self, frame: &SensorFrame) -> Option<String> {
+        match self.spec.kind {
+            Kind::Folder(folder) => Some((folder.note)(frame, &self.options)),
+            _ => None,
+        }
+    }
+
+    /// The whole content of the file of one frame, or of the first of its files.
+    ///
+    /// # Errors
+    /// As [`Self::encode_file`].
+    pub fn encode(self, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
+        self.encode_file(0, frame)
+    }
+
+    /// The whole content of one of the files of a frame.
     ///
     /// # Errors
     /// An error if the frame has a number that the format cannot represent, such as a label above 2³¹ − 1 in a PLY, or if
     /// the format has one file for each run and so none for a single frame.
-    pub fn encode(self, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
-        match self.spec.kind {
-            Kind::File(encode) => encode(frame, &self.options),
-            Kind::Stream(_) => Err(EncodeError::new(format!(
+    pub fn encode_file(self, file: usize, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
+        match self.frame_file(file) {
+            Some(file) => (file.encode)(frame, &self.options),
+            None => Err(EncodeError::new(format!(
                 "{} has one file for each run, and none for a single frame",
                 self.name()
             ))),
@@ -249,8 +315,10 @@ mod tests {
         assert!(names.iter().all(|name| name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit())));
         assert!(Format::all().all(|format| Format::named(format.name()) == Some(format)));
         assert_eq!(Format::named("EXR"), None);
-        let endings: BTreeSet<_> = Format::all().map(Format::ending).collect();
-        assert_eq!(endings.len(), FORMATS.len());
+        let is_folder = |format: &Format| matches!(format.spec.kind, Kind::Folder(_));
+        let named = || Format::all().filter(|format| !is_folder(format));
+        let endings: BTreeSet<_> = named().map(Format::ending).collect();
+        assert_eq!(endings.len(), named().count());
         // The end of a file's name tells its format.
         let follows =
             |one: &&str, other: &&str| one.strip_suffix(*other).is_some_and(|rest| rest.ends_with('.'));
@@ -265,7 +333,9 @@ mod tests {
         for format in Format::all() {
             let spec = format.spec;
             assert!(
-                !spec.about.is_empty() && !spec.read_by.is_empty() && !spec.ending.is_empty(),
+                !spec.about.is_empty()
+                    && !spec.read_by.is_empty()
+                    && spec.ending.is_empty() == matches!(spec.kind, Kind::Folder(_)),
                 "{format:?}"
             );
             assert!(spec.options.len() <= MOST_OPTIONS, "{format:?}");

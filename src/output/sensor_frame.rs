@@ -6,7 +6,7 @@ use super::names::Names;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::scan::Frame;
 use crate::sensor::Capture;
-use crate::truth::{SurfaceMotion, Targets};
+use crate::truth::{BoxTruth, SurfaceMotion, Targets};
 
 /// The coordinate frame of a cloud's points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -82,6 +82,8 @@ pub struct SensorFrame<'a> {
     pub colors: &'a [[f32; 3]],
     /// The objects that have tracks.
     pub targets: Option<&'a Targets>,
+    /// The boxes of objects, in ascending order of their tracks. It is empty if the job asks for none.
+    pub boxes: &'a [BoxTruth<'a>],
 }
 
 impl<'a> SensorFrame<'a> {
@@ -98,6 +100,7 @@ impl<'a> SensorFrame<'a> {
             motions: &[],
             colors: &[],
             targets: None,
+            boxes: &[],
         }
     }
 

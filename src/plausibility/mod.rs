@@ -17,7 +17,7 @@ mod stance;
 
 use crate::config::Job;
 use crate::frame::Pose;
-use crate::output::{CloudFrame, Content};
+use crate::output::{CloudFrame, Content, Format};
 use crate::scene::{Extent, Scene};
 use crate::sensor::Capture;
 use crate::source::{Diagnostic, Doubt, Place};
@@ -44,11 +44,16 @@ fn of_formats(job: &Job) -> Vec<Diagnostic> {
     found
 }
 
+/// Whether the files of a format have points in 32-bit coordinates.
+fn has_points(format: &Format) -> bool {
+    matches!(format.spec.content, Content::Points(_) | Content::Files(_))
+}
+
 /// The warning about points in 32-bit coordinates, if they come in steps of more than a millimetre.
 fn of_clouds(job: &Job) -> Option<Diagnostic> {
     const COARSE_M: f32 = 1e-3;
     let mut formats = job.output.formats.iter().zip(&job.places.formats);
-    let (format, place) = formats.find(|(format, _)| matches!(format.spec.content, Content::Points(_)))?;
+    let (format, place) = formats.find(|(format, _)| has_points(format))?;
     let poses = job.sensors.iter().map(|mounted| match job.output.cloud_frame {
         CloudFrame::Sensor => Pose::IDENTITY,
         CloudFrame::Body => mounted.body_from_sensor,

@@ -6,7 +6,6 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
@@ -19,7 +18,9 @@ use super::table::Table;
 use crate::config::{InputFile, Job};
 use crate::error::Error;
 use crate::output::recorded::read_manifest;
-use crate::output::{Destination, Format, GrowingFile, Kind, Manifest, SensorFrame, Stream, WrittenFile};
+use crate::output::{
+    Destination, EncodeError, Format, GrowingFile, Kind, Manifest, Note, SensorFrame, Stream, WrittenFile,
+};
 use crate::scene::SourceFile;
 
 /// What a run does with what is in its folder.
@@ -44,6 +45,7 @@ pub struct Journal {
     /// The frames that are finished.
     frames: u64,
     streams: Vec<(Box<dyn Stream>, GrowingFile)>,
+    tables: Vec<Table>,
 }
 
 /// What an earlier run has done already.
@@ -60,8 +62,8 @@ pub enum Done {
 pub struct Beside {
     /// The files that lost something.
     pub lost: Vec<Loss>,
-    /// The rows of the run's tables.
-    pub rows: BTreeMap<Table, Vec<String>>,
+    /// What the run's tables are made of.
+    pub rows: BTreeMap<String, Vec<String>>,
     /// What the job draws for the frames of this number.
     pub drawn: Map<String, Value>,
 }
@@ -125,7 +127,8 @@ impl Journal {
         }
         let destination = Destination::check(folder, plan.clone(), start != Start::New)?;
         let (header, writer, streams) = (None, None, Vec::new());
-        Ok(Self { destination, start, shard, name, header, writer, frames: 0, streams })
+        let tables = plan.tables.clone();
+        Ok(Self { destination, start, shard, name, header, writer, frames: 0, streams, tables })
     }
 
     /// Calls `each` with the path of each file of an earlier run that the run will remove, because its own manifest will not list
@@ -192,7 +195,7 @@ impl Journal {
             None => Writer::create(&path, &own)?,
         });
         self.header = Some(own);
-        for Output { format, name } in &plan.streams {
+        for Output { format, name, .. } in &plan.streams {
             if let Kind::Stream(stream) = format.spec.kind {
                 self.streams.push((stream(), self.destination.open(name)?));
             }
@@ -262,7 +265,7 @@ impl Journal {
             outputs,
             lost,
             statistics: Statistics::of(frame.frame),
-            rows: rows.into_iter().map(|(table, rows)| (table.name().to_owned(), rows)).collect(),
+            rows,
             drawn,
         };
         if let Some(writer) = &mut self.writer {
@@ -292,7 +295,7 @@ impl Journal {
         let Some(header) = &self.header else { return Ok(of_run) };
         let path = self.destination.folder().join(&self.name);
         let lines = || Ok(Merged::of(Reader::open(&path)?.into_iter().collect()));
-        let of_run = write_end(&self.destination, header, &lines, of_run)?;
+        let of_run = write_end(&self.destination, header, &self.tables, &lines, of_run)?;
         self.destination.remove(&self.name)?;
         Ok(of_run)
     }
@@ -315,20 +318,17 @@ impl Drop for Journal {
 pub(super) fn write_end(
     destination: &Destination,
     header: &Header,
+    tables: &[Table],
     lines: &dyn Fn() -> Result<Option<Merged>, Error>,
     mut of_run: Vec<WrittenFile>,
 ) -> Result<Vec<WrittenFile>, Error> {
-    for table in header.tables.iter().filter_map(|name| Table::named(name)) {
+    for table in tables {
         let mut file = destination.open(table.name())?;
-        let heading = table.header().map(str::to_owned);
-        let rows = lines()?
-            .into_iter()
-            .flatten()
-            .flat_map(|mut line| line.rows.remove(table.name()).unwrap_or_default());
-        for row in heading.into_iter().chain(rows) {
-            let added = file.write_all(row.as_bytes()).and_then(|()| file.write_all(b"\n"));
-            added.map_err(|e| Error::output(file.path(), e))?;
-        }
+        let notes = || -> Result<Box<dyn Iterator<Item = Note> + '_>, EncodeError> {
+            let lines = lines().map_err(|e| EncodeError::new(e.to_string()))?.into_iter().flatten();
+            Ok(Box::new(lines.flat_map(|line| notes_for(table, line))))
+        };
+        table.write(&notes, &mut file).map_err(|e| Error::output(file.path(), e))?;
         of_run.push(file.finish()?);
     }
     // The frames of a sensor follow each other, so what is drawn for a frame is told of the first sensor that comes to it.
@@ -344,6 +344,16 @@ pub(super) fn write_end(
         .map_err(|e| Error::output(file.path(), e))?;
     file.finish()?;
     Ok(of_run)
+}
+
+/// What a frame has noted for a table.
+fn notes_for(table: &Table, mut line: Line) -> Vec<Note> {
+    if table.sensor().is_some_and(|sensor| sensor != line.sensor) {
+        return Vec::new();
+    }
+    let files: Vec<String> = line.outputs.into_iter().map(|file| file.path).collect();
+    let rows = line.rows.remove(table.key()).unwrap_or_default();
+    rows.into_iter().map(|text| Note { text, files: files.clone() }).collect()
 }
 
 /// The manifest of a session's run, without its outputs.
@@ -411,21 +421,14 @@ impl Old {
     }
 }
 
-/// Whether a path is one that a run gives an output: `SENSOR/000000.exr`, `run.exr` for a file of all frames, or that of a table. A manifest is a
-/// file that anybody may have written, and `--overwrite` removes no other file of its folder because of it.
+/// Whether a path is one that a run gives an output: that of a frame's file, `run.exr` for a file of all frames, or that of a
+/// table. A manifest is a file that anybody may have written, and `--overwrite` removes no other file of its folder because of it.
 pub(super) fn is_of_a_run(name: &str) -> bool {
-    let stem_before = |format: Format| name.strip_suffix(format.ending())?.strip_suffix('.');
-    let is_frame = |(sensor, frame): (&str, &str)| {
-        !sensor.contains(['/', '\\'])
-            && !["", ".", ".."].contains(&sensor)
-            && frame.len() >= 6
-            && frame.bytes().all(|b| b.is_ascii_digit())
-    };
-    if Table::named(name).is_some() {
-        return true;
-    }
-    let is_output = |stem: &str| stem == "run" || stem.split_once('/').is_some_and(is_frame);
-    Format::all().filter_map(stem_before).any(is_output)
+    // A folder's format has no ending.
+    let of_run = name.strip_prefix("run.").filter(|ending| !ending.is_empty());
+    let is_stream = |format: Format| of_run == Some(format.ending());
+    Table::named(name).is_some()
+        || Format::all().any(|format| format.frame_of(name).is_some() || is_stream(format))
 }
 
 #[cfg(test)]
@@ -441,6 +444,9 @@ mod tests {
             "top/000000.depth16.png",
             "poses.csv",
             "boxes.jsonl",
+            "top/velodyne/000000.bin",
+            "top/labels/000000.label",
+            "top/poses.txt",
         ] {
             assert!(is_of_a_run(name), "{name}");
         }
@@ -455,6 +461,12 @@ mod tests {
             "top/000000",
             "top/000000.mine.png",
             "000000.exr",
+            "run.",
+            "velodyne/000000.bin",
+            "../velodyne/000000.bin",
+            "a/b/velodyne/000000.bin",
+            "top/velodyne/notes.bin",
+            "../poses.txt",
         ] {
             assert!(!is_of_a_run(name), "{name}");
         }

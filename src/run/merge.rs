@@ -66,11 +66,14 @@ pub fn merge(folder: &Path) -> Result<Whole, Error> {
         count(reader, path, folder, &mut whole)?;
     }
     let has_frames = header.sensors.iter().filter(|sensor| sensor.count > 0);
-    let names = Names(has_frames.map(|sensor| sensor.sensor.clone()).collect());
+    let of_frames = has_frames.map(|sensor| sensor.sensor.clone());
+    let tables: Vec<Table> = header.tables.iter().filter_map(|name| Table::named(name)).collect();
+    let of_tables = tables.iter().map(|table| table.folder().to_owned()).filter(|folder| !folder.is_empty());
+    let names = Names(of_frames.chain(of_tables).collect());
     let mut destination = Destination::check(folder, names, true)?;
     destination.prepare(Manifest::NAME)?;
     let lines = || Ok(Merged::of(open_all(&found)?));
-    for file in write_end(&destination, &header, &lines, Vec::new())? {
+    for file in write_end(&destination, &header, &tables, &lines, Vec::new())? {
         whole.files += 1;
         whole.bytes += file.bytes;
     }
@@ -174,7 +177,7 @@ fn frames_of(header: &Header, shard: Shard) -> String {
     }
 }
 
-/// The manifest and tables, and the folders of sensors.
+/// The manifest and tables, and the folders of sensors and of tables.
 #[derive(Debug)]
 struct Names(BTreeSet<String>);
 

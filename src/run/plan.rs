@@ -9,8 +9,9 @@ use super::memory::{self, Holding};
 use super::table::Table;
 use crate::config::{Job, MountedSensor};
 use crate::error::Error;
-use crate::output::{FileNames, Format, Kind, Manifest, SensorFrames};
+use crate::output::{FileNames, Format, Kind, LEAST_DIGITS, Manifest, SensorFrames};
 use crate::scene::Scene;
+use crate::sensor::Sensor;
 
 /// The frames that a job casts and the files that they become. Its size does not depend on the number of frames.
 #[derive(Clone, Debug)]
@@ -18,7 +19,7 @@ pub struct Plan {
     /// The sensors, in the job's order.
     sensors: Vec<Planned>,
     shard: Shard,
-    /// The formats with a file for each frame.
+    /// The formats with files for each frame.
     formats: Vec<Format>,
     /// The files into which all frames go.
     pub streams: Vec<Output>,
@@ -43,6 +44,8 @@ struct Planned {
     of: u64,
     /// The digits of the numbers in the names of files.
     digits: usize,
+    /// The files of each frame: a format, and the number of the file among those of the format.
+    files: Vec<(Format, usize)>,
 }
 
 /// The frames of a job that a run casts.
@@ -105,6 +108,8 @@ pub struct Item {
 pub struct Output {
     /// The file's format.
     pub format: Format,
+    /// The number of the file among those that the format makes of a frame, from 0.
+    pub file: usize,
     /// The file's path in the output folder, with forward slashes.
     pub name: String,
 }
@@ -120,9 +125,9 @@ impl Plan {
             return Err(Error::Usage(problem));
         }
         let shard = selection.shard;
-        let is_of_frame = |format: &&Format| matches!(format.spec.kind, Kind::File(_));
+        let is_of_frame = |format: &&Format| !matches!(format.spec.kind, Kind::Stream(_));
         let (formats, streams): (Vec<Format>, Vec<Format>) = job.output.formats.iter().partition(is_of_frame);
-        let of_run = |format: Format| Output { format, name: format!("run.{}", format.ending()) };
+        let of_run = |format: Format| Output { format, file: 0, name: format!("run.{}", format.ending()) };
         let streams = streams.into_iter().map(of_run).collect();
         let mut plan = Self {
             sensors: Vec::new(),
@@ -154,7 +159,8 @@ impl Plan {
                 .checked_ilog10()
                 .map_or(1, |digits| digits as usize + 1)
                 .max(LEAST_DIGITS);
-            plan.sensors.push(Planned { name: name.clone(), frames, of: all, digits });
+            let files = files_of(&plan.formats, job, sensor);
+            plan.sensors.push(Planned { name: name.clone(), frames, of: all, digits, files });
         }
         if plan.sensors.iter().all(|planned| planned.frames.is_empty()) {
             let Range { start, end } = selection.frames;
@@ -214,12 +220,12 @@ impl Plan {
 
     /// A frame of a sensor with its files.
     fn item(&self, sensor: usize, frame: u64) -> Item {
-        let Planned { name, digits, .. } = &self.sensors[sensor];
-        let output = |&format: &Format| Output {
-            format,
-            name: format!("{name}/{frame:0digits$}.{}", format.ending()),
+        let Planned { name, digits, files, .. } = &self.sensors[sensor];
+        let number = format!("{frame:0digits$}");
+        let output = |&(format, file): &(Format, usize)| {
+            Some(Output { format, file, name: format.frame_file(file)?.path.of(name, &number) })
         };
-        Item { sensor, frame, outputs: self.formats.iter().map(output).collect() }
+        Item { sensor, frame, outputs: files.iter().filter_map(output).collect() }
     }
 
     /// The part of the run that the plan is for.
@@ -243,6 +249,16 @@ impl Plan {
         self.shard.count_in(&self.sensors[sensor].frames)
     }
 
+    /// The number of the files of all frames and of the run, its manifest among them.
+    pub fn files(&self) -> u64 {
+        let of_sensor = |(sensor, planned): (usize, &Planned)| {
+            self.frames_of(sensor).saturating_mul(planned.files.len() as u64)
+        };
+        let of_frames = self.sensors.iter().enumerate().map(of_sensor).fold(0, u64::saturating_add);
+        let made_at_the_end = if self.shard == Shard::WHOLE { self.tables.len() + 1 } else { 0 };
+        of_frames.saturating_add((self.streams.len() + made_at_the_end) as u64)
+    }
+
     /// The number of frames of all sensors.
     pub fn frames(&self) -> u64 {
         (0..self.sensors.len()).map(|sensor| self.frames_of(sensor)).sum()
@@ -251,30 +267,47 @@ impl Plan {
 
 impl FileNames for Plan {
     fn folders(&self) -> BTreeSet<String> {
-        let has_files = |planned: &&Planned| !self.formats.is_empty() && !planned.frames.is_empty();
-        self.sensors.iter().filter(has_files).map(|planned| planned.name.clone()).collect()
+        let has_frames = |planned: &&Planned| !planned.frames.is_empty();
+        let of_frames = self.sensors.iter().filter(has_frames).flat_map(|planned| {
+            let path = |&(format, file): &(Format, usize)| {
+                Some(format.frame_file(file)?.path.of(&planned.name, FIRST))
+            };
+            planned.files.iter().filter_map(path).filter_map(|path| Some(path.rsplit_once('/')?.0.to_owned()))
+        });
+        let of_tables = self.tables.iter().map(|table| table.folder().to_owned());
+        of_frames.chain(of_tables.filter(|folder| !folder.is_empty())).collect()
     }
 
     fn contains(&self, name: &str) -> bool {
-        let Some((folder, file)) = name.split_once('/') else {
-            let is_whole = self.shard == Shard::WHOLE;
-            let is_made_at_the_end =
-                name == Manifest::NAME || self.tables.iter().any(|table| table.name() == name);
-            return is_whole && is_made_at_the_end || self.streams.iter().any(|stream| stream.name == name);
+        let is_table = || self.tables.iter().any(|table| table.name() == name);
+        if name == Manifest::NAME || is_table() {
+            return self.shard == Shard::WHOLE;
+        }
+        let is_of = |planned: &Planned, (format, file): (Format, usize)| {
+            let frame_of = || format.frame_file(file)?.path.frame_of(name);
+            let Some((sensor, digits)) = frame_of() else { return false };
+            let frame: Option<u64> = digits.parse().ok();
+            sensor == planned.name
+                && digits.len() == planned.digits
+                && frame.is_some_and(|frame| {
+                    planned.frames.contains(&frame) && frame % self.shard.count == self.shard.index
+                })
         };
-        let Some(planned) = self.sensors.iter().find(|planned| planned.name == folder) else { return false };
-        let Some((number, ending)) = file.split_once('.') else { return false };
-        let is_number = number.len() == planned.digits && number.bytes().all(|b| b.is_ascii_digit());
-        let frame: Option<u64> = Some(number).filter(|_| is_number).and_then(|number| number.parse().ok());
-        frame.is_some_and(|frame| {
-            planned.frames.contains(&frame) && frame % self.shard.count == self.shard.index
-        }) && self.formats.iter().any(|format| format.ending() == ending)
+        self.streams.iter().any(|stream| stream.name == name)
+            || self.sensors.iter().any(|planned| planned.files.iter().any(|&file| is_of(planned, file)))
     }
 }
 
-/// The fewest digits of a frame's number in the name of a file. A sequence of more frames has more in all its names, so that
-/// names are in the order of numbers.
-const LEAST_DIGITS: usize = 6;
+/// The digits of a number with which the folder of a frame's file is found. All frames have the same.
+const FIRST: &str = "000000";
+
+/// The files of each frame of a sensor: a format, and the number of the file among those of the format.
+fn files_of(formats: &[Format], job: &Job, sensor: &Sensor) -> Vec<(Format, usize)> {
+    let has_boxes = job.truth.boxes.is_some();
+    let is_made = |&(format, file): &(Format, usize)| format.makes_frame_file(file, sensor, has_boxes);
+    let all = formats.iter().flat_map(|format| (0..format.frame_files()).map(|file| (*format, file)));
+    all.filter(is_made).collect()
+}
 
 /// Sentences about the sensors whose frames do not fit a format of the job.
 pub fn format_problems(job: &Job) -> Vec<String> {

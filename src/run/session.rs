@@ -180,7 +180,7 @@ impl Session {
     /// # Errors
     /// [`Error::Output`] if the frame does not fit the format.
     pub fn encode(&self, output: &Output, frame: &SensorFrame) -> Result<Vec<u8>, Error> {
-        let content = output.format.encode(frame);
+        let content = output.format.encode_file(output.file, frame);
         content.map_err(|e| Error::output(self.job.output.dir.join(&output.name), e))
     }
 }

@@ -1,46 +1,138 @@
-//! The tables of a run: files with rows from every frame.
+//! The tables of a run: files that are made of rows from every frame.
 
-use crate::config::{Job, TruthSettings};
-use crate::output::{BOXES, POSES, VISIBLE};
+use std::io::Write;
 
-/// A table of a run: a file with rows from every frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Table {
-    /// The pose of each frame's start.
-    Poses,
-    /// The boxes of objects.
-    Boxes,
-    /// The objects that are seen.
-    Visible,
+use crate::config::{Job, MountedSensor, TruthSettings};
+use crate::output::{BOXES, EncodeError, Format, Notes, POSES, RunFile, VISIBLE};
+
+/// A table of a run: a file that is made of rows from every frame.
+#[derive(Clone, Debug)]
+pub struct Table {
+    name: String,
+    kind: Kind,
 }
+
+/// How a table is made.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// The rows follow each other, after a line that may stand before the first.
+    Rows { header: Option<&'static str> },
+    /// The format makes it of what it noted, by the number of the file among its files of a run.
+    Format { format: Format, file: usize },
+}
+
+/// The tables of rows, each with the line before the first row.
+const OF_ROWS: [(&str, Option<&str>); 3] = [(POSES.0, Some(POSES.1)), (BOXES, None), (VISIBLE, None)];
 
 impl Table {
     /// The tables that a job asks for.
     pub fn of(job: &Job) -> Vec<Self> {
         let TruthSettings { poses, boxes, visible, .. } = job.truth;
-        let asked = [(Self::Poses, poses), (Self::Boxes, boxes.is_some()), (Self::Visible, visible)];
-        asked.into_iter().filter(|(_, is_asked)| *is_asked).map(|(table, _)| table).collect()
+        let asked = OF_ROWS.into_iter().zip([poses, boxes.is_some(), visible]);
+        let of_rows = asked
+            .filter(|(_, is_asked)| *is_asked)
+            .map(|((name, header), _)| Self { name: name.to_owned(), kind: Kind::Rows { header } });
+        let of_formats = job.output.formats.iter().flat_map(|format| Self::of_format(*format, job));
+        of_rows.chain(of_formats).collect()
     }
 
-    /// Every table.
-    pub const ALL: [Self; 3] = [Self::Poses, Self::Boxes, Self::Visible];
-
-    /// The file's name in the output folder.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Poses => POSES.0,
-            Self::Boxes => BOXES,
-            Self::Visible => VISIBLE,
+    /// The tables of a format.
+    fn of_format(format: Format, job: &Job) -> Vec<Self> {
+        let mut tables: Vec<Self> = Vec::new();
+        for (file, declared) in format.run_files().iter().enumerate() {
+            for MountedSensor { name, sensor, .. } in &job.sensors {
+                let name = declared.path_of(name);
+                let is_new = tables.iter().all(|table| table.name != name);
+                if is_new && format.makes_run_file(declared, sensor, job.truth.boxes.is_some()) {
+                    tables.push(Self { name, kind: Kind::Format { format, file } });
+                }
+            }
         }
+        tables
     }
 
     /// The table of that name.
     pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|table| table.name() == name)
+        let of_rows = OF_ROWS.into_iter().find(|(of_rows, _)| *of_rows == name);
+        let of_format = |format: Format| {
+            let file = format.run_files().iter().position(|file| file.sensor_of(name).is_some())?;
+            Some(Kind::Format { format, file })
+        };
+        let kind = match of_rows {
+            Some((_, header)) => Kind::Rows { header },
+            None => Format::all().find_map(of_format)?,
+        };
+        Some(Self { name: name.to_owned(), kind })
     }
 
-    /// The line before the first row.
-    pub fn header(self) -> Option<&'static str> {
-        (self == Self::Poses).then_some(POSES.1)
+    /// The file's path in the output folder.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The folder of the file in the output folder; an empty text if it lies in that itself.
+    pub fn folder(&self) -> &str {
+        self.name.rsplit_once('/').map_or("", |(folder, _)| folder)
+    }
+
+    /// The sensor whose frames alone have rows of the table. `None` if all have.
+    pub fn sensor(&self) -> Option<&str> {
+        self.declared()?.sensor_of(&self.name).filter(|sensor| !sensor.is_empty())
+    }
+
+    fn declared(&self) -> Option<&'static RunFile> {
+        match self.kind {
+            Kind::Rows { .. } => None,
+            Kind::Format { format, file } => format.run_files().get(file),
+        }
+    }
+
+    /// The name under which frames note what the table is made of.
+    pub fn key(&self) -> &str {
+        match self.kind {
+            Kind::Rows { .. } => &self.name,
+            Kind::Format { format, .. } => format.name(),
+        }
+    }
+
+    /// Writes the table of what was noted of its frames under its key.
+    ///
+    /// # Errors
+    /// An error if the file can't be written or the notes can't be read.
+    pub fn write(&self, notes: &Notes, file: &mut dyn Write) -> Result<(), EncodeError> {
+        match (self.kind, self.declared()) {
+            (Kind::Rows { header }, _) => {
+                for row in header.map(str::to_owned).into_iter().chain(notes()?.map(|note| note.text)) {
+                    file.write_all(row.as_bytes())?;
+                    file.write_all(b"\n")?;
+                }
+                Ok(())
+            }
+            (Kind::Format { .. }, Some(declared)) => (declared.write)(notes, file),
+            (Kind::Format { .. }, None) => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_is_known_by_its_name() {
+        for (name, sensor, folder) in [
+            ("poses.csv", None, ""),
+            ("boxes.jsonl", None, ""),
+            ("top/poses.txt", Some("top"), "top"),
+            ("front.left/times.txt", Some("front.left"), "front.left"),
+        ] {
+            let table = Table::named(name).unwrap();
+            assert_eq!((table.name(), table.sensor(), table.folder()), (name, sensor, folder));
+        }
+        for name in
+            ["poses.txt", "/poses.txt", "../poses.txt", "a/b/poses.txt", "top/notes.txt", "top/poses.csv"]
+        {
+            assert!(Table::named(name).is_none(), "{name}");
+        }
     }
 }

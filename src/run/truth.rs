@@ -4,26 +4,28 @@ use std::collections::BTreeMap;
 
 use super::plan::Item;
 use super::session::Session;
-use super::table::Table;
 use super::tracked::Tracked;
-use crate::output::{SensorFrame, box_row, pose_row, visible_row};
+use crate::output::{BOXES, POSES, SensorFrame, VISIBLE, box_row, pose_row, visible_row};
 use crate::scan::{self, Frame, Progress};
-use crate::truth::{SurfaceMotion, boxes, surface_colors, surface_motions};
+use crate::truth::{BoxTruth, SurfaceMotion, boxes, surface_colors, surface_motions};
 
 /// What is true of a frame beside its returns.
 #[derive(Clone, Debug, Default)]
-pub struct FrameTruth {
+pub struct FrameTruth<'s> {
     /// How the surface of each return moves, by the slot of the return. It is empty if no format tells it.
     pub motions: Vec<SurfaceMotion>,
     /// The linear red, green and blue of each return's surface, by the slot of the return. It is empty if no format tells it.
     pub colors: Vec<[f32; 3]>,
-    /// The rows of the run's tables, each without its line's end.
-    pub rows: BTreeMap<Table, Vec<String>>,
+    /// The boxes of objects, in ascending order of their tracks. It is empty if the job asks for none.
+    pub boxes: Vec<BoxTruth<'s>>,
+    /// What the run's tables are made of, each row without its line's end: the rows of a table by its name, and what a format
+    /// notes by the format's.
+    pub rows: BTreeMap<String, Vec<String>>,
 }
 
 impl Session {
     /// What is true of a frame that was cast. `None` when `progress` was cancelled.
-    pub fn truth(&self, item: &Item, frame: &Frame, progress: &Progress) -> Option<FrameTruth> {
+    pub fn truth(&self, item: &Item, frame: &Frame, progress: &Progress) -> Option<FrameTruth<'_>> {
         let (job, capture) = (&*self.job, self.capture(item));
         let mut truth = FrameTruth::default();
         if job.output.formats.iter().any(|format| format.tells_motion()) {
@@ -33,25 +35,36 @@ impl Session {
             truth.colors = surface_colors(self.frame_tracer(item).scene(), &capture, frame);
         }
         let seen = self.sensor_frame(item, frame);
-        for table in Table::of(job) {
-            let rows = match table {
-                Table::Poses => vec![pose_row(&seen)],
-                Table::Visible => vec![visible_row(&seen)],
-                Table::Boxes => self.box_rows(item, &seen, progress)?,
-            };
-            truth.rows.insert(table, rows);
+        truth.boxes = self.boxes(item, &seen, progress)?;
+        let seen = SensorFrame { boxes: &truth.boxes, ..seen };
+        let mut rows = BTreeMap::new();
+        if job.truth.poses {
+            rows.insert(POSES.0.to_owned(), vec![pose_row(&seen)]);
         }
+        if job.truth.boxes.is_some() {
+            let row = |found| box_row(&seen, found, job.truth.masks);
+            rows.insert(BOXES.to_owned(), seen.boxes.iter().map(row).collect());
+        }
+        if job.truth.visible {
+            rows.insert(VISIBLE.to_owned(), vec![visible_row(&seen)]);
+        }
+        for format in &job.output.formats {
+            if let Some(note) = format.note(&seen) {
+                rows.insert(format.name().to_owned(), vec![note]);
+            }
+        }
+        truth.rows = rows;
         Some(truth)
     }
 
-    fn box_rows(&self, item: &Item, seen: &SensorFrame, progress: &Progress) -> Option<Vec<String>> {
+    /// The boxes of objects, of which there are none if the job asks for none.
+    fn boxes(&self, item: &Item, seen: &SensorFrame, progress: &Progress) -> Option<Vec<BoxTruth<'_>>> {
         let Some(Tracked { targets, alone: Some(alone) }) = self.tracked.as_deref() else {
             return Some(Vec::new());
         };
         let tracer = self.arranged(alone, item);
         let track_of = |object| targets.track_of(object);
         let alone = scan::alone(tracer.scene(), &tracer, &seen.capture, &track_of, progress)?;
-        let found = boxes(self.scene(), targets, &seen.capture, seen.frame, &alone);
-        Some(found.iter().map(|truth| box_row(seen, truth, self.job.truth.masks)).collect())
+        Some(boxes(self.scene(), targets, &seen.capture, seen.frame, &alone))
     }
 }

@@ -10,7 +10,7 @@ use serde_json::Value;
 use super::record::{self, Reader};
 use crate::error::Error;
 use crate::output::recorded::{Output, read_manifest};
-use crate::output::{Manifest, SensorFrames};
+use crate::output::{Format, Manifest, SensorFrames};
 
 /// What was found in a folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -150,8 +150,9 @@ fn frames_missing(head: &Value, listed: &BTreeMap<String, Output>) -> Vec<Differ
     for SensorFrames { sensor, first, count, .. } in frames {
         let mut by_frame: BTreeMap<u64, u64> = BTreeMap::new();
         for name in listed.keys() {
-            let number = name.strip_prefix(&sensor).and_then(|rest| rest.strip_prefix('/')?.split_once('.'));
-            if let Some(frame) = number.and_then(|(number, _)| number.parse().ok()) {
+            let of_frame = Format::all().find_map(|format| format.frame_of(name));
+            let of_sensor = of_frame.filter(|(of, _)| *of == sensor);
+            if let Some(frame) = of_sensor.and_then(|(_, digits)| digits.parse().ok()) {
                 *by_frame.entry(frame).or_default() += 1;
             }
         }

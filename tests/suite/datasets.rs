@@ -364,3 +364,74 @@ fn frames_that_no_sensor_has_are_refused() {
     );
     assert!(!work.path("out").exists());
 }
+
+/// Formats that are folders have several files a frame, and files that are made of all frames at the run's end.
+#[test]
+fn folders_of_data_sets_are_the_same_in_one_run_in_parts_and_resumed() {
+    let work = rig(6, 16);
+    let folders = "output.formats=[\"exr\", \"png\", \"kitti\", { format = \"nuscenes\", lidarseg = true }]";
+    let set = ["--set", folders, "--set", "truth.boxes=\"all\""];
+    let run = |folder: &str, args: &[&str]| scanned(&work, folder, &[&set[..], args].concat());
+    let whole = run("whole", &["--threads", "1"]);
+    for name in [
+        "top/velodyne/000005.bin",
+        "top/labels/000005.label",
+        "top/poses.txt",
+        "top/times.txt",
+        "top/calib.txt",
+        "front/velodyne/000000.bin",
+        "front/label_2/000000.txt",
+        "front/calib/000000.txt",
+        "nuscenes/samples/top/000005.pcd.bin",
+        "nuscenes/samples/front/000005.color.png",
+        "nuscenes/lidarseg/v1.0-beamcast/top-000005_lidarseg.bin",
+        "nuscenes/v1.0-beamcast/sample_annotation.json",
+        "nuscenes/maps/none.png",
+    ] {
+        assert!(whole.contains_key(name), "{name} of {:?}", whole.keys());
+    }
+    assert!(!whole.contains_key("top/label_2/000000.txt"), "a LiDAR has no picture");
+    assert!(!whole["front/label_2/000000.txt"].is_empty());
+    assert!(json(&whole["nuscenes/v1.0-beamcast/sample_annotation.json"]).as_array().unwrap().len() > 6);
+    for (name, lines) in [("top/poses.txt", 6), ("top/times.txt", 6), ("top/calib.txt", 5)] {
+        assert_eq!(String::from_utf8_lossy(&whole[name]).lines().count(), lines, "{name}");
+    }
+
+    // In parts, the first of which is stopped and goes on.
+    run("parts", &["--shard", "1/2"]);
+    let journal = work.path("parts/journal-1-of-2.jsonl");
+    let text = fs::read_to_string(&journal).unwrap();
+    fs::write(&journal, text.split_inclusive('\n').take(4).collect::<String>()).unwrap();
+    run("parts", &["--shard", "2/2"]);
+    assert!(!work.path("parts/top/poses.txt").exists(), "it is there when it is whole");
+    run("parts", &["--shard", "1/2", "--resume"]);
+    assert_eq!(code(&on(&work, "merge", "parts", &[])), 0);
+    assert_same(&whole, &files(&work.path("parts")), "parts");
+
+    for (command, args) in [("verify", &[][..]), ("diff", &[work.path("parts").to_str().unwrap()])] {
+        let output = on(&work, command, "whole", args);
+        assert_eq!(code(&output), 0, "{command}: {}", stderr(&output));
+    }
+    for (command, out) in [("view", "page.html"), ("film", "film.png")] {
+        let output = on(&work, command, "whole", &["-o", work.path(out).to_str().unwrap()]);
+        assert_eq!(code(&output), 0, "{command}: {}", stderr(&output));
+    }
+    fs::write(work.path("whole/top/velodyne/notes.bin"), "mine").unwrap();
+    fs::remove_file(work.path("whole/nuscenes/samples/top/000003.pcd.bin")).unwrap();
+    let told = stdout(&on(&work, "verify", "whole", &[]));
+    assert!(told.contains("top/velodyne/notes.bin") && told.contains("top/000003.pcd.bin"), "{told}");
+
+    // A file of a run is in the way of another, and is removed with the run that it is of.
+    for kept in ["front/velodyne/000000.bin", "top/poses.txt", "nuscenes/v1.0-beamcast/scene.json"] {
+        let folder = work.path("taken");
+        fs::create_dir_all(folder.join(kept).parent().unwrap()).unwrap();
+        fs::write(folder.join(kept), "").unwrap();
+        let refused = scan(&work, "taken", &set);
+        assert!(code(&refused) == 4 && stderr(&refused).contains(kept.rsplit_once('/').unwrap().1), "{kept}");
+        fs::remove_dir_all(folder).unwrap();
+    }
+    let left = scanned(&work, "whole", &["--overwrite"]);
+    let others: Vec<_> =
+        left.keys().filter(|name| name.contains("velodyne") || name.contains("nuscenes")).collect();
+    assert_eq!(others, ["top/velodyne/notes.bin"], "what no run wrote is kept");
+}
