@@ -530,7 +530,7 @@ fn print_plan(
     let dir = &job.output.dir;
     let name = |path: PathBuf| path.to_string_lossy().into_owned();
     let of_frames = plan.items(job).flat_map(|item| item.outputs).map(|output| output.name);
-    let of_run = plan.streams.iter().map(|output| output.name.clone());
+    let of_run = plan.names_of_run();
     let manifest = (plan.shard() == Shard::WHOLE).then(|| Manifest::NAME.to_owned());
     let tables =
         plan.tables.iter().filter(|_| plan.shard() == Shard::WHOLE).map(|table| table.name().to_owned());

@@ -19,7 +19,7 @@ formats = [\"exr\", { format = \"depth16\", scale = 5000 }, { format = \"labels\
 channels = [\"range\", \"Z\", \"id.semantic\"]
 ```
 
-A file is `SENSOR/000000.ENDING`, one a frame. All numbers are little-endian but for PNG's, which are big-endian, and the same
+A file is `SENSOR/000000.ENDING`, one a frame, but for the files of a whole run, which lie in the output folder itself. All numbers are little-endian but for PNG's, which are big-endian, and the same
 frame gives the same bytes everywhere.
 
 A PNG of numbers tells its channel in a text under `beamcast:channel`, and a depth image its `beamcast:scale`: the depth in metres
@@ -83,7 +83,9 @@ pub fn formats_page() -> String {
         let anchor = format!("[options](keys.md#the-format-{})", spec.name);
         let options = if spec.options.is_empty() { "" } else { &anchor };
         let (name, ending, about, read_by) = (spec.name, spec.ending, spec.about, spec.read_by);
-        let _ = writeln!(page, "| `{name}` | `000000.{ending}` | {about} | {options} | {read_by} |");
+        let of_run = format.names_of_run().join("`, `");
+        let files = if of_run.is_empty() { format!("000000.{ending}") } else { of_run };
+        let _ = writeln!(page, "| `{name}` | `{files}` | {about} | {options} | {read_by} |");
     }
     page.push_str(CHANNELS_INTRODUCTION);
     for channel in &CHANNELS {
@@ -104,6 +106,10 @@ pub fn formats_page() -> String {
     for format in Format::all() {
         let (what, fields) = match format.spec.content {
             Content::Channels => continue,
+            Content::Messages(text) => {
+                let _ = writeln!(page, "\n## {}\n\n{}", format.name(), text().trim_end());
+                continue;
+            }
             Content::Points(fields) => ("A point", fields),
             Content::Pixels(fields) => ("A pixel", fields),
             Content::Lines(fields) => ("A line", fields),

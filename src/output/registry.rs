@@ -8,7 +8,7 @@ use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::options::{Channels, OptionSpec, OptionValue, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
-use super::{color, depth16, exr, labels, npy, npz, pcd, ply, png, poses, registered, waveform};
+use super::{color, depth16, exr, labels, npy, npz, pcd, ply, png, poses, registered, ros, waveform};
 use crate::sensor::Sensor;
 
 /// Every format that a job can name, in the order in which lists show them.
@@ -26,6 +26,7 @@ pub static FORMATS: &[&FormatSpec] = &[
     &pcd::FORMAT,
     &poses::FORMAT,
     &waveform::FORMAT,
+    &ros::FORMAT,
 ];
 
 /// A format with its options: all that says how a frame is written. Formats are equal if their names are, whatever their
@@ -140,6 +141,21 @@ impl Format {
     /// The end of the names of the files, after a dot.
     pub fn ending(self) -> &'static str {
         self.spec.ending
+    }
+
+    /// The values of the options.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// The names of the files of a run: that to which frames are added, and then those beside it. A format that has a file for each
+    /// frame has none.
+    pub fn names_of_run(self) -> Vec<String> {
+        match (self.spec.kind, self.spec.run_files) {
+            (Kind::File(_), _) => Vec::new(),
+            (Kind::Stream(_), []) => vec![format!("run.{}", self.ending())],
+            (Kind::Stream(_), names) => names.iter().map(|name| (*name).to_owned()).collect(),
+        }
     }
 
     /// Checks that the frames of `sensor` fit the format. It is meant to be asked before casting.

@@ -43,7 +43,7 @@ pub struct Journal {
     writer: Option<Writer>,
     /// The frames that are finished.
     frames: u64,
-    streams: Vec<(Box<dyn Stream>, GrowingFile)>,
+    streams: Vec<(Box<dyn Stream>, GrowingFile, Vec<String>)>,
 }
 
 /// What an earlier run has done already.
@@ -194,7 +194,8 @@ impl Journal {
         self.header = Some(own);
         for Output { format, name } in &plan.streams {
             if let Kind::Stream(stream) = format.spec.kind {
-                self.streams.push((stream(), self.destination.open(name)?));
+                let beside = format.names_of_run().into_iter().skip(1).collect();
+                self.streams.push((stream(format.options()), self.destination.open(name)?, beside));
             }
         }
         Ok(Done::Frames(self.frames))
@@ -252,7 +253,7 @@ impl Journal {
         beside: Beside,
     ) -> Result<Line, Error> {
         let Beside { lost, rows, drawn } = beside;
-        for (stream, file) in &mut self.streams {
+        for (stream, file, _) in &mut self.streams {
             stream.add(frame, file).map_err(|e| Error::output(file.path(), e))?;
         }
         let line = Line {
@@ -279,9 +280,12 @@ impl Journal {
     /// [`Error::Output`] about the file.
     pub fn finish(&mut self) -> Result<Vec<WrittenFile>, Error> {
         let mut of_run = Vec::new();
-        for (mut stream, mut file) in self.streams.drain(..) {
+        for (mut stream, mut file, beside) in self.streams.drain(..) {
             stream.finish(&mut file).map_err(|e| Error::output(file.path(), e))?;
             of_run.push(file.finish()?);
+            for (name, content) in beside.iter().zip(stream.beside()) {
+                of_run.push(self.destination.write(name, &content)?);
+            }
         }
         self.writer = None;
         // No manifest lists a file that a power cut could take. A journal may: such a frame is cast again.
@@ -411,7 +415,8 @@ impl Old {
     }
 }
 
-/// Whether a path is one that a run gives an output: `SENSOR/000000.exr`, `run.exr` for a file of all frames, or that of a table. A manifest is a
+/// Whether a path is one that a run gives an output: `SENSOR/000000.exr`, `run.exr` or the format's own name for a file of all
+/// frames, or that of a table. A manifest is a
 /// file that anybody may have written, and `--overwrite` removes no other file of its folder because of it.
 pub(super) fn is_of_a_run(name: &str) -> bool {
     let stem_before = |format: Format| name.strip_suffix(format.ending())?.strip_suffix('.');
@@ -421,7 +426,8 @@ pub(super) fn is_of_a_run(name: &str) -> bool {
             && frame.len() >= 6
             && frame.bytes().all(|b| b.is_ascii_digit())
     };
-    if Table::named(name).is_some() {
+    let is_of_all_frames = |format: Format| format.spec.run_files.contains(&name);
+    if Table::named(name).is_some() || Format::all().any(is_of_all_frames) {
         return true;
     }
     let is_output = |stem: &str| stem == "run" || stem.split_once('/').is_some_and(is_frame);
@@ -441,6 +447,8 @@ mod tests {
             "top/000000.depth16.png",
             "poses.csv",
             "boxes.jsonl",
+            "bag/bag_0.mcap",
+            "bag/metadata.yaml",
         ] {
             assert!(is_of_a_run(name), "{name}");
         }
@@ -455,6 +463,7 @@ mod tests {
             "top/000000",
             "top/000000.mine.png",
             "000000.exr",
+            "bag/notes.yaml",
         ] {
             assert!(!is_of_a_run(name), "{name}");
         }

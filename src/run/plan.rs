@@ -122,8 +122,9 @@ impl Plan {
         let shard = selection.shard;
         let is_of_frame = |format: &&Format| matches!(format.spec.kind, Kind::File(_));
         let (formats, streams): (Vec<Format>, Vec<Format>) = job.output.formats.iter().partition(is_of_frame);
-        let of_run = |format: Format| Output { format, name: format!("run.{}", format.ending()) };
-        let streams = streams.into_iter().map(of_run).collect();
+        let of_run =
+            |format: Format| format.names_of_run().into_iter().next().map(|name| Output { format, name });
+        let streams = streams.into_iter().filter_map(of_run).collect();
         let mut plan = Self {
             sensors: Vec::new(),
             shard,
@@ -222,6 +223,11 @@ impl Plan {
         Item { sensor, frame, outputs: self.formats.iter().map(output).collect() }
     }
 
+    /// The names of the files of all frames, with those that are written beside them.
+    pub fn names_of_run(&self) -> impl Iterator<Item = String> {
+        self.streams.iter().flat_map(|stream| stream.format.names_of_run())
+    }
+
     /// The part of the run that the plan is for.
     pub fn shard(&self) -> Shard {
         self.shard
@@ -252,15 +258,20 @@ impl Plan {
 impl FileNames for Plan {
     fn folders(&self) -> BTreeSet<String> {
         let has_files = |planned: &&Planned| !self.formats.is_empty() && !planned.frames.is_empty();
-        self.sensors.iter().filter(has_files).map(|planned| planned.name.clone()).collect()
+        let of_sensors = self.sensors.iter().filter(has_files).map(|planned| planned.name.clone());
+        let folder = |name: String| name.rsplit_once('/').map(|(folder, _)| folder.to_owned());
+        of_sensors.chain(self.names_of_run().filter_map(folder)).collect()
     }
 
     fn contains(&self, name: &str) -> bool {
+        if self.names_of_run().any(|known| known == name) {
+            return true;
+        }
         let Some((folder, file)) = name.split_once('/') else {
             let is_whole = self.shard == Shard::WHOLE;
             let is_made_at_the_end =
                 name == Manifest::NAME || self.tables.iter().any(|table| table.name() == name);
-            return is_whole && is_made_at_the_end || self.streams.iter().any(|stream| stream.name == name);
+            return is_whole && is_made_at_the_end;
         };
         let Some(planned) = self.sensors.iter().find(|planned| planned.name == folder) else { return false };
         let Some((number, ending)) = file.split_once('.') else { return false };
