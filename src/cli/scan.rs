@@ -332,6 +332,7 @@ impl Run<'_> {
         let seen = SensorFrame {
             motions: &truth.motions,
             colors: &truth.colors,
+            boxes: truth.boxes.as_deref(),
             ..session.sensor_frame(item, frame)
         };
         let destination = journal.destination();

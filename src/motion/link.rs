@@ -205,7 +205,7 @@ impl Motion {
 
     /// The acceleration, in the target's axes and m/s², of what is at `point` of the source at `time_s`, by the second derivative of
     /// the map: of a product of maps, ẍ = M·ẍ' + 2·Ṁ·ẋ' + M̈·x' from link to link.
-    fn acceleration(&self, time_s: f64, point: DVec3) -> DVec3 {
+    pub(super) fn acceleration(&self, time_s: f64, point: DVec3) -> DVec3 {
         let (mut at, mut velocity, mut acceleration) = (point, DVec3::ZERO, DVec3::ZERO);
         for link in self.links.iter().rev() {
             let (rate, second) = (link.rate(time_s), link.second(time_s));

@@ -6,7 +6,7 @@ use super::names::Names;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::scan::Frame;
 use crate::sensor::Capture;
-use crate::truth::{SurfaceMotion, Targets};
+use crate::truth::{BoxTruth, SurfaceMotion, Targets};
 
 /// The coordinate frame of a cloud's points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -80,6 +80,8 @@ pub struct SensorFrame<'a> {
     pub motions: &'a [SurfaceMotion],
     /// The linear red, green and blue of each return's surface, by the return's slot. It may be empty: then all are black.
     pub colors: &'a [[f32; 3]],
+    /// The boxes of the objects that the frame sees. `None` if nobody asks for them.
+    pub boxes: Option<&'a [BoxTruth<'a>]>,
     /// The objects that have tracks.
     pub targets: Option<&'a Targets>,
 }
@@ -97,6 +99,7 @@ impl<'a> SensorFrame<'a> {
             legend: false,
             motions: &[],
             colors: &[],
+            boxes: None,
             targets: None,
         }
     }

@@ -10,7 +10,7 @@ use super::super::sensor_frame::{CloudFrame, SensorFrame};
 use super::body::{Body, Told};
 use super::clouds::{Stamp, custom_message, point_cloud};
 use super::mcap::Mcap;
-use super::messages::{self, Transform};
+use super::messages::{self, Detection, Transform};
 use super::metadata::metadata;
 use super::schemas::{self, Schema};
 use super::settings::Settings;
@@ -34,8 +34,8 @@ pub(super) struct Bag {
     file: &'static str,
     mcap: Mcap,
     body: Option<Body>,
-    /// The poses that do not change, of all sensors so far.
-    fixed: Vec<Transform>,
+    /// The poses on the body of all sensors so far, each with its sensor.
+    fixed: Vec<(String, Transform)>,
     log_ns: u64,
 }
 
@@ -93,35 +93,68 @@ impl Bag {
         Ok(())
     }
 
-    /// Writes the poses of all sensors so far, if this one is new.
+    /// Writes the poses of all sensors so far, if this one is new, or if the job has drawn another mount for it.
     fn mount(&mut self, seen: &SensorFrame, log_ns: i64, file: &mut dyn Write) -> Result<(), EncodeError> {
         let sensor = self.settings.sensor_frame(seen.name);
-        let known = self.fixed.len();
-        self.fix(self.settings.body_frame.to_owned(), &sensor, seen.capture.body_from_sensor, log_ns)?;
+        let body = self.settings.body_frame.to_owned();
+        let mut is_new = self.fix(seen, body, &sensor, seen.capture.body_from_sensor, log_ns)?;
         if seen.capture.sensor.pattern.is_camera() {
-            self.fix(sensor, &self.settings.optical_frame(seen.name), BODY_FROM_OPTICAL, log_ns)?;
+            let optical = self.settings.optical_frame(seen.name);
+            is_new |= self.fix(seen, sensor, &optical, BODY_FROM_OPTICAL, log_ns)?;
         }
-        if self.fixed.len() == known {
+        if !is_new {
             return Ok(());
         }
-        let message = messages::transforms(&self.fixed);
-        self.write("/tf_static", schemas::TRANSFORMS, log_ns, &message, file)
+        let transforms: Vec<Transform> = self.fixed.iter().map(|(_, fixed)| fixed.clone()).collect();
+        self.write("/tf_static", schemas::TRANSFORMS, log_ns, &messages::transforms(&transforms), file)
     }
 
-    fn fix(&mut self, parent: String, child: &str, pose: Pose, stamp_ns: i64) -> Result<(), EncodeError> {
-        if let Some(known) = self.fixed.iter().find(|known| known.child == child) {
-            return match known.pose == pose && known.parent == parent {
-                true => Ok(()),
-                false => Err(EncodeError::new(format!(
-                    "two sensors have the frame {child:?}: `sensor_frame` needs a \"{{sensor}}\""
-                ))),
-            };
+    /// Takes note of the pose of a sensor's frame. Returns whether it was another before.
+    fn fix(
+        &mut self,
+        seen: &SensorFrame,
+        parent: String,
+        child: &str,
+        pose: Pose,
+        stamp_ns: i64,
+    ) -> Result<bool, EncodeError> {
+        if let Some((sensor, known)) = self.fixed.iter_mut().find(|(_, known)| known.child == child) {
+            if sensor != seen.name {
+                return Err(EncodeError::new(format!(
+                    "the sensors {sensor:?} and {:?} have the same frame, {child:?}: sensor_frame = \"{{sensor}}\" gives each its own",
+                    seen.name
+                )));
+            }
+            let is_new = known.pose != pose;
+            (known.pose, known.stamp_ns) = (pose, if is_new { stamp_ns } else { known.stamp_ns });
+            return Ok(is_new);
         }
-        // The body's own frame is where the sensor is.
-        if parent != child {
-            self.fixed.push(Transform { stamp_ns, parent, child: child.to_owned(), pose });
-        }
-        Ok(())
+        let child = child.to_owned();
+        self.fixed.push((seen.name.to_owned(), Transform { stamp_ns, parent, child, pose }));
+        Ok(true)
+    }
+
+    /// Adds the boxes of a frame, if the job asks for them.
+    fn add_boxes(
+        &mut self,
+        seen: &SensorFrame,
+        log_ns: i64,
+        file: &mut dyn Write,
+    ) -> Result<(), EncodeError> {
+        let Some(boxes) = seen.boxes else { return Ok(()) };
+        let detections: Vec<Detection> = boxes
+            .iter()
+            .map(|truth| Detection {
+                stamp_ns: self.settings.stamp_ns(truth.time_s),
+                class: class_of(seen, truth.target.label),
+                track: truth.target.track,
+                world_from_box: truth.oriented.world_from_box,
+                size_m: truth.oriented.size_m,
+            })
+            .collect();
+        let stamp_ns = self.settings.stamp_ns(seen.capture.start_s);
+        let message = messages::detections(stamp_ns, self.settings.world_frame, &detections);
+        self.write(&self.settings.boxes_topic(seen.name), schemas::DETECTIONS, log_ns, &message, file)
     }
 
     fn add_cloud(
@@ -184,6 +217,12 @@ impl Bag {
     }
 }
 
+/// The name of a label, or its number if it has none.
+fn class_of(seen: &SensorFrame, label: u32) -> String {
+    let named = seen.names.labels.into_iter().flatten().find(|(_, number)| **number == label);
+    named.map_or_else(|| label.to_string(), |(name, _)| name.clone())
+}
+
 /// The time from a frame's start to its first moment: 0, or that of its first pulse if a beam fires before its column's time.
 fn first_s(seen: &SensorFrame) -> f64 {
     seen.capture.sensor.pattern.first_pulse_s().min(0.0)
@@ -195,14 +234,16 @@ impl Stream for Bag {
         let first_s = capture.start_s + first_s(seen);
         let times_s = [first_s, capture.start_s, capture.start_s + capture.duration_s()];
         let new = || Body::new(capture.trajectory.clone(), capture.seed, first_s);
-        self.body.get_or_insert_with(new).frame(times_s, &self.settings);
+        let body = self.body.get_or_insert_with(new);
+        body.frame(capture.trajectory, times_s, &self.settings);
         let log_ns = self.settings.stamp_ns(capture.start_s);
         self.tell(Some(capture.start_s), file)?;
         self.mount(seen, log_ns, file)?;
         match capture.sensor.pattern.is_camera() {
-            true => self.add_images(seen, log_ns, file),
-            false => self.add_cloud(seen, log_ns, file),
+            true => self.add_images(seen, log_ns, file)?,
+            false => self.add_cloud(seen, log_ns, file)?,
         }
+        self.add_boxes(seen, log_ns, file)
     }
 
     fn finish(&mut self, file: &mut dyn Write) -> Result<(), EncodeError> {

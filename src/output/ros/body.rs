@@ -56,8 +56,10 @@ impl Body {
         }
     }
 
-    /// Takes note of a frame with the times at which its motion is to be told: of its messages' stamp, its start and its end.
-    pub fn frame(&mut self, times_s: [f64; 3], settings: &Settings) {
+    /// Takes note of a frame with the times at which its motion is to be told: of its messages' stamp, its start and its end. The
+    /// trajectory is another one only if the job draws it for each frame.
+    pub fn frame(&mut self, trajectory: &Trajectory, times_s: [f64; 3], settings: &Settings) {
+        self.trajectory = trajectory.clone();
         for time_s in times_s {
             self.end_s = self.end_s.max(time_s);
             let stamp_ns = settings.stamp_ns(time_s);
@@ -145,5 +147,142 @@ impl Body {
             force_m_s2: measured[1],
             variances: imu.noise.map(|density| density * density * imu.rate_hz),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::options::Options;
+    use super::super::settings::{GYRO_NOISE, GYRO_WALK, IMU_HZ, ODOM_HZ, OPTIONS};
+    use super::*;
+    use crate::angle::Angle;
+    use crate::frame::Pose;
+
+    fn settings(values: &[(&crate::output::OptionSpec, f64)]) -> Settings {
+        let mut options = Options::none(OPTIONS);
+        values.iter().for_each(|(option, value)| options.set(option, *value));
+        Settings::of(&options)
+    }
+
+    /// A body that drives round a circle: 15 m/s and 0.5 rad/s.
+    fn circle() -> Trajectory {
+        Trajectory::Twist {
+            start: Pose::IDENTITY,
+            linear_m_s: DVec3::new(15.0, 0.0, 0.0),
+            angular_rad_s: DVec3::new(0.0, 0.0, 0.5),
+        }
+    }
+
+    fn told(trajectory: &Trajectory, settings: &Settings, frames: u32) -> Vec<Told> {
+        let mut body = Body::new(trajectory.clone(), 3, 0.0);
+        let mut all = Vec::new();
+        for frame in 0..frames {
+            let [start_s, end_s] = [frame, frame + 1].map(|frame| f64::from(frame) / 10.0);
+            body.frame(trajectory, [start_s, start_s, end_s], settings);
+            all.extend(body.told(Some(start_s), settings));
+        }
+        all.extend(body.told(None, settings));
+        all
+    }
+
+    fn measured(told: &[Told]) -> Vec<Inertial> {
+        let inertial = |told: &Told| match told {
+            Told::Inertial(measured) => Some(*measured),
+            Told::State(_) => None,
+        };
+        told.iter().filter_map(inertial).collect()
+    }
+
+    #[test]
+    fn a_circle_has_its_centripetal_force_and_gravity() {
+        let told = told(&circle(), &settings(&[(&IMU_HZ, 200.0)]), 3);
+        let measured = measured(&told);
+        // Both ends of 0.3 s are there.
+        assert_eq!(measured.len(), 61);
+        for (number, one) in (0_i64..).zip(measured) {
+            assert_eq!(one.stamp_ns, number * 5_000_000);
+            assert!(one.angular_rad_s.abs_diff_eq(DVec3::new(0.0, 0.0, 0.5), 1e-15));
+            // v·ω to the left, the weight upwards. Turning there and back costs some ulps of it.
+            assert!(one.force_m_s2.abs_diff_eq(DVec3::new(0.0, 7.5, 9.80665), 1e-14), "{}", one.force_m_s2);
+        }
+        let states: Vec<BodyState> = told
+            .iter()
+            .filter_map(|told| match told {
+                Told::State(state) => Some(*state),
+                Told::Inertial(_) => None,
+            })
+            .collect();
+        let stamps: Vec<i64> = states.iter().map(|state| state.stamp_ns).collect();
+        assert_eq!(stamps, [0, 100_000_000, 200_000_000, 300_000_000]);
+        assert!(states.iter().all(|state| state.linear_m_s.abs_diff_eq(DVec3::new(15.0, 0.0, 0.0), 1e-14)));
+        assert_eq!(states[3].pose, circle().pose_at(0.3));
+    }
+
+    #[test]
+    fn a_standing_body_feels_the_ground_alone() {
+        // It lies on its left side, so that its y axis points down.
+        let lying = Pose::from_rpy(DVec3::X, Angle::deg(-90.0), Angle::default(), Angle::deg(20.0));
+        let told = told(&Trajectory::Fixed(lying), &settings(&[(&IMU_HZ, 50.0)]), 1);
+        for one in measured(&told) {
+            assert_eq!(one.angular_rad_s, DVec3::ZERO);
+            assert!(one.force_m_s2.abs_diff_eq(DVec3::new(0.0, -9.80665, 0.0), 1e-14), "{}", one.force_m_s2);
+        }
+    }
+
+    #[test]
+    fn everything_is_told_once_and_in_the_order_of_time() {
+        for odom_hz in [0.0, 37.0] {
+            let told = told(&circle(), &settings(&[(&IMU_HZ, 123.0), (&ODOM_HZ, odom_hz)]), 7);
+            let stamps: Vec<(i64, bool)> = told
+                .iter()
+                .map(|told| match told {
+                    Told::State(state) => (state.stamp_ns, true),
+                    Told::Inertial(measured) => (measured.stamp_ns, false),
+                })
+                .collect();
+            assert!(stamps.windows(2).all(|pair| pair[0].0 <= pair[1].0));
+            for is_state in [true, false] {
+                let own: Vec<i64> =
+                    stamps.iter().filter(|(_, is)| *is == is_state).map(|(ns, _)| *ns).collect();
+                assert!(own.windows(2).all(|pair| pair[0] < pair[1]), "{own:?}");
+                // floor(0.7 s · rate) samples after the first.
+                let expected = match (is_state, odom_hz > 0.0) {
+                    (true, false) => 8,
+                    (true, true) => 26,
+                    (false, _) => 87,
+                };
+                assert_eq!((own.len(), own[0]), (expected, 0));
+            }
+        }
+    }
+
+    /// White noise of a density σ has the standard deviation σ·√rate, and a random walk σ_b grows to σ_b·√t.
+    #[test]
+    fn noise_is_as_dense_as_told_and_the_same_each_time() {
+        let still = Trajectory::Fixed(Pose::IDENTITY);
+        let white = settings(&[(&IMU_HZ, 100.0), (&GYRO_NOISE, 0.02)]);
+        let found = measured(&told(&still, &white, 1000));
+        assert_eq!(found.len(), 10_001);
+        assert!(found.iter().all(|one| one.force_m_s2 == DVec3::new(0.0, 0.0, 9.80665)));
+        assert!(found.iter().all(|one| (one.variances[0] - 0.04).abs() < 1e-16 && one.variances[1] == 0.0));
+        let numbers: Vec<f64> = found.iter().flat_map(|one| one.angular_rad_s.to_array()).collect();
+        let count = numbers.len() as f64;
+        let (mean, square) = (
+            numbers.iter().sum::<f64>() / count,
+            numbers.iter().map(|number| number * number).sum::<f64>() / count,
+        );
+        // The mean of n numbers of deviation 0.2 deviates by 0.2/√n, their mean square by 0.04·√(2/n): five times that.
+        assert!(mean.abs() < 5.0 * 0.2 / count.sqrt(), "{mean}");
+        assert!((square - 0.04).abs() < 5.0 * 0.04 * (2.0 / count).sqrt(), "{square}");
+        let again = measured(&told(&still, &white, 3));
+        assert!(again.iter().zip(&found).all(|(a, b)| a.angular_rad_s == b.angular_rad_s));
+
+        // The steps of a walk of 0.5 deviate by 0.5/√100 = 0.05.
+        let walk = settings(&[(&IMU_HZ, 100.0), (&GYRO_WALK, 0.5)]);
+        let found = measured(&told(&still, &walk, 1000));
+        assert_eq!(found[0].angular_rad_s, DVec3::ZERO);
+        let steps = found.windows(2).map(|pair| pair[1].angular_rad_s - pair[0].angular_rad_s);
+        let square = steps.map(|step| step.length_squared()).sum::<f64>() / (count - 3.0);
+        assert!((square - 0.0025).abs() < 5.0 * 0.0025 * (2.0 / count).sqrt(), "{square}");
     }
 }

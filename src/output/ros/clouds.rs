@@ -279,3 +279,184 @@ pub(super) fn check_rings(sensor: &Sensor, settings: &Settings) -> Result<(), En
 fn too_many_rings(largest: f64, most: f64) -> EncodeError {
     EncodeError::new(format!("a point's ring is at most {most} in this layout, and can't hold {largest}"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::options::{OptionValue, Options};
+    use super::super::settings::{LAYOUT, OPTIONS, ORGANISED, TIME_UNIT};
+    use super::*;
+    use crate::angle::Angle;
+    use crate::scan::{Cause, Frame, Return};
+    use crate::sensor::{Beam, Capture, Pattern, RangeLimits, RingOrder, Rotating};
+
+    /// Two beams, of which the upper one fires 40 µs before its column's time; three columns in a tenth of a second.
+    fn lidar() -> Sensor {
+        let beam = |elevation, time_s| Beam {
+            elevation: Angle::deg(elevation),
+            azimuth_offset: Angle::default(),
+            time_s,
+            file_index: 0,
+        };
+        let turn = (Angle::deg(180.0), Angle::deg(-180.0));
+        let beams = vec![beam(10.0, -40e-6), beam(-10.0, 2e-6)];
+        Sensor {
+            pattern: Pattern::Rotating(Rotating::new(beams, 3, turn, 10.0).unwrap()),
+            range: RangeLimits::default(),
+            ring: RingOrder::BottomUp,
+            measurement: Default::default(),
+        }
+    }
+
+    fn hit(range_m: f64, intensity: f32) -> Return {
+        Return { range_m, intensity, instance: 0, label: 0, normal: [0.0, 0.6, 0.8], triangle: 0 }
+    }
+
+    fn frame() -> Frame {
+        let (one, two, far) = ([hit(2.0, 0.5)], [hit(3.0, 0.25), hit(4.0004, 1.5)], [hit(5.0, 0.0)]);
+        let pixels: [(Cause, &[Return]); 6] = [
+            (Cause::Surface, &one),
+            (Cause::Nothing, &[]),
+            (Cause::Surface, &two),
+            (Cause::Surface, &far),
+            (Cause::Nothing, &[]),
+            (Cause::Nothing, &[]),
+        ];
+        Frame::from_pixels(2, 3, pixels)
+    }
+
+    fn settings(layout: &'static str, organised: bool, unit: Option<&'static str>) -> Settings {
+        let mut options = Options::none(OPTIONS);
+        options.set(&LAYOUT, OptionValue::Text(layout));
+        options.set(&ORGANISED, f64::from(u8::from(organised)));
+        if let Some(unit) = unit {
+            options.set(&TIME_UNIT, OptionValue::Text(unit));
+        }
+        Settings::of(&options)
+    }
+
+    const STAMP: Stamp = Stamp { ns: 1_000_000_000 - 40_000, from_start_s: -40e-6 };
+
+    /// The bytes of the points of a cloud, and whether it is dense.
+    fn points(settings: &Settings, stamp: Stamp) -> Result<(Vec<Vec<u8>>, bool), String> {
+        let (sensor, frame) = (lidar(), frame());
+        let seen = SensorFrame::new(Capture::at_origin(&sensor), &frame, "top");
+        let layout = settings.layout.as_ref().unwrap();
+        let message = point_cloud(&seen, settings, layout, stamp, "top").map_err(|e| e.to_string())?;
+        let count = if settings.organised { 6 } else { 4 };
+        let data = &message[message.len() - 1 - count * layout.step..message.len() - 1];
+        let is_dense = message[message.len() - 1] == 1;
+        Ok((data.chunks(layout.step).map(<[u8]>::to_vec).collect(), is_dense))
+    }
+
+    fn f32_at(point: &[u8], at: usize) -> f32 {
+        f32::from_le_bytes(point[at..at + 4].try_into().unwrap())
+    }
+
+    fn u32_at(point: &[u8], at: usize) -> u32 {
+        u32::from_le_bytes(point[at..at + 4].try_into().unwrap())
+    }
+
+    #[test]
+    fn points_come_in_the_order_of_time_with_times_from_the_stamp() {
+        let (points, is_dense) = points(&settings("velodyne", false, None), STAMP).unwrap();
+        assert!(is_dense);
+        // The upper beam's return of the first column, the lower one's, and both of the last column.
+        let rings: Vec<u8> = points.iter().map(|point| point[16]).collect();
+        assert_eq!(rings, [1, 0, 1, 1]);
+        let times: Vec<f32> = points.iter().map(|point| f32_at(point, 18)).collect();
+        let last = 2.0 * 0.1 / 3.0;
+        let expected = [0.0, 42e-6, last, last];
+        assert!(times.iter().zip(expected).all(|(a, b)| (a - b as f32).abs() < 1e-9), "{times:?}");
+        // 255 times the ideal intensity, and no more than 255.
+        let intensities: Vec<f32> = points.iter().map(|point| f32_at(point, 12)).collect();
+        assert_eq!(intensities, [127.5, 0.0, 63.75, 255.0]);
+    }
+
+    #[test]
+    fn an_organised_cloud_has_all_pixels() {
+        let (points, is_dense) = points(&settings("ouster", true, None), STAMP).unwrap();
+        assert!(!is_dense);
+        let is_missing: Vec<bool> = points.iter().map(|point| f32_at(point, 0).is_nan()).collect();
+        assert_eq!(is_missing, [false, true, false, false, true, true]);
+        let times: Vec<u32> = points.iter().map(|point| u32_at(point, 20)).collect();
+        // A third of a tenth of a second from column to column; the lower beam is 42 µs later.
+        assert_eq!(times, [0, 33_333_333, 66_666_667, 42_000, 33_375_333, 66_708_667]);
+        let millimetres: Vec<u32> = points.iter().map(|point| u32_at(point, 32)).collect();
+        assert_eq!(millimetres, [2000, 0, 3000, 5000, 0, 0]);
+    }
+
+    #[test]
+    fn each_layout_has_its_time() {
+        let last = |name, unit, at: usize| {
+            let points = points(&settings(name, false, unit), STAMP).unwrap().0;
+            points[3][at..].to_vec()
+        };
+        // The last column's own time is 66,666,667 ns after the start at 1 s, and 40 µs more after the stamp; its upper beam fires
+        // 40 µs before it.
+        let seconds = f64::from_le_bytes(last("hesai", None, 18)[..8].try_into().unwrap());
+        assert_eq!(seconds, 1.066_626_667);
+        assert_eq!(last("robosense", None, 18), last("hesai", None, 18));
+        let nanoseconds = f64::from_le_bytes(last("livox", None, 18)[..8].try_into().unwrap());
+        assert_eq!(nanoseconds, 1_066_626_667.0);
+        assert_eq!(last("livox", None, 16)[..2], [1 << 4, 1]);
+        for (unit, factor) in [("s", 1.0), ("ms", 1e3), ("us", 1e6)] {
+            let time = f32_at(&last("fast_lio", Some(unit), 18), 0);
+            assert_eq!(time, (0.1 * 2.0 / 3.0 * factor) as f32, "{unit}");
+        }
+        assert_eq!(u32_at(&last("fast_lio", Some("ns"), 18), 0), 66_666_667);
+        let of_autoware = last("autoware", None, 12);
+        assert_eq!((of_autoware[0], of_autoware[2], u32_at(&of_autoware, 16)), (255, 1, 66_666_667));
+    }
+
+    #[test]
+    fn a_time_before_the_stamp_fits_no_whole_number() {
+        let late = Stamp { from_start_s: 0.05, ..STAMP };
+        let problem = points(&settings("ouster", false, None), late).unwrap_err();
+        assert!(problem.contains("does not fit") && problem.contains("\"raw\""), "{problem}");
+        // Floats are negative then.
+        let points = points(&settings("velodyne", false, None), late).unwrap().0;
+        assert_eq!(f32_at(&points[0], 18), (-40e-6_f64 - 0.05) as f32);
+    }
+
+    #[test]
+    fn livoxs_own_message_has_aligned_points() {
+        let (sensor, frame) = (lidar(), frame());
+        let seen = SensorFrame::new(Capture::at_origin(&sensor), &frame, "top");
+        let message = custom_message(&seen, STAMP, "top").unwrap();
+        // Encapsulation, stamp, "top" with its length and end, timebase, count, four bytes, length: 4 + 8 + 8 + 8 + 4 + 4 + 4.
+        assert_eq!(u64::from_le_bytes(message[20..28].try_into().unwrap()), 999_960_000);
+        assert_eq!((u32_at(&message, 28), u32_at(&message, 36)), (4, 4));
+        let points: Vec<&[u8]> = message[40..].chunks(20).collect();
+        assert_eq!(
+            points.iter().map(|point| u32_at(point, 0)).collect::<Vec<_>>(),
+            [0, 42_000, 66_666_667, 66_666_667]
+        );
+        // Reflectivity, rounded; the number of the return in the tag; the line.
+        assert_eq!(
+            points.iter().map(|point| &point[16..19]).collect::<Vec<_>>(),
+            [&[128, 0, 1], &[0, 0, 0], &[64, 0, 1], &[255, 16, 1],]
+        );
+        // The last point has no padding behind it.
+        assert_eq!(points[3].len(), 19);
+    }
+
+    #[test]
+    fn layouts_hold_so_many_beams() {
+        let beams: Vec<Beam> = (0..300)
+            .map(|i| Beam {
+                elevation: Angle::deg(f64::from(i) / 10.0),
+                azimuth_offset: Angle::default(),
+                time_s: 0.0,
+                file_index: 0,
+            })
+            .collect();
+        let turn = (Angle::deg(180.0), Angle::deg(-180.0));
+        let sensor =
+            Sensor { pattern: Pattern::Rotating(Rotating::new(beams, 3, turn, 10.0).unwrap()), ..lidar() };
+        assert!(check_rings(&sensor, &settings("velodyne", false, None)).is_ok());
+        for layout in ["livox", "livox_custom"] {
+            let problem = check_rings(&sensor, &settings(layout, false, None)).unwrap_err().to_string();
+            assert!(problem.contains("at most 255") && problem.contains("299"), "{problem}");
+        }
+    }
+}

@@ -28,6 +28,7 @@ impl Type {
         }
     }
 
+    #[cfg(test)]
     fn bytes(self) -> usize {
         match self {
             Self::U8 => 1,

@@ -346,3 +346,119 @@ fn sized(to: &mut Vec<u8>, content: impl FnOnce(&mut Vec<u8>)) {
 fn text(to: &mut Vec<u8>, text: &str) {
     sized(to, |to| to.extend_from_slice(text.as_bytes()));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The records between two places of a file: the opcode and the content of each, with the place where it begins.
+    fn records(file: &[u8], mut at: usize, end: usize) -> Vec<(u8, &[u8], usize)> {
+        let mut found = Vec::new();
+        while at < end {
+            let length = u64_at(file, at + 1) as usize;
+            found.push((file[at], &file[at + 9..at + 9 + length], at));
+            at += 9 + length;
+        }
+        assert_eq!(at, end);
+        found
+    }
+
+    fn u64_at(bytes: &[u8], at: usize) -> u64 {
+        u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap())
+    }
+
+    fn u32_at(bytes: &[u8], at: usize) -> u32 {
+        u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
+    }
+
+    /// A file of two channels, whose messages fill more than one chunk.
+    fn file(compression: Compression) -> Vec<u8> {
+        let (mut mcap, mut file) = (Mcap::new(compression), Vec::new());
+        for number in 0..40_u64 {
+            let topic = if number % 4 == 0 { "/a" } else { "/b" };
+            let channel = mcap.channel(topic, "std_msgs/msg/Header", "string frame_id\n", "");
+            assert_eq!(channel, u16::from(number % 4 != 0));
+            let message: Vec<u8> = (0..60_000_u64).map(|i| (i * number / 7) as u8).collect();
+            mcap.add(channel, 100 + number, &message, &mut file).unwrap();
+        }
+        mcap.finish(&mut file).unwrap();
+        assert_eq!((mcap.channels()[0].messages, mcap.channels()[1].messages), (10, 30));
+        assert_eq!(mcap.times(), Some((100, 139)));
+        file
+    }
+
+    #[test]
+    fn the_checksums_and_the_index_lead_to_every_message() {
+        let file = file(Compression::None);
+        assert!(file.starts_with(&MAGIC) && file.ends_with(&MAGIC));
+        let footer = file.len() - MAGIC.len() - 29;
+        assert_eq!(file[footer], Op::Footer as u8);
+        let (summary, offsets) = (u64_at(&file, footer + 9) as usize, u64_at(&file, footer + 17) as usize);
+        assert_eq!(u32_at(&file, footer + 25), crc32fast::hash(&file[summary..footer + 25]));
+        let data = records(&file, MAGIC.len(), summary);
+        let (end, content, at) = data[data.len() - 1];
+        assert_eq!((end, u32_at(content, 0)), (Op::DataEnd as u8, crc32fast::hash(&file[..at])));
+
+        let of_summary = records(&file, summary, offsets);
+        let kinds: Vec<u8> = of_summary.iter().map(|(op, ..)| *op).collect();
+        assert_eq!(
+            kinds[..4],
+            [Op::Schema as u8, Op::Channel as u8, Op::Channel as u8, Op::Statistics as u8]
+        );
+        let chunks = &of_summary[4..];
+        // A chunk is full with 18 messages of 60,031 bytes.
+        assert_eq!(chunks.len(), 3);
+        let mut messages = 0;
+        for (_, index, _) in chunks {
+            let chunk = u64_at(index, 16) as usize;
+            let content = &file[chunk + 9..];
+            // Times, size, checksum, no compression, length.
+            let records_at = chunk + 9 + 24 + 4 + 4 + 8;
+            let inside = &file[records_at..records_at + u64_at(content, 16) as usize];
+            assert_eq!(u32_at(content, 24), crc32fast::hash(inside));
+            for (place, channel) in [(36, 0_u16), (46, 1)] {
+                assert_eq!(index[place..place + 2], channel.to_le_bytes());
+                let of_channel = u64_at(index, place + 2) as usize;
+                let bytes = u32_at(&file, of_channel + 11) as usize;
+                for entry in file[of_channel + 15..of_channel + 15 + bytes].chunks(16) {
+                    let message = u64_at(entry, 8) as usize;
+                    assert_eq!(inside[message], Op::Message as u8);
+                    assert_eq!(inside[message + 9..message + 11], channel.to_le_bytes());
+                    assert_eq!(u64_at(inside, message + 15), u64_at(entry, 0));
+                    messages += 1;
+                }
+            }
+        }
+        assert_eq!(messages, 40);
+        // The groups of the summary are where their records say.
+        for (_, group, _) in records(&file, offsets, footer) {
+            assert_eq!(file[u64_at(group, 1) as usize], group[0]);
+        }
+    }
+
+    #[test]
+    fn compressed_chunks_are_the_plain_ones() {
+        let (plain, packed) = (file(Compression::None), file(Compression::Zstd));
+        assert!(packed.len() < plain.len());
+        let chunk = |file: &[u8]| {
+            let data = records(file, MAGIC.len(), u64_at(file, file.len() - MAGIC.len() - 20) as usize);
+            data.iter().find(|(op, ..)| *op == Op::Chunk as u8).unwrap().1.to_vec()
+        };
+        let (plain, packed) = (chunk(&plain), chunk(&packed));
+        assert_eq!((&plain[..28], &plain[28..32]), (&packed[..28], &[0; 4][..]));
+        assert_eq!(&packed[32..36], b"zstd");
+        let mut decoder = ruzstd::decoding::StreamingDecoder::new(&packed[44..]).unwrap();
+        let mut found = Vec::new();
+        io::Read::read_to_end(&mut decoder, &mut found).unwrap();
+        assert_eq!(found, plain[40..]);
+    }
+
+    #[test]
+    fn a_file_without_messages_is_whole() {
+        let (mut mcap, mut file) = (Mcap::new(Compression::None), Vec::new());
+        mcap.finish(&mut file).unwrap();
+        let summary = u64_at(&file, file.len() - MAGIC.len() - 20) as usize;
+        let kinds: Vec<u8> = records(&file, MAGIC.len(), summary).iter().map(|(op, ..)| *op).collect();
+        assert_eq!(kinds, [Op::Header as u8, Op::DataEnd as u8]);
+    }
+}

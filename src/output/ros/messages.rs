@@ -23,6 +23,12 @@ fn quaternion(message: &mut Message, pose: &Pose) {
     message.f64s(DQuat::from_mat3(&pose.rotation).to_array());
 }
 
+/// A `geometry_msgs/Pose` or a `geometry_msgs/Transform`.
+fn place(message: &mut Message, pose: &Pose) {
+    vector(message, pose.translation);
+    quaternion(message, pose);
+}
+
 /// A pose of one frame in another.
 #[derive(Clone, Debug)]
 pub(super) struct Transform {
@@ -43,8 +49,7 @@ pub(super) fn transforms(transforms: &[Transform]) -> Vec<u8> {
     for Transform { stamp_ns, parent, child, pose } in transforms {
         header(&mut message, *stamp_ns, parent);
         message.text(child);
-        vector(&mut message, pose.translation);
-        quaternion(&mut message, pose);
+        place(&mut message, pose);
     }
     message.into_bytes()
 }
@@ -66,8 +71,7 @@ pub(super) fn odometry(state: &BodyState, world: &str, body: &str) -> Vec<u8> {
     let mut message = Message::with_capacity(800);
     header(&mut message, state.stamp_ns, world);
     message.text(body);
-    vector(&mut message, state.pose.translation);
-    quaternion(&mut message, &state.pose);
+    place(&mut message, &state.pose);
     message.f64s([0.0; 36]);
     vector(&mut message, state.linear_m_s);
     vector(&mut message, state.angular_rad_s);
@@ -101,6 +105,41 @@ pub(super) fn inertial(measured: &Inertial, body: &str) -> Vec<u8> {
     message.f64s(diagonal(measured.variances[0]));
     vector(&mut message, measured.force_m_s2);
     message.f64s(diagonal(measured.variances[1]));
+    message.into_bytes()
+}
+
+/// A true object as a detection.
+#[derive(Clone, Debug)]
+pub(super) struct Detection {
+    /// The stamp of the moment of the box, in nanoseconds.
+    pub stamp_ns: i64,
+    /// The name of its label.
+    pub class: String,
+    /// Its track, from 1.
+    pub track: u32,
+    /// The pose of the box's centre: x along the length, y along the width, z along the height.
+    pub world_from_box: Pose,
+    /// Length, width and height in metres.
+    pub size_m: DVec3,
+}
+
+/// A `vision_msgs/Detection3DArray` of version 4, as of ROS 2 Humble.
+pub(super) fn detections(stamp_ns: i64, world: &str, detections: &[Detection]) -> Vec<u8> {
+    let mut message = Message::with_capacity(64 + 640 * detections.len());
+    header(&mut message, stamp_ns, world);
+    message.length(detections.len());
+    for Detection { stamp_ns, class, track, world_from_box, size_m } in detections {
+        header(&mut message, *stamp_ns, world);
+        // One hypothesis, which is certain.
+        message.length(1);
+        message.text(class);
+        message.f64s([1.0]);
+        place(&mut message, world_from_box);
+        message.f64s([0.0; 36]);
+        place(&mut message, world_from_box);
+        vector(&mut message, *size_m);
+        message.text(&track.to_string());
+    }
     message.into_bytes()
 }
 

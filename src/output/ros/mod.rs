@@ -114,6 +114,7 @@ file, so such a run can be neither parted nor resumed.
 | `/tf_static` | `tf2_msgs/TFMessage` | the sensors on the body, and the optical frames of cameras |
 | `/tf` | `tf2_msgs/TFMessage` | the body's true pose in the world |
 | `/odom` | `nav_msgs/Odometry` | the body's true pose and, along its own axes, its velocities; truth has no variance |
+| `/SENSOR/boxes` | `vision_msgs/Detection3DArray` | with `truth.boxes`: the objects in the world, each at its box's own time; the class is the label's name, the id the track |
 | `/imu/data` | `sensor_msgs/Imu` | at the body's origin, if `imu_hz` is given: true attitude, angular velocity, specific force |
 
 A frame's stamp is its start, or its first pulse if a beam fires before its column's time, or the time that `cloud_time` compensates

@@ -79,6 +79,19 @@ part!(
     "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line\n"
 );
 
+part!(
+    detection,
+    "vision_msgs/Detection3D",
+    "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\nvision_msgs/BoundingBox3D bbox\nstring id\n"
+);
+part!(
+    hypothesis_with_pose,
+    "vision_msgs/ObjectHypothesisWithPose",
+    "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n"
+);
+part!(hypothesis, "vision_msgs/ObjectHypothesis", "string class_id\nfloat64 score\n");
+part!(bounding_box, "vision_msgs/BoundingBox3D", "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n");
+
 pub(super) const POINT_CLOUD: Schema = schema!(
     "sensor_msgs/msg/PointCloud2",
     "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\nuint32 point_step\n\
@@ -148,4 +161,20 @@ pub(super) const TRANSFORMS: Schema = schema!(
     transform,
     vector3,
     quaternion
+);
+
+pub(super) const DETECTIONS: Schema = schema!(
+    "vision_msgs/msg/Detection3DArray",
+    "std_msgs/Header header\nvision_msgs/Detection3D[] detections\n",
+    header,
+    time,
+    detection,
+    hypothesis_with_pose,
+    hypothesis,
+    bounding_box,
+    pose_with_covariance,
+    pose,
+    point,
+    quaternion,
+    vector3
 );

@@ -31,27 +31,27 @@ pub(super) const OPTIONS: &[OptionSpec] = &[
     COMPRESSION,
 ];
 
-const LAYOUT: OptionSpec = OptionSpec {
+pub(super) const LAYOUT: OptionSpec = OptionSpec {
     name: "layout",
     about: "The fields of the points of LiDARs, as a driver or a program has them. `livox_custom` are messages of Livox's own \
             type.",
     values: OptionValues::Word { words: &LAYOUTS, default: "velodyne" },
 };
 
-const TIME_UNIT: OptionSpec = OptionSpec {
+pub(super) const TIME_UNIT: OptionSpec = OptionSpec {
     name: "time_unit",
     about: "The unit of `time` in the layout `fast_lio`, as its `timestamp_unit` says: floats, or a `t` of whole nanoseconds.",
     values: OptionValues::Word { words: &["s", "ms", "us", "ns"], default: "us" },
 };
 
-const ORGANISED: OptionSpec = OptionSpec {
+pub(super) const ORGANISED: OptionSpec = OptionSpec {
     name: "organised",
     about: "Whether clouds have a point for each pixel of the range image, in rows and columns, with NaN where nothing came back; \
             of several returns the first is there. Otherwise they have the returns alone, all of them, in the order of their times.",
     values: OptionValues::Flag { default: false },
 };
 
-const DEPTH: OptionSpec = OptionSpec {
+pub(super) const DEPTH: OptionSpec = OptionSpec {
     name: "depth",
     about: "The images of depth along the axis of cameras (REP 118): `32FC1` are metres with NaN where nothing came back, `16UC1` \
             millimetres with 0 there and for depths above 65.535 m.",
@@ -64,7 +64,7 @@ const LABELS: OptionSpec = OptionSpec {
     values: OptionValues::Flag { default: false },
 };
 
-const START_STAMP: OptionSpec = OptionSpec {
+pub(super) const START_STAMP: OptionSpec = OptionSpec {
     name: "start_stamp_s",
     about: "The stamp of the job's time 0, in seconds since 1970. No clock is read.",
     values: OptionValues::Number { least: 0.0, most: 2e9, default: 0.0 },
@@ -109,11 +109,11 @@ const TF: OptionSpec = OptionSpec {
     values: OptionValues::Flag { default: true },
 };
 
-const ODOM_HZ: OptionSpec = rate(
+pub(super) const ODOM_HZ: OptionSpec = rate(
     "odom_hz",
     "How often the body's true motion and pose are told, a second. 0: when a frame starts, and when it ends.",
 );
-const IMU_HZ: OptionSpec = rate(
+pub(super) const IMU_HZ: OptionSpec = rate(
     "imu_hz",
     "How often the inertial sensor measures, a second; 0: there is none. It has the exact derivatives of the trajectory. Where a \
      path goes on with another velocity at a pose, that is a jump, which no acceleration tells of: a twist and an animated node \
@@ -124,11 +124,11 @@ const fn rate(name: &'static str, about: &'static str) -> OptionSpec {
     OptionSpec { name, about, values: OptionValues::Number { least: 0.0, most: 10_000.0, default: 0.0 } }
 }
 
-const GYRO_NOISE: OptionSpec =
+pub(super) const GYRO_NOISE: OptionSpec =
     noise("gyro_noise", "The density of white noise of angular velocities, in rad/s/√Hz.");
 const ACCEL_NOISE: OptionSpec =
     noise("accel_noise", "The density of white noise of accelerations, in m/s²/√Hz.");
-const GYRO_WALK: OptionSpec = noise(
+pub(super) const GYRO_WALK: OptionSpec = noise(
     "gyro_walk",
     "The random walk of the bias of angular velocities, in rad/s²/√Hz. The bias begins at 0.",
 );
@@ -309,4 +309,43 @@ pub(super) fn check(options: &Options) -> Result<(), EncodeError> {
         ));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::options::OptionValue;
+    use super::*;
+
+    #[test]
+    fn stamps_are_exact_to_the_nanosecond() {
+        let mut options = Options::none(OPTIONS);
+        options.set(&START_STAMP, 1_700_000_000.25);
+        let settings = Settings::of(&options);
+        assert_eq!(settings.stamp_ns(0.0), 1_700_000_000_250_000_000);
+        assert_eq!(settings.stamp_ns(0.1), 1_700_000_000_350_000_000);
+        assert_eq!(settings.stamp_ns(-1e-9), 1_700_000_000_249_999_999);
+    }
+
+    #[test]
+    fn options_that_do_not_go_together_are_told_of() {
+        let told = |values: &[(&OptionSpec, OptionValue)]| {
+            let mut options = Options::none(OPTIONS);
+            values.iter().for_each(|(option, value)| options.set(option, *value));
+            check(&options).map_err(|e| e.to_string())
+        };
+        let text = OptionValue::Text;
+        assert_eq!(told(&[(&LAYOUT, text("fast_lio")), (&TIME_UNIT, text("ns"))]), Ok(()));
+        for (values, words) in [
+            (vec![(&TIME_UNIT, text("ns"))], "of the layout \"fast_lio\""),
+            (vec![(&LAYOUT, text("livox_custom")), (&ORGANISED, OptionValue::Number(1.0))], "no rows"),
+            (vec![(&ODOM_TOPIC, text("odom"))], "odom_topic = \"odom\" is no topic"),
+            (vec![(&POINTS_TOPIC, text("/a b"))], "as \"/{sensor}/points\""),
+            (vec![(&BODY_FRAME, text(""))], "body_frame = \"\" is no name"),
+            (vec![(&BODY_FRAME, text("world"))], "both \"world\""),
+            (vec![(&GYRO_WALK, OptionValue::Number(0.1))], "give imu_hz, too"),
+        ] {
+            let problem = told(&values).unwrap_err();
+            assert!(problem.contains(words), "{problem}");
+        }
+    }
 }
