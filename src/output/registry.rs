@@ -216,18 +216,19 @@ impl Format {
         (self.spec.file_bytes_a_ray)(sensor, &self.options)
     }
 
-    /// The whole content of the file of one frame.
+    /// The whole content of the file of one frame; of a format with one file for each run, that of a run of this frame alone.
     ///
     /// # Errors
-    /// An error if the frame has a number that the format cannot represent, such as a label above 2³¹ − 1 in a PLY, or if
-    /// the format has one file for each run and so none for a single frame.
+    /// An error if the frame has a number that the format cannot represent, such as a label above 2³¹ − 1 in a PLY.
     pub fn encode(self, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
         match self.spec.kind {
             Kind::File(encode) => encode(frame, &self.options),
-            Kind::Stream(_) => Err(EncodeError::new(format!(
-                "{} has one file for each run, and none for a single frame",
-                self.name()
-            ))),
+            Kind::Stream(stream) => {
+                let (mut stream, mut file) = (stream(&self.options), Vec::new());
+                stream.add(frame, &mut file)?;
+                stream.finish(&mut file)?;
+                Ok(file)
+            }
         }
     }
 }
