@@ -69,7 +69,7 @@ fn a_bag_is_not_replaced_unasked_and_its_run_neither_parted_nor_resumed() {
     let scan = |more: &[&str]| {
         work.scan(&[&["--out", out.to_str().unwrap(), "--set", "output.formats=[\"mcap\"]"], more].concat())
     };
-    for more in [&["--shard", "0/2"][..], &["--resume"]] {
+    for more in [&["--shard", "1/2"][..], &["--resume"]] {
         let refused = scan(more);
         assert_eq!(code(&refused), 2);
         let told = stderr(&refused);
@@ -106,9 +106,9 @@ fn a_wrong_option_of_a_bag_is_told_with_what_would_be_right() {
 #[test]
 fn two_sensors_have_no_frame_in_common() {
     let work = Workplace::with_sensors(
-        "[[sensor]]\nname = \"a\"\n[sensor.rotating]\nelevations_deg = [-30.0]\ncolumns = 36\n\
+        "[[sensor]]\nname = \"a\"\n[sensor.rotating]\nelevations_deg = [-30.0]\ncolumns = 36\nrate_hz = 10.0\n\
          [[sensor]]\nname = \"b\"\npose = { position_m = [0.0, 0.0, 1.0] }\n\
-         [sensor.rotating]\nelevations_deg = [-30.0]\ncolumns = 36\n",
+         [sensor.rotating]\nelevations_deg = [-30.0]\ncolumns = 36\nrate_hz = 10.0\n",
     );
     let output = work.scan(&["--set", "output.formats=[{ format = \"mcap\", sensor_frame = \"laser\" }]"]);
     let told = stderr(&output);

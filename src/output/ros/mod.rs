@@ -125,5 +125,10 @@ A standing inertial sensor measures 9.80665 m/s² upwards. Its noise is drawn by
 same whatever else a run has. The biases of a random walk begin at 0.
 
 LIO-SAM takes the layout `velodyne` with `imu_hz = 200` or more, FAST-LIO's `lidar_type: 2` the layout `fast_lio` with the unit
-that its `timestamp_unit` says.
+that its `timestamp_unit` says. With `tf = false` either can publish its own pose of the body.
+
+```sh
+ros2 bag play out/bag                                  # with rosbag2's plug-in for MCAP
+kiss_icp_pipeline out/bag --topic /top/points          # without ROS
+```
 ";

@@ -282,10 +282,10 @@ pub(super) fn check(options: &Options) -> Result<(), EncodeError> {
     for option in [POINTS_TOPIC, IMAGE_TOPIC, BOXES_TOPIC, ODOM_TOPIC, IMU_TOPIC] {
         let topic = options.text(&option);
         if !topic.starts_with('/') || topic.ends_with('/') || topic.contains(char::is_whitespace) {
-            let right = option.values.default_value();
             return wrong(format!(
-                "{} = {topic:?} is no topic, which begins with a slash and does not end in one, as {right:?}",
-                option.name
+                "{} = {topic:?} is no topic, which begins with a slash, does not end in one and has no spaces, as {:?}",
+                option.name,
+                Options::none(OPTIONS).text(&option)
             ));
         }
     }
