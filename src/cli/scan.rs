@@ -168,7 +168,7 @@ fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal)
     }
     let frames = plan.frames() - skipped;
     let rays_left = plan.rays.saturating_sub(tally.pixels());
-    let writing = Writing::of(frames.saturating_mul(session.job.output.formats.len() as u64) + 1, frames);
+    let writing = Writing::of(frames.saturating_mul(plan.files_a_frame()) + 1, frames);
     let run = Run { args, session: &session, plan: &plan, interrupt, terminal, writing: &writing };
     let casting = || {
         let times = run.cast_and_write(skipped, &mut journal, &mut tally)?;
@@ -544,7 +544,8 @@ fn print_plan(
         }
     });
     let formats = &job.output.formats;
-    let files = plan.frames().saturating_mul(formats.len() as u64).saturating_add(1);
+    let files = plan.frames().saturating_mul(plan.files_a_frame());
+    let files = files.saturating_add(plan.names_of_run().count() as u64 + 1);
     let file_bytes = job.sensors.iter().enumerate().fold(0_u64, |sum, (index, mounted)| {
         let a_ray: u64 = formats.iter().map(|format| format.file_bytes_a_ray(&mounted.sensor)).sum();
         let rays = plan.frames_of(index).saturating_mul(mounted.sensor.pattern.rays() as u64);

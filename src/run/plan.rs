@@ -228,6 +228,11 @@ impl Plan {
         self.streams.iter().flat_map(|stream| stream.format.names_of_run())
     }
 
+    /// The number of files of each frame alone.
+    pub fn files_a_frame(&self) -> u64 {
+        self.formats.len() as u64
+    }
+
     /// The part of the run that the plan is for.
     pub fn shard(&self) -> Shard {
         self.shard

@@ -134,10 +134,11 @@ impl Body {
         if is_noisy {
             let mut rng = Rng::named(self.seed, self.next, "imu");
             let mut normals = || DVec3::from_array([(); 3].map(|()| rng.normal()));
-            for quantity in 0..2 {
+            let densities = imu.noise.into_iter().zip(imu.walk);
+            for ((own, bias), (noise, walk)) in measured.iter_mut().zip(&mut self.bias).zip(densities) {
                 let (white, step) = (normals(), normals());
-                measured[quantity] += self.bias[quantity] + white * (imu.noise[quantity] * root);
-                self.bias[quantity] += step * (imu.walk[quantity] / root);
+                *own += *bias + white * (noise * root);
+                *bias += step * (walk / root);
             }
         }
         Inertial {
