@@ -168,7 +168,7 @@ fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal)
     }
     let frames = plan.frames() - skipped;
     let rays_left = plan.rays.saturating_sub(tally.pixels());
-    let writing = Writing::of(frames.saturating_mul(session.job.output.formats.len() as u64) + 1, frames);
+    let writing = Writing::of(plan.files_of_frames().saturating_sub(tally.files) + 1, frames);
     let run = Run { args, session: &session, plan: &plan, interrupt, terminal, writing: &writing };
     let casting = || {
         let times = run.cast_and_write(skipped, &mut journal, &mut tally)?;
@@ -332,7 +332,7 @@ impl Run<'_> {
         let seen = SensorFrame {
             motions: &truth.motions,
             colors: &truth.colors,
-            boxes: &truth.boxes,
+            boxes: truth.boxes.as_deref(),
             ..session.sensor_frame(item, frame)
         };
         let destination = journal.destination();
@@ -531,7 +531,7 @@ fn print_plan(
     let dir = &job.output.dir;
     let name = |path: PathBuf| path.to_string_lossy().into_owned();
     let of_frames = plan.items(job).flat_map(|item| item.outputs).map(|output| output.name);
-    let of_run = plan.streams.iter().map(|output| output.name.clone());
+    let of_run = plan.stream_files();
     let manifest = (plan.shard() == Shard::WHOLE).then(|| Manifest::NAME.to_owned());
     let tables =
         plan.tables.iter().filter(|_| plan.shard() == Shard::WHOLE).map(|table| table.name().to_owned());

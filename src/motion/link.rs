@@ -104,6 +104,20 @@ impl Trajectory {
         Velocity { linear_m_s, angular_rad_s }
     }
 
+    /// The acceleration of the body's origin at `time_s`, by the second derivative of the pose, in the world's axes and m/s². Where
+    /// the velocity changes at once, as at a pose of a path, it is that after the change: the jump itself has none.
+    pub fn acceleration(&self, time_s: f64) -> DVec3 {
+        match self {
+            Self::Fixed(_) => DVec3::ZERO,
+            // The velocity along the body's own axes is constant, so its direction alone changes.
+            Self::Twist { linear_m_s, angular_rad_s, .. } => {
+                self.pose_at(time_s).direction(angular_rad_s.cross(*linear_m_s))
+            }
+            Self::Path(path) => path.acceleration(time_s),
+            Self::Chain(motion) => motion.acceleration(time_s, DVec3::ZERO),
+        }
+    }
+
     /// How far a body that moves smoothly may get from this trajectory between its poses, as [`Path::deviation`] says. `None` if
     /// the motion is known at all times.
     pub fn interpolation_error_bound(&self) -> Option<Deviation> {
@@ -189,6 +203,34 @@ impl Motion {
         velocity
     }
 
+    /// The acceleration, in the target's axes and m/s², of what is at `point` of the source at `time_s`, by the second derivative of
+    /// the map: of a product of maps, ẍ = M·ẍ' + 2·Ṁ·ẋ' + M̈·x' from link to link.
+    pub(super) fn acceleration(&self, time_s: f64, point: DVec3) -> DVec3 {
+        let (mut at, mut velocity, mut acceleration) = (point, DVec3::ZERO, DVec3::ZERO);
+        for link in self.links.iter().rev() {
+            let (rate, second) = (link.rate(time_s), link.second(time_s));
+            acceleration = rate.map.transform_vector3(acceleration)
+                + 2.0 * rate.derivative.transform_vector3(velocity)
+                + second.transform_point3(at);
+            velocity = rate.map.transform_vector3(velocity) + rate.derivative.transform_point3(at);
+            at = rate.map.transform_point3(at);
+        }
+        acceleration
+    }
+
+    /// The angular acceleration of the rotations' product, in the target's axes: α = R·α' + ω × R·ω' + α of each link.
+    fn angular_acceleration(&self, time_s: f64) -> DVec3 {
+        let (mut velocity, mut acceleration) = (DVec3::ZERO, DVec3::ZERO);
+        for link in self.links.iter().rev() {
+            let Rate { rotation, angular, .. } = link.rate(time_s);
+            let turned = rotation * velocity;
+            acceleration =
+                rotation * acceleration + angular.cross(turned) + link.angular_acceleration(time_s);
+            velocity = turned + angular;
+        }
+        acceleration
+    }
+
     /// The rigid part of the map: see [`Trajectory::Chain`].
     fn rigid_at(&self, time_s: f64) -> Pose {
         let rotation = self.links.iter().fold(DMat3::IDENTITY, |all, link| all * link.rotation_at(time_s));
@@ -235,6 +277,45 @@ impl Link {
             Self::Rigid(trajectory) => trajectory.pose_at(time_s).rotation,
             Self::Animated { rotation, .. } => DMat3::from_quat(rotation.at(time_s)),
             Self::Visible(_) => DMat3::IDENTITY,
+        }
+    }
+
+    /// The angular acceleration of the rotation in the map, in the target's axes.
+    fn angular_acceleration(&self, time_s: f64) -> DVec3 {
+        match self {
+            // Along a screw, and with slerp, a body turns about an axis that stands.
+            Self::Rigid(Trajectory::Fixed(_) | Trajectory::Twist { .. } | Trajectory::Path(_)) => DVec3::ZERO,
+            Self::Rigid(Trajectory::Chain(motion)) => motion.angular_acceleration(time_s),
+            // ω = 2·q̇·q*, and q̇·q̇* has no vector.
+            Self::Animated { rotation, .. } => {
+                2.0 * (rotation.second(time_s) * rotation.at(time_s).conjugate()).xyz()
+            }
+            Self::Fixed(_) | Self::Visible(_) => DVec3::ZERO,
+        }
+    }
+
+    /// The second derivative of the map by time.
+    fn second(&self, time_s: f64) -> DAffine3 {
+        // R̈ = ([α] + [ω]²)·R
+        let bent = |angular: DVec3| {
+            let cross = cross_matrix(angular);
+            cross_matrix(self.angular_acceleration(time_s)) + cross * cross
+        };
+        match self {
+            Self::Rigid(trajectory) => DAffine3 {
+                matrix3: bent(trajectory.velocity(time_s).angular_rad_s)
+                    * trajectory.pose_at(time_s).rotation,
+                translation: trajectory.acceleration(time_s),
+            },
+            Self::Animated { translation, scale, .. } => {
+                let Rate { rotation: turned, angular, .. } = self.rate(time_s);
+                let (size, grown) = scale.at_with_rate(time_s);
+                let matrix3 = bent(angular) * turned * DMat3::from_diagonal(size)
+                    + 2.0 * (cross_matrix(angular) * turned * DMat3::from_diagonal(grown))
+                    + turned * DMat3::from_diagonal(scale.second(time_s));
+                DAffine3 { matrix3, translation: translation.second(time_s) }
+            }
+            Self::Fixed(_) | Self::Visible(_) => DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO },
         }
     }
 

@@ -156,6 +156,18 @@ impl Path {
         }
     }
 
+    /// The acceleration of the origin at a time, in the target's axes and metres a second squared, by which the velocity there goes
+    /// on: along a screw the velocity in the body's own axes is constant, so that its direction alone changes.
+    pub(super) fn acceleration(&self, time_s: f64) -> DVec3 {
+        match self.interpolation {
+            Interpolation::Linear => DVec3::ZERO,
+            Interpolation::Screw => {
+                let (linear, angular) = self.velocity(time_s);
+                self.at(time_s).direction(angular).cross(linear)
+            }
+        }
+    }
+
     /// A step, a second.
     fn rate(&self, step: usize) -> Screw {
         self.steps[step].times(1.0 / (self.times_s[step + 1] - self.times_s[step]))

@@ -152,6 +152,40 @@ proptest! {
         prop_assert!((change - velocity).length() < 1e-5 * size, "{change} {velocity}");
     }
 
+    /// Accelerations of a point are the derivatives of its velocity, wherever it has one.
+    #[test]
+    fn accelerations_are_derivatives(motion in motion(), point in vector(5.0), time in -1.0..1.5_f64) {
+        let step = 1e-5;
+        let [before, early, now, late, after] =
+            [-2.0, -1.0, 0.0, 1.0, 2.0].map(|steps| motion.velocity(time + steps * step, point));
+        // A bend or a jump of the velocity within the five moments shows in the second differences.
+        let bends = [before - 2.0 * early + now, early - 2.0 * now + late, now - 2.0 * late + after];
+        let acceleration = motion.acceleration(time, point);
+        let size = now.length() + acceleration.length() + 1.0;
+        prop_assume!(bends.iter().all(|bend| bend.length() < 1e-6 * size));
+        prop_assume!((bends[0] - bends[2]).length() < 1e-9 * size);
+        let change = (late - early) / (2.0 * step);
+        prop_assert!((change - acceleration).length() < 1e-5 * size, "{change} {acceleration}");
+    }
+
+    /// A body's acceleration is the derivative of its velocity, whatever carries it.
+    #[test]
+    fn bodies_accelerate_as_their_velocities_change(
+        trajectory in prop_oneof![twist(), path(), motion().prop_map(|motion| Trajectory::Chain(Arc::new(motion)))],
+        time in -1.0..1.5_f64,
+    ) {
+        let step = 1e-5;
+        let [before, early, now, late, after] =
+            [-2.0, -1.0, 0.0, 1.0, 2.0].map(|steps| trajectory.velocity(time + steps * step).linear_m_s);
+        let bends = [before - 2.0 * early + now, early - 2.0 * now + late, now - 2.0 * late + after];
+        let acceleration = trajectory.acceleration(time);
+        let size = now.length() + acceleration.length() + 1.0;
+        prop_assume!(bends.iter().all(|bend| bend.length() < 1e-6 * size));
+        prop_assume!((bends[0] - bends[2]).length() < 1e-9 * size);
+        let change = (late - early) / (2.0 * step);
+        prop_assert!((change - acceleration).length() < 1e-5 * size, "{change} {acceleration}");
+    }
+
     /// A body that is an animated node moves as a mesh of it does, if nothing scales it.
     #[test]
     fn a_chain_is_the_rigid_part_of_its_motion(links in prop::collection::vec(animated(), 1..4), time in -1.0..2.0_f64) {
@@ -344,6 +378,9 @@ fn a_constant_turn_is_a_circle() {
         let velocity = trajectory.velocity(time);
         assert!(velocity.linear_m_s.abs_diff_eq(DVec3::new(cos, sin, 0.0) * speed, 1e-13));
         assert!(velocity.angular_rad_s.abs_diff_eq(DVec3::Z * rate, 1e-15));
+        // It is v·ω towards the centre.
+        let inwards = DVec3::new(-sin, cos, 0.0) * speed * rate;
+        assert!(trajectory.acceleration(time).abs_diff_eq(inwards, 1e-13));
     }
 }
 

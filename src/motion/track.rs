@@ -119,9 +119,19 @@ pub trait Blend: Clone {
         (Self::sum([(1.0 - u, a), (u, b)]), Self::sum([(-1.0, a), (1.0, b)]))
     }
 
+    /// The second derivative by `u` of the value the part `u` of the way from `a` to `b`.
+    fn bend_between(a: &Self, _b: &Self, _u: f64) -> Self {
+        Self::sum([(0.0, a)])
+    }
+
     /// The value that a spline's is used as, and its derivative, from the spline's own two.
     fn settle(value: Self, rate: Self) -> (Self, Self) {
         (value, rate)
+    }
+
+    /// The second derivative of the value that a spline's is used as, from the spline's own value and derivatives.
+    fn settle_second(_value: Self, _rate: Self, second: Self) -> Self {
+        second
     }
 
     /// The greatest distance of values between `a` and `b` (with `linear` blending), or within the convex hull of both, from
@@ -178,6 +188,24 @@ impl Blend for DQuat {
         (unit, Self::sum([(1.0 / length, &rate), (-unit.dot(rate) / length, &unit)]))
     }
 
+    fn bend_between(a: &Self, b: &Self, u: f64) -> Self {
+        let b = &b.facing(a);
+        let angle = 2.0 * libm::atan2((*b - *a).length(), (*b + *a).length());
+        Self::between(a, b, u).0 * -(angle * angle)
+    }
+
+    /// With u = r/|r| and s = u·ṙ: u̇ = (ṙ − s·u)/|r| and ü = (r̈ − (u̇·ṙ + u·r̈)·u − 2·s·u̇)/|r|.
+    fn settle_second(value: Self, rate: Self, second: Self) -> Self {
+        let length = value.length();
+        if !(length > 0.0 && length.is_finite()) {
+            return Self::from_xyzw(0.0, 0.0, 0.0, 0.0);
+        }
+        let (unit, turned) = Self::settle(value, rate);
+        let along = turned.dot(rate) + unit.dot(second);
+        let by = 1.0 / length;
+        Self::sum([(by, &second), (-along * by, &unit), (-2.0 * unit.dot(rate) * by, &turned)])
+    }
+
     fn distance(&self, reference: &Self) -> f64 {
         (*self - *reference).length()
     }
@@ -223,6 +251,25 @@ impl<T: Blend> Track<T> {
     pub(super) fn at_with_rate(&self, time_s: f64) -> (T, T) {
         let (value, rate) = self.raw(time_s);
         T::settle(value, rate)
+    }
+
+    /// The second derivative by the clip's time. At a key it is that of what follows.
+    fn second(&self, time_s: f64) -> T {
+        let (value, rate) = self.raw(time_s);
+        let second = match self.between(time_s) {
+            Some(Between { key, part, span_s }) if self.blending == Blending::Linear => {
+                let bend = T::bend_between(self.key(key), self.key(key + 1), part);
+                T::sum([(1.0 / (span_s * span_s), &bend)])
+            }
+            Some(place) if self.blending == Blending::Cubic => {
+                let [a, b, c, d] = self.control_points(&place);
+                let by_time = 6.0 / (place.span_s * place.span_s);
+                let (u, v) = (by_time * place.part, by_time * (1.0 - place.part));
+                T::sum([(v, &a), (u - 2.0 * v, &b), (v - 2.0 * u, &c), (u, &d)])
+            }
+            _ => T::sum([(0.0, &value)]),
+        };
+        T::settle_second(value, rate, second)
     }
 
     /// The same as a spline gives it, before rotations are normalised.
@@ -360,6 +407,12 @@ impl<T: Blend> Channel<T> {
     pub(super) fn at_with_rate(&self, time_s: f64) -> (T, T) {
         let (value, rate) = self.track.at_with_rate(self.clock.at(time_s));
         (value, T::sum([(self.clock.rate(time_s), &rate)]))
+    }
+
+    /// The second derivative by the world's time.
+    pub(super) fn second(&self, time_s: f64) -> T {
+        let rate = self.clock.rate(time_s);
+        T::sum([(rate * rate, &self.track.second(self.clock.at(time_s)))])
     }
 
     /// The value at `middle_s` before it is normalised, and how far from it values of a closed span of time get at most.

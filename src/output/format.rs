@@ -41,6 +41,9 @@ pub struct FormatSpec {
     pub encoding_bytes_a_ray: fn(&Sensor, &Options) -> u64,
     /// The size of the file for each ray that returns, before any compression, in bytes.
     pub file_bytes_a_ray: fn(&Sensor, &Options) -> u64,
+    /// The files of a run, as paths in its output folder: that to which frames are added, and then those that are written beside it
+    /// at the end. Of a stream that names none it is `run.ENDING`.
+    pub stream_files: &'static [&'static str],
     /// The way in which frames become files.
     pub kind: Kind,
 }
@@ -63,6 +66,7 @@ impl FormatSpec {
         most_instance: |_| u32::MAX,
         encoding_bytes_a_ray: |_, _| 0,
         file_bytes_a_ray: |_, _| 0,
+        stream_files: &[],
         kind: Kind::File(|_, _| Ok(Vec::new())),
     };
 }
@@ -82,6 +86,8 @@ pub enum Content {
     Arrays(&'static [Field]),
     /// Files of several kinds, clouds of points among them, each at one of these paths.
     Files(&'static [Field]),
+    /// Messages of several types, which this text in Markdown tells of.
+    Messages(fn() -> String),
 }
 
 /// A field of a point, or a value of a pixel.
@@ -101,6 +107,7 @@ pub(super) const fn field(name: &'static str, kind: &'static str, unit: &'static
 }
 
 /// The way in which frames become files. The same frames give the same bytes, on any number of threads and any platform.
+#[derive(Clone, Copy)]
 pub enum Kind {
     /// One file for each frame. The function returns the content of the whole file.
     ///
@@ -108,7 +115,7 @@ pub enum Kind {
     File(fn(&SensorFrame, &Options) -> Result<Vec<u8>, EncodeError>),
     /// One file for each run, to which all frames of all sensors are added in order, as in bags and in clouds of a whole
     /// drive.
-    Stream(fn() -> Box<dyn Stream>),
+    Stream(fn(&Options) -> Box<dyn Stream>),
     /// Several files for each frame, and files that are made at the run's end: a folder as the tools of a data set expect it.
     Folder(Folder),
 }
@@ -247,6 +254,11 @@ pub trait Stream: Send {
     /// # Errors
     /// An error if the file cannot be written.
     fn finish(&mut self, file: &mut dyn Write) -> Result<(), EncodeError>;
+
+    /// The contents of the files beside, in the order of [`FormatSpec::stream_files`], once the stream is finished.
+    fn beside(&self) -> Vec<Vec<u8>> {
+        Vec::new()
+    }
 }
 
 /// The reason why a frame cannot be encoded in a format.

@@ -251,7 +251,7 @@ fn object_calibration(frame: &SensorFrame) -> String {
 
 /// The boxes that a camera sees, one a line.
 fn boxes(frame: &SensorFrame) -> String {
-    frame.boxes.iter().map(|found| box_line(frame, found)).collect()
+    frame.boxes.unwrap_or_default().iter().map(|found| box_line(frame, found)).collect()
 }
 
 /// The share of a box's pixels that something hides from which it counts as partly occluded, and as largely occluded. KITTI's

@@ -10,6 +10,7 @@
 //! format         the declaration of a format; registry lists all of them
 //! options        what a job says about a format: its options, and the channels
 //! exr ply png color depth16 registered labels npz npy pcd   the formats, with one file each
+//! ros            ROS 2 bags of a whole run
 //! waveform       the waveform of every pulse, as arrays
 //! kitti nuscenes the folders of KITTI and SemanticKITTI, and of nuScenes
 //! page           the page of all formats, for docs
@@ -58,6 +59,7 @@ mod poses;
 pub mod recorded;
 mod registered;
 mod registry;
+mod ros;
 mod sensor_frame;
 mod waveform;
 mod whole;

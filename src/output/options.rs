@@ -99,7 +99,7 @@ impl OptionValues {
 }
 
 /// The most options that a format has.
-pub(super) const MOST_OPTIONS: usize = 16;
+pub(super) const MOST_OPTIONS: usize = 24;
 
 /// A job's settings of one of its formats: the values of the format's options, and the channels.
 #[derive(Clone, Copy, Debug)]

@@ -19,7 +19,8 @@ formats = [\"exr\", { format = \"depth16\", scale = 5000 }, { format = \"labels\
 channels = [\"range\", \"Z\", \"id.semantic\"]
 ```
 
-A file is `SENSOR/000000.ENDING`, one a frame; the formats that are folders say below which files they have. All numbers are little-endian but for PNG's, which are big-endian, and the same
+A file is `SENSOR/000000.ENDING`, one a frame, but for the files of a whole run, which lie in the output folder itself; the formats
+that are folders say below which files they have. All numbers are little-endian but for PNG's, which are big-endian, and the same
 frame gives the same bytes everywhere.
 
 A PNG of numbers tells its channel in a text under `beamcast:channel`, and a depth image its `beamcast:scale`: the depth in metres
@@ -116,10 +117,12 @@ pub fn formats_page() -> String {
         let spec = format.spec;
         let anchor = format!("[options](keys.md#the-format-{})", spec.name);
         let options = if spec.options.is_empty() { "" } else { &anchor };
-        let (name, about, read_by) = (spec.name, spec.about, spec.read_by);
+        let (name, ending, about, read_by) = (spec.name, spec.ending, spec.about, spec.read_by);
+        let of_stream = format.stream_files().join("`, `");
         let files = match spec.content {
             Content::Files(_) => format!("[a folder](#{name})"),
-            _ => format!("`000000.{}`", spec.ending),
+            _ if of_stream.is_empty() => format!("`000000.{ending}`"),
+            _ => format!("`{of_stream}`"),
         };
         let _ = writeln!(page, "| `{name}` | {files} | {about} | {options} | {read_by} |");
     }
@@ -142,6 +145,10 @@ pub fn formats_page() -> String {
     for format in Format::all() {
         let (what, fields) = match format.spec.content {
             Content::Channels => continue,
+            Content::Messages(text) => {
+                let _ = writeln!(page, "\n## {}\n\n{}", format.name(), text().trim_end());
+                continue;
+            }
             Content::Points(fields) => ("A point", fields),
             Content::Pixels(fields) => ("A pixel", fields),
             Content::Lines(fields) => ("A line", fields),

@@ -9,7 +9,7 @@ use super::options::{Channels, OptionSpec, OptionValue, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
 use super::{
-    color, depth16, exr, kitti, labels, npy, npz, nuscenes, pcd, ply, png, poses, registered, waveform,
+    color, depth16, exr, kitti, labels, npy, npz, nuscenes, pcd, ply, png, poses, registered, ros, waveform,
 };
 use crate::sensor::Sensor;
 
@@ -30,6 +30,7 @@ pub static FORMATS: &[&FormatSpec] = &[
     &waveform::FORMAT,
     &kitti::FORMAT,
     &nuscenes::FORMAT,
+    &ros::FORMAT,
 ];
 
 /// A format with its options: all that says how a frame is written. Formats are equal if their names are, whatever their
@@ -146,6 +147,21 @@ impl Format {
         self.spec.ending
     }
 
+    /// The values of the options.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// The names of the files of a run: that to which frames are added, and then those beside it. A format that has a file for each
+    /// frame has none.
+    pub fn stream_files(self) -> Vec<String> {
+        match (self.spec.kind, self.spec.stream_files) {
+            (Kind::File(_) | Kind::Folder(_), _) => Vec::new(),
+            (Kind::Stream(_), []) => vec![format!("run.{}", self.ending())],
+            (Kind::Stream(_), names) => names.iter().map(|name| (*name).to_owned()).collect(),
+        }
+    }
+
     /// Checks that the frames of `sensor` fit the format. It is meant to be asked before casting.
     ///
     /// # Errors
@@ -258,12 +274,17 @@ impl Format {
         }
     }
 
-    /// The whole content of the file of one frame, or of the first of its files.
+    /// The whole content of the file of one frame, or of the first of its files; of a format with one file for each run, that of a run
+    /// of this frame alone.
     ///
     /// # Errors
     /// As [`Self::encode_file`].
     pub fn encode(self, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
-        self.encode_file(0, frame)
+        let Kind::Stream(stream) = self.spec.kind else { return self.encode_file(0, frame) };
+        let (mut stream, mut file) = (stream(&self.options), Vec::new());
+        stream.add(frame, &mut file)?;
+        stream.finish(&mut file)?;
+        Ok(file)
     }
 
     /// The whole content of one of the files of a frame.

@@ -80,10 +80,10 @@ pub struct SensorFrame<'a> {
     pub motions: &'a [SurfaceMotion],
     /// The linear red, green and blue of each return's surface, by the return's slot. It may be empty: then all are black.
     pub colors: &'a [[f32; 3]],
+    /// The boxes of the objects that the frame sees, in ascending order of their tracks. `None` if nobody asks for them.
+    pub boxes: Option<&'a [BoxTruth<'a>]>,
     /// The objects that have tracks.
     pub targets: Option<&'a Targets>,
-    /// The boxes of objects, in ascending order of their tracks. It is empty if the job asks for none.
-    pub boxes: &'a [BoxTruth<'a>],
 }
 
 impl<'a> SensorFrame<'a> {
@@ -99,8 +99,8 @@ impl<'a> SensorFrame<'a> {
             legend: false,
             motions: &[],
             colors: &[],
+            boxes: None,
             targets: None,
-            boxes: &[],
         }
     }
 

@@ -44,7 +44,7 @@ pub struct Journal {
     writer: Option<Writer>,
     /// The frames that are finished.
     frames: u64,
-    streams: Vec<(Box<dyn Stream>, GrowingFile)>,
+    streams: Vec<(Box<dyn Stream>, GrowingFile, Vec<String>)>,
     tables: Vec<Table>,
 }
 
@@ -197,7 +197,8 @@ impl Journal {
         self.header = Some(own);
         for Output { format, name, .. } in &plan.streams {
             if let Kind::Stream(stream) = format.spec.kind {
-                self.streams.push((stream(), self.destination.open(name)?));
+                let beside = format.stream_files().into_iter().skip(1).collect();
+                self.streams.push((stream(format.options()), self.destination.open(name)?, beside));
             }
         }
         Ok(Done::Frames(self.frames))
@@ -255,7 +256,7 @@ impl Journal {
         beside: Beside,
     ) -> Result<Line, Error> {
         let Beside { lost, rows, drawn } = beside;
-        for (stream, file) in &mut self.streams {
+        for (stream, file, _) in &mut self.streams {
             stream.add(frame, file).map_err(|e| Error::output(file.path(), e))?;
         }
         let line = Line {
@@ -282,9 +283,12 @@ impl Journal {
     /// [`Error::Output`] about the file.
     pub fn finish(&mut self) -> Result<Vec<WrittenFile>, Error> {
         let mut of_run = Vec::new();
-        for (mut stream, mut file) in self.streams.drain(..) {
+        for (mut stream, mut file, beside) in self.streams.drain(..) {
             stream.finish(&mut file).map_err(|e| Error::output(file.path(), e))?;
             of_run.push(file.finish()?);
+            for (name, content) in beside.iter().zip(stream.beside()) {
+                of_run.push(self.destination.write(name, &content)?);
+            }
         }
         self.writer = None;
         // No manifest lists a file that a power cut could take. A journal may: such a frame is cast again.
@@ -421,14 +425,13 @@ impl Old {
     }
 }
 
-/// Whether a path is one that a run gives an output: that of a frame's file, `run.exr` for a file of all frames, or that of a
-/// table. A manifest is a file that anybody may have written, and `--overwrite` removes no other file of its folder because of it.
+/// Whether a path is one that a run gives an output: that of a frame's file, that of a file of all frames, or that of a table. A
+/// manifest is a file that anybody may have written, and `--overwrite` removes no other file of its folder because of it.
 pub(super) fn is_of_a_run(name: &str) -> bool {
-    // A folder's format has no ending.
-    let of_run = name.strip_prefix("run.").filter(|ending| !ending.is_empty());
-    let is_stream = |format: Format| of_run == Some(format.ending());
-    Table::named(name).is_some()
-        || Format::all().any(|format| format.frame_of(name).is_some() || is_stream(format))
+    let is_of = |format: Format| {
+        format.frame_of(name).is_some() || format.stream_files().iter().any(|file| file == name)
+    };
+    Table::named(name).is_some() || Format::all().any(is_of)
 }
 
 #[cfg(test)]
@@ -447,6 +450,8 @@ mod tests {
             "top/velodyne/000000.bin",
             "top/labels/000000.label",
             "top/poses.txt",
+            "bag/bag_0.mcap",
+            "bag/metadata.yaml",
         ] {
             assert!(is_of_a_run(name), "{name}");
         }
@@ -467,6 +472,7 @@ mod tests {
             "a/b/velodyne/000000.bin",
             "top/velodyne/notes.bin",
             "../poses.txt",
+            "bag/notes.yaml",
         ] {
             assert!(!is_of_a_run(name), "{name}");
         }

@@ -127,8 +127,11 @@ impl Plan {
         let shard = selection.shard;
         let is_of_frame = |format: &&Format| !matches!(format.spec.kind, Kind::Stream(_));
         let (formats, streams): (Vec<Format>, Vec<Format>) = job.output.formats.iter().partition(is_of_frame);
-        let of_run = |format: Format| Output { format, file: 0, name: format!("run.{}", format.ending()) };
-        let streams = streams.into_iter().map(of_run).collect();
+        let of_run = |format: Format| {
+            let name = format.stream_files().into_iter().next()?;
+            Some(Output { format, file: 0, name })
+        };
+        let streams = streams.into_iter().filter_map(of_run).collect();
         let mut plan = Self {
             sensors: Vec::new(),
             shard,
@@ -228,6 +231,11 @@ impl Plan {
         Item { sensor, frame, outputs: files.iter().filter_map(output).collect() }
     }
 
+    /// The names of the files of all frames, with those that are written beside them.
+    pub fn stream_files(&self) -> impl Iterator<Item = String> {
+        self.streams.iter().flat_map(|stream| stream.format.stream_files())
+    }
+
     /// The part of the run that the plan is for.
     pub fn shard(&self) -> Shard {
         self.shard
@@ -251,12 +259,16 @@ impl Plan {
 
     /// The number of the files of all frames and of the run, its manifest among them.
     pub fn files(&self) -> u64 {
+        let made_at_the_end = if self.shard == Shard::WHOLE { self.tables.len() + 1 } else { 0 };
+        self.files_of_frames().saturating_add((self.stream_files().count() + made_at_the_end) as u64)
+    }
+
+    /// The number of files of single frames.
+    pub fn files_of_frames(&self) -> u64 {
         let of_sensor = |(sensor, planned): (usize, &Planned)| {
             self.frames_of(sensor).saturating_mul(planned.files.len() as u64)
         };
-        let of_frames = self.sensors.iter().enumerate().map(of_sensor).fold(0, u64::saturating_add);
-        let made_at_the_end = if self.shard == Shard::WHOLE { self.tables.len() + 1 } else { 0 };
-        of_frames.saturating_add((self.streams.len() + made_at_the_end) as u64)
+        self.sensors.iter().enumerate().map(of_sensor).fold(0, u64::saturating_add)
     }
 
     /// The number of frames of all sensors.
@@ -275,7 +287,8 @@ impl FileNames for Plan {
             planned.files.iter().filter_map(path).filter_map(|path| Some(path.rsplit_once('/')?.0.to_owned()))
         });
         let of_tables = self.tables.iter().map(|table| table.folder().to_owned());
-        of_frames.chain(of_tables.filter(|folder| !folder.is_empty())).collect()
+        let of_streams = self.stream_files().filter_map(|name| Some(name.rsplit_once('/')?.0.to_owned()));
+        of_frames.chain(of_tables.filter(|folder| !folder.is_empty())).chain(of_streams).collect()
     }
 
     fn contains(&self, name: &str) -> bool {
@@ -293,7 +306,7 @@ impl FileNames for Plan {
                     planned.frames.contains(&frame) && frame % self.shard.count == self.shard.index
                 })
         };
-        self.streams.iter().any(|stream| stream.name == name)
+        self.stream_files().any(|known| known == name)
             || self.sensors.iter().any(|planned| planned.files.iter().any(|&file| is_of(planned, file)))
     }
 }

@@ -16,8 +16,8 @@ pub struct FrameTruth<'s> {
     pub motions: Vec<SurfaceMotion>,
     /// The linear red, green and blue of each return's surface, by the slot of the return. It is empty if no format tells it.
     pub colors: Vec<[f32; 3]>,
-    /// The boxes of objects, in ascending order of their tracks. It is empty if the job asks for none.
-    pub boxes: Vec<BoxTruth<'s>>,
+    /// The boxes of objects, in ascending order of their tracks. `None` if the job asks for none.
+    pub boxes: Option<Vec<BoxTruth<'s>>>,
     /// What the run's tables are made of, each row without its line's end: the rows of a table by its name, and what a format
     /// notes by the format's.
     pub rows: BTreeMap<String, Vec<String>>,
@@ -35,15 +35,17 @@ impl Session {
             truth.colors = surface_colors(self.frame_tracer(item).scene(), &capture, frame);
         }
         let seen = self.sensor_frame(item, frame);
-        truth.boxes = self.boxes(item, &seen, progress)?;
-        let seen = SensorFrame { boxes: &truth.boxes, ..seen };
+        if job.truth.boxes.is_some() {
+            truth.boxes = Some(self.boxes(item, &seen, progress)?);
+        }
+        let seen = SensorFrame { boxes: truth.boxes.as_deref(), ..seen };
         let mut rows = BTreeMap::new();
         if job.truth.poses {
             rows.insert(POSES.0.to_owned(), vec![pose_row(&seen)]);
         }
         if job.truth.boxes.is_some() {
             let row = |found| box_row(&seen, found, job.truth.masks);
-            rows.insert(BOXES.to_owned(), seen.boxes.iter().map(row).collect());
+            rows.insert(BOXES.to_owned(), seen.boxes.unwrap_or_default().iter().map(row).collect());
         }
         if job.truth.visible {
             rows.insert(VISIBLE.to_owned(), vec![visible_row(&seen)]);

@@ -50,7 +50,7 @@ TIMES = ("t_s", "trigger_s", "start_s")
 
 
 # Words of which one makes other keys of its table meaningless, which are then refused; no schema knows.
-ALTERNATIVES = ("detector",)
+ALTERNATIVES = ("detector", "layout")
 # Channels of depth cameras, which a job of other sensors can't choose; no schema knows.
 OF_DEPTH_CAMERAS = (
     "ambient",

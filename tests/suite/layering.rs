@@ -22,7 +22,13 @@ const IMPORTS: &[(&str, &[&str])] = &[
     ("scan", &["frame", "matching", "physics", "rng", "scene", "sensor", "trace"]),
     ("truth", &["frame", "motion", "scan", "scene", "sensor"]),
     ("placing", &["angle", "frame", "rng", "scene", "trace", "truth"]),
-    ("output", &["angle", "error", "frame", "physics", "scan", "scene", "sensor", "source", "truth"]),
+    (
+        "output",
+        &[
+            "angle", "error", "frame", "motion", "physics", "rng", "scan", "scene", "sensor", "source",
+            "truth",
+        ],
+    ),
     ("check", &["angle", "frame", "output", "scan", "scene", "sensor", "source"]),
     ("view", &["check", "error", "frame", "output", "scan", "scene", "sensor", "source"]),
     (
@@ -126,6 +132,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
     ("image_webp::", &["scene/gltf/images.rs"], "only the loader of textures decodes WebP"),
     ("zune_jpeg::", &["scene/gltf/images.rs"], "only the loader of textures decodes JPEG"),
     ("draco_core::", &["scene/gltf/draco.rs"], "only the loader of compressed primitives knows Draco"),
+    ("ruzstd::", &["output/ros/mcap.rs"], "only the container of bags compresses with Zstandard"),
     ("unsafe", &["trace/simd/x86/"], "intrinsics are the one thing that needs it"),
 ];
 

@@ -1,6 +1,7 @@
 //! The integration tests: one binary, a module a subject.
 
 mod animation;
+mod bags;
 mod cameras;
 mod check;
 mod cli;

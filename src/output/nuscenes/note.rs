@@ -95,7 +95,7 @@ impl Noted {
             CloudFrame::Body => Pose::IDENTITY,
             CloudFrame::World => ego.inverse(),
         };
-        let boxes: Vec<NotedBox> = frame.boxes.iter().map(box_of).collect();
+        let boxes: Vec<NotedBox> = frame.boxes.unwrap_or_default().iter().map(box_of).collect();
         Self {
             scene: options.text(&SCENE).to_owned(),
             sensor: frame.name.to_owned(),
