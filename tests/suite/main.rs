@@ -38,6 +38,7 @@ mod plausibility;
 mod presets;
 mod published_mistakes;
 mod random;
+mod readers;
 mod recognition;
 mod regions;
 mod scene_files;
