@@ -257,10 +257,8 @@ fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
         job.sensor.iter().map(|sensor| sensor.name.as_deref().unwrap_or("sensor")).collect();
     let instances = scene.instances().count();
     let mut frames: BTreeMap<&str, BTreeSet<u64>> = BTreeMap::new();
-    let keys = outputs.iter().filter_map(|file| file.path.rsplit_once('.')).map(|(stem, _)| stem);
-    // An ending may have several parts, such as `depth16.png`.
     let keys: Vec<FrameKey> =
-        keys.map(|stem| FrameKey::of_stem(stem.split_once('.').map_or(stem, |s| s.0))).collect();
+        outputs.iter().filter_map(|file| FrameKey::of_file(&file.path)).map(|(key, _)| key).collect();
     for key in &keys {
         if let Some(frame) = key.frame() {
             frames.entry(key.sensor()).or_default().insert(frame);

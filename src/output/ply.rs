@@ -6,7 +6,7 @@ use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::id::id_of;
 use super::options::{OptionSpec, OptionValues, Options};
 use super::points::{MOTION, Point, TERMS, more_bytes, more_fields};
-use super::sensor_frame::{CloudFrame, SensorFrame, pose_as_toml};
+use super::sensor_frame::{SensorFrame, pose_as_toml};
 use crate::sensor::Sensor;
 
 /// The fields in their order. Only `float` and `int` are used, because Open3D silently drops fields of other integer types.
@@ -156,17 +156,11 @@ pub(super) fn add_points(
 }
 
 fn header(cloud: &SensorFrame, properties: &[(&str, String)], options: &Options) -> String {
-    let camera = cloud.capture.sensor.pattern.is_camera();
-    let frame = match cloud.cloud_frame {
-        CloudFrame::Sensor if camera => "the camera's optical frame (x right, y down, z forward)",
-        CloudFrame::Sensor => "the sensor's frame (x forward, y left, z up)",
-        CloudFrame::Body => "the body's frame (x forward, y left, z up)",
-        CloudFrame::World => "the world",
-    };
     let encoding = if options.is_set(&ASCII) { "ascii" } else { "binary_little_endian" };
     let mut header = format!(
-        "ply\nformat {encoding} 1.0\ncomment frame: {frame}, metres\ncomment world_from_points = {}\n\
+        "ply\nformat {encoding} 1.0\ncomment frame: {}, metres\ncomment world_from_points = {}\n\
          comment t: nanoseconds from the frame's start\n",
+        cloud.cloud_frame_in_words(),
         pose_as_toml(&cloud.world_from_points())
     );
     if let Some(compensation) = cloud.compensation() {

@@ -266,7 +266,7 @@ fn of_images(name: &str, parts: Vec<Part>, cloud: Option<&Cloud>, listed: &Liste
         };
         // A cloud with a point that is no number does not fit its image.
         let points = points.ok_or_else(|| {
-            "A range image of a LiDAR does not say where its beams went, so there is no cloud to turn: a PLY beside it does."
+            "This image does not say where its beams went, so there is no cloud to turn: a cloud beside it (PLY, PCD, NPY) does."
                 .to_owned()
         });
         let points = match points {

@@ -9,9 +9,7 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use super::attributes::{Value, attributes};
-use crate::output::channel::{
-    BYTES_A_VALUE, ChannelSpec, Place, Values, channel, is_of_all_pixels, repeated_for_opencv,
-};
+use crate::output::channel::{BYTES_A_VALUE, ChannelSpec, Place, Values, channel, repeated_for_opencv};
 use crate::output::format::{Content, EncodeError, FormatSpec, Kind};
 use crate::output::options::{OptionSpec, OptionValues, Options};
 use crate::output::sensor_frame::SensorFrame;
@@ -55,11 +53,12 @@ fn file_bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
     BYTES_A_VALUE * (1 + count)
 }
 
+/// The images that a depth camera makes beside its returns have values where nothing came back, too.
 fn loses(sensor: &Sensor, options: &Options) -> Option<String> {
     let names: Vec<String> = options
         .channels
         .of(sensor)
-        .filter(|channel| is_of_all_pixels(channel.name))
+        .filter(|channel| matches!(channel.values, Values::Image(_)))
         .map(|channel| channel.name.to_owned())
         .collect();
     (!names.is_empty()).then(|| {
