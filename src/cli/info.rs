@@ -25,7 +25,7 @@ use crate::source::{FileKind, Wanted, is_config, recognise};
 /// The arguments of `beamcast info`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A job, a sensor file, a scene (.gltf, .glb), an EXR, a PLY, or a scan's folder or manifest
+    /// A job, a sensor file, a scene (.gltf, .glb), a range image (EXR, NPZ), a cloud (PLY, PCD, NPY), or a scan's folder or manifest
     #[arg(value_name = "FILE")]
     path: PathBuf,
     /// Print JSON
@@ -56,16 +56,23 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         return terminal.json(&json::INFO.of(json));
     }
     let name = path.to_string_lossy();
+    let short = match kind {
+        FileKind::Exr => "EXR",
+        FileKind::Npz => "NPZ",
+        FileKind::Pcd => "PCD",
+        FileKind::Npy => "NPY",
+        _ => "PLY",
+    };
     let (json, text) = match Recorded::open(path, memory::of_machine().unwrap_or(u64::MAX))? {
-        Recorded::Exr(parts) => {
+        Recorded::Images(parts) => {
             let facts: Vec<PartFacts> = parts.iter().map(PartFacts::of).collect();
             let text: String = facts.iter().map(PartFacts::to_text).collect();
-            (json!({ "path": name, "kind": "EXR", "parts": facts }), text)
+            (json!({ "path": name, "kind": short, "parts": facts }), text)
         }
         Recorded::Cloud(cloud) => {
             let facts = CloudFacts::of(&cloud);
             let text = facts.to_text();
-            (json!({ "path": name, "kind": "PLY", "cloud": facts }), text)
+            (json!({ "path": name, "kind": short, "cloud": facts }), text)
         }
         Recorded::Folder(folder) => folder_facts(&name, &folder),
     };
@@ -108,7 +115,7 @@ fn plain(name: &str) -> String {
     quoted(name).trim_matches('`').to_owned()
 }
 
-/// A part of an EXR.
+/// A part of a range image.
 #[derive(Serialize)]
 struct PartFacts {
     name: String,
@@ -250,10 +257,8 @@ fn folder_facts(name: &str, folder: &Folder) -> (Value, String) {
         job.sensor.iter().map(|sensor| sensor.name.as_deref().unwrap_or("sensor")).collect();
     let instances = scene.instances().count();
     let mut frames: BTreeMap<&str, BTreeSet<u64>> = BTreeMap::new();
-    let keys = outputs.iter().filter_map(|file| file.path.rsplit_once('.')).map(|(stem, _)| stem);
-    // An ending may have several parts, such as `depth16.png`.
     let keys: Vec<FrameKey> =
-        keys.map(|stem| FrameKey::of_stem(stem.split_once('.').map_or(stem, |s| s.0))).collect();
+        outputs.iter().filter_map(|file| FrameKey::of_file(&file.path)).map(|(key, _)| key).collect();
     for key in &keys {
         if let Some(frame) = key.frame() {
             frames.entry(key.sensor()).or_default().insert(frame);

@@ -82,7 +82,7 @@ enum Command {
     Init(init::Args),
     /// Make a sensor file of a unit's calibration: Ouster, Velodyne, Hesai, RoboSense, ROS and OpenCV cameras, tables of rays
     Import(import::Args),
-    /// Say what a file holds: a job, a sensor file, a scene, an EXR, a PLY, or a scan's folder
+    /// Say what a file holds: a job, a sensor file, a scene, a range image, a cloud, or a scan's folder
     Info(info::Args),
     /// Print the JSON Schema of jobs or sensor files, with which editors complete and check them
     Schema(schema::Args),

@@ -9,7 +9,7 @@
 //! image          a frame as channels, whether it was just cast or read from a file
 //! format         the declaration of a format; registry lists all of them
 //! options        what a job says about a format: its options, and the channels
-//! exr ply png color depth16 registered labels npz npy pcd   the formats, with one file each
+//! exr ply png color depth16 registered labels npz npy pcd   the formats, with one file each; exr has the deep images, too
 //! ros            ROS 2 bags of a whole run
 //! waveform       the waveform of every pulse, as arrays
 //! kitti nuscenes the folders of KITTI and SemanticKITTI, and of nuScenes

@@ -2,7 +2,7 @@
 
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::ply;
-use super::points::more_fields;
+use super::points::{MOTION, TERMS, more_fields};
 
 /// The fields in their order: those of the PLY, in NumPy's words.
 static FIELDS: [Field; 10] = [
@@ -28,9 +28,9 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     check: ply::FORMAT.check,
     most_label: ply::FORMAT.most_label,
     most_instance: ply::FORMAT.most_instance,
-    encoding_bytes_a_ray: ply::FORMAT.encoding_bytes_a_ray,
-    file_bytes_a_ray: ply::FORMAT.file_bytes_a_ray,
-    options: ply::FORMAT.options,
+    encoding_bytes_a_ray: ply::bytes_a_ray,
+    file_bytes_a_ray: ply::bytes_a_ray,
+    options: &[MOTION, TERMS],
     kind: Kind::File(|cloud, options| {
         let more = more_fields(cloud.capture.sensor, options);
         let more = more.into_iter().map(|(name, is_integer)| (name, if is_integer { "<i4" } else { "<f4" }));

@@ -44,6 +44,10 @@ and id.track, which have to be named. An EXR has besides a channel `Y`, the name
 it repeats Z of a camera and range of a LiDAR where those are chosen. Where a pixel has several returns, an EXR has a part
 for each number of return, and an NPZ has the first under the plain names and the others under `return1/range` and so on.
 
+A deep EXR has a list of samples for each pixel, sample k of return k, and none where nothing came back. `Z`, by which programs for
+deep images sort, is always there: it is the depth of a camera, and the range of any other sensor. The samples are in the order of the
+returns, which need not be that of their depths.
+
 In an NPZ, the three axes of the normal are one array `normal` of rows × columns × 3 if all are chosen, and the array `about`
 is text: JSON with the pose, the names behind ids, and the shape, type and unit of each array.
 
@@ -51,6 +55,8 @@ is text: JSON with the pose, the names behind ids, and the shape, type and unit 
 arrays = numpy.load(\"top/000000.npz\")
 seen = numpy.isfinite(arrays[\"range\"])
 pose = json.loads(arrays[\"about\"].item())[\"world_from_sensor\"]
+deep = OpenEXR.File(\"top/000000.deep.exr\", separate_channels=True)
+ranges = deep.channels()[\"range\"].pixels[row, column]  # an array of the pixel's returns, or None
 ```
 
 | channel | type | unit | without a return | sensors | |

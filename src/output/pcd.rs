@@ -140,8 +140,9 @@ fn header(cloud: &SensorFrame, width: usize, height: usize, options: &Options) -
     let viewpoint = [tx, ty, tz, qw, qx, qy, qz].map(|v| format!("{:?}", v + 0.0)).join(" ");
     let compensation = cloud.compensation().map_or(String::new(), |sentence| format!("# {sentence}\n"));
     format!(
-        "# .PCD v0.7 - Point Cloud Data file format\n{compensation}VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {width}\n\
+        "# .PCD v0.7 - Point Cloud Data file format\n# frame: {}, metres\n{compensation}VERSION 0.7\nFIELDS {}\nSIZE {}\nTYPE {}\nCOUNT {}\nWIDTH {width}\n\
          HEIGHT {height}\nVIEWPOINT {viewpoint}\nPOINTS {}\nDATA binary\n",
+        cloud.cloud_frame_in_words(),
         all(|field| field.name),
         all(|field| &field.kind[1..]),
         all(|field| &field.kind[..1]),

@@ -1,10 +1,12 @@
-//! Encoding of binary PLY point clouds.
+//! Encoding of PLY point clouds.
+
+use std::io::Write as _;
 
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::id::id_of;
-use super::options::Options;
+use super::options::{OptionSpec, OptionValues, Options};
 use super::points::{MOTION, Point, TERMS, more_bytes, more_fields};
-use super::sensor_frame::{CloudFrame, SensorFrame, pose_as_toml};
+use super::sensor_frame::{SensorFrame, pose_as_toml};
 use crate::sensor::Sensor;
 
 /// The fields in their order. Only `float` and `int` are used, because Open3D silently drops fields of other integer types.
@@ -26,20 +28,47 @@ const BYTES_PER_POINT: usize = 4 * FIELDS.len();
 pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "ply",
     ending: "ply",
-    about: "binary PLY point clouds",
+    about: "PLY point clouds, binary or text",
     content: Content::Points(&FIELDS),
     read_by: "Open3D, plyfile",
     check,
     most_label: |_| i32::MAX as u32,
     most_instance: |_| i32::MAX as u32,
-    options: &[MOTION, TERMS],
-    encoding_bytes_a_ray: bytes_a_ray,
-    file_bytes_a_ray: bytes_a_ray,
+    options: &[FLAVOUR, ASCII, MOTION, TERMS],
+    encoding_bytes_a_ray: |sensor, options| {
+        // A text is made of the bytes.
+        bytes_a_ray(sensor, options)
+            + if options.is_set(&ASCII) { file_bytes_a_ray(sensor, options) } else { 0 }
+    },
+    file_bytes_a_ray,
     kind: Kind::File(encode),
     ..FormatSpec::PLAIN
 };
 
-fn bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
+const FLAVOUR: OptionSpec = OptionSpec {
+    name: "flavour",
+    about: "The names of the fields after x, y and z: `plain`, or those of `cloudcompare`, whose scalar fields begin with `scalar_`, \
+            such as `scalar_intensity`.",
+    values: OptionValues::Word { words: &["plain", CLOUDCOMPARE], default: "plain" },
+};
+const CLOUDCOMPARE: &str = "cloudcompare";
+
+const ASCII: OptionSpec = OptionSpec {
+    name: "ascii",
+    about: "Whether the points are text, a line each, with the fewest digits that give the same numbers again.",
+    values: OptionValues::Flag { default: false },
+};
+
+fn file_bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
+    /// The longest values are -0.000012345678 and 1234567800000000.0, before a space.
+    const LONGEST_WORD: u64 = 19;
+    const BYTES_A_VALUE: u64 = 4;
+    let bytes = bytes_a_ray(sensor, options);
+    if options.is_set(&ASCII) { bytes / BYTES_A_VALUE * LONGEST_WORD } else { bytes }
+}
+
+/// The bytes of the binary points of a ray.
+pub(super) fn bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
     (BYTES_PER_POINT as u64 + more_bytes(sensor, options)) * sensor.most_returns() as u64
 }
 
@@ -52,9 +81,48 @@ fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
 }
 
 fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
-    let mut file = header(cloud, cloud.frame.return_count(), options).into_bytes();
-    add_points(cloud, options, &mut file)?;
+    let properties = properties(cloud.capture.sensor, options);
+    let mut file = header(cloud, &properties, options).into_bytes();
+    if options.is_set(&ASCII) {
+        let mut points = Vec::new();
+        add_points(cloud, options, &mut points)?;
+        let kinds: Vec<&str> = properties.iter().map(|(kind, _)| *kind).collect();
+        add_text(&points, &kinds, &mut file)?;
+    } else {
+        add_points(cloud, options, &mut file)?;
+    }
     Ok(file)
+}
+
+/// Adds points as text, of their bytes: values of 4 bytes and of these kinds.
+fn add_text(points: &[u8], kinds: &[&str], file: &mut Vec<u8>) -> Result<(), EncodeError> {
+    let (values, _) = points.as_chunks::<4>();
+    for point in values.chunks_exact(kinds.len().max(1)) {
+        for (index, (bytes, kind)) in point.iter().zip(kinds).enumerate() {
+            let before = if index == 0 { "" } else { " " };
+            match *kind {
+                "int" => write!(file, "{before}{}", i32::from_le_bytes(*bytes))?,
+                // Debug's digits are the fewest that give the same number again, with an exponent where that is shorter.
+                _ => write!(file, "{before}{:?}", f32::from_le_bytes(*bytes))?,
+            }
+        }
+        file.push(b'\n');
+    }
+    Ok(())
+}
+
+/// The kinds and the names of the fields, in their order.
+fn properties(sensor: &Sensor, options: &Options) -> Vec<(&'static str, String)> {
+    let is_scalar = |name: &str| options.text(&FLAVOUR) == CLOUDCOMPARE && !["x", "y", "z"].contains(&name);
+    let named = |name: &str| if is_scalar(name) { format!("scalar_{name}") } else { name.to_owned() };
+    let more = more_fields(sensor, options).into_iter();
+    let more = more.map(|(name, is_integer)| (if is_integer { "int" } else { "float" }, name));
+    FIELDS
+        .iter()
+        .map(|field| (field.kind, field.name))
+        .chain(more)
+        .map(|(kind, name)| (kind, named(name)))
+        .collect()
 }
 
 /// Adds the points of a cloud, each with its [`FIELDS`] in 4 bytes, and with [`more_fields`].
@@ -87,17 +155,12 @@ pub(super) fn add_points(
     })
 }
 
-fn header(cloud: &SensorFrame, points: usize, options: &Options) -> String {
-    let camera = cloud.capture.sensor.pattern.is_camera();
-    let frame = match cloud.cloud_frame {
-        CloudFrame::Sensor if camera => "the camera's optical frame (x right, y down, z forward)",
-        CloudFrame::Sensor => "the sensor's frame (x forward, y left, z up)",
-        CloudFrame::Body => "the body's frame (x forward, y left, z up)",
-        CloudFrame::World => "the world",
-    };
+fn header(cloud: &SensorFrame, properties: &[(&str, String)], options: &Options) -> String {
+    let encoding = if options.is_set(&ASCII) { "ascii" } else { "binary_little_endian" };
     let mut header = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment frame: {frame}, metres\ncomment world_from_points = {}\n\
+        "ply\nformat {encoding} 1.0\ncomment frame: {}, metres\ncomment world_from_points = {}\n\
          comment t: nanoseconds from the frame's start\n",
+        cloud.cloud_frame_in_words(),
         pose_as_toml(&cloud.world_from_points())
     );
     if let Some(compensation) = cloud.compensation() {
@@ -113,12 +176,8 @@ fn header(cloud: &SensorFrame, points: usize, options: &Options) -> String {
             header += &format!("comment {} more {what}s are named in the manifest\n", named.left_out);
         }
     }
-    header += &format!("element vertex {points}\n");
-    for Field { name, kind, .. } in &FIELDS {
-        header += &format!("property {kind} {name}\n");
-    }
-    for (name, is_integer) in more_fields(cloud.capture.sensor, options) {
-        let kind = if is_integer { "int" } else { "float" };
+    header += &format!("element vertex {}\n", cloud.frame.return_count());
+    for (kind, name) in properties {
         header += &format!("property {kind} {name}\n");
     }
     header + "end_header\n"

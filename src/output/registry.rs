@@ -16,6 +16,7 @@ use crate::sensor::Sensor;
 /// Every format that a job can name, in the order in which lists show them.
 pub static FORMATS: &[&FormatSpec] = &[
     &exr::FORMAT,
+    &exr::deep::FORMAT,
     &ply::FORMAT,
     &png::FORMAT,
     &color::FORMAT,

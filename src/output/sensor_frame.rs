@@ -176,6 +176,18 @@ impl<'a> SensorFrame<'a> {
         }
     }
 
+    /// The cloud's frame in words, for the headers of clouds.
+    pub(super) fn cloud_frame_in_words(&self) -> &'static str {
+        match self.cloud_frame {
+            CloudFrame::Sensor if self.capture.sensor.pattern.is_camera() => {
+                "the camera's optical frame (x right, y down, z forward)"
+            }
+            CloudFrame::Sensor => "the sensor's frame (x forward, y left, z up)",
+            CloudFrame::Body => "the body's frame (x forward, y left, z up)",
+            CloudFrame::World => "the world",
+        }
+    }
+
     /// A sentence about the compensation of the sensor's motion, for the headers of clouds. `None` if there is none.
     pub(super) fn compensation(&self) -> Option<String> {
         let reference_s = self.reference_s()?;

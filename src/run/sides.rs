@@ -8,7 +8,7 @@ use super::plan::{Item, Plan};
 use super::session::Session;
 use crate::error::Error;
 use crate::output::Image;
-use crate::output::recorded::{Cloud, Folder, FrameKey, Part, Recorded};
+use crate::output::recorded::{CLOUD_ENDINGS, Cloud, Folder, FrameKey, IMAGE_ENDINGS, Part, Recorded};
 use crate::scan::Progress;
 use crate::source::words::joined;
 
@@ -47,7 +47,7 @@ pub struct Pairing {
 }
 
 impl Side {
-    /// Opens an EXR, a PLY or the folder that a scan wrote. The numbers of one frame may take `memory` bytes. Of a folder, the
+    /// Opens a range image, a cloud or the folder that a scan wrote. The numbers of one frame may take `memory` bytes. Of a folder, the
     /// frames with these numbers count.
     ///
     /// # Errors
@@ -58,24 +58,26 @@ impl Side {
                 let labels = folder.manifest.label_names();
                 let mut files: BTreeMap<FrameKey, String> = BTreeMap::new();
                 // A cloud says nothing that the image of the same frame doesn't say.
-                for extension in ["ply", "exr"] {
+                for ending in CLOUD_ENDINGS.into_iter().chain(IMAGE_ENDINGS) {
                     for output in folder.outputs() {
-                        let Some((stem, end)) = output.rsplit_once('.') else { continue };
-                        let key = FrameKey::of_stem(stem);
-                        if end == extension && key.frame().is_none_or(|frame| frames.contains(&frame)) {
+                        let Some((key, end)) = FrameKey::of_file(output) else { continue };
+                        if end == ending && key.frame().is_none_or(|frame| frames.contains(&frame)) {
                             files.insert(key, output.to_owned());
                         }
                     }
                 }
                 if files.is_empty() {
-                    return Err(Error::input(path, "has neither EXR images nor PLY clouds of such frames"));
+                    return Err(Error::input(
+                        path,
+                        "has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY) of such frames",
+                    ));
                 }
                 return Ok(Self { source: Source::Folder { folder, files, memory }, labels });
             }
             single => single,
         };
         let labels = match &single {
-            Recorded::Exr(parts) => parts.iter().flat_map(Part::labels).collect(),
+            Recorded::Images(parts) => parts.iter().flat_map(Part::labels).collect(),
             Recorded::Cloud(cloud) => cloud.labels(),
             Recorded::Folder(_) => BTreeMap::new(),
         };
@@ -155,7 +157,7 @@ impl Side {
 /// The images or the cloud of a file. The first image has an empty name.
 fn contents(recorded: Recorded) -> Vec<(String, Content)> {
     match recorded {
-        Recorded::Exr(parts) => {
+        Recorded::Images(parts) => {
             let part = |(index, part): (usize, Part)| {
                 let name = if index == 0 { String::new() } else { format!(":{}", part.name) };
                 (name, Content::Image(part.image.without_repeats()))

@@ -10,7 +10,8 @@ use super::rig::{Mounted, Rig};
 use crate::error::Error;
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::output::recorded::{
-    BoxRow, Cloud, Folder, FrameKey, InstanceNames, Part, ReadError, Recorded, read_boxes, read_poses,
+    BoxRow, CLOUD_ENDINGS, Cloud, Folder, FrameKey, IMAGE_ENDINGS, InstanceNames, Part, ReadError, Recorded,
+    read_boxes, read_poses,
 };
 use crate::output::{Channel, Image, Samples};
 use crate::sensor::{Camera, Capture, Orthographic, Pattern, Sensor};
@@ -33,7 +34,7 @@ pub enum Recording {
     Sequence(String, String),
 }
 
-/// Reads what there is to show of an EXR, a PLY or a folder that a scan wrote, which is called `title`. Of a sequence, the frames
+/// Reads what there is to show of a range image, a cloud or a folder that a scan wrote, which is called `title`. Of a sequence, the frames
 /// with these numbers count. The numbers of all files that are shown at the same time may take `memory` bytes. `go_on` is asked
 /// between frames, and its error ends the reading.
 ///
@@ -48,13 +49,14 @@ pub fn of_recording(
 ) -> Result<Recording, Error> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     match Recorded::open(path, memory)? {
-        Recorded::Exr(parts) => {
-            let beside = path.with_extension("ply");
-            let cloud = match beside.is_file().then(|| Recorded::open(&beside, memory)) {
+        Recorded::Images(parts) => {
+            let beside = CLOUD_ENDINGS.iter().rev().map(|ending| path.with_extension(ending));
+            let beside = beside.into_iter().find(|path| path.is_file());
+            let cloud = match beside.map(|path| Recorded::open(&path, memory)) {
                 Some(Ok(Recorded::Cloud(cloud))) => Some(cloud),
                 _ => None,
             };
-            let views = of_exr(&name, parts, cloud.as_ref(), &Listed::default());
+            let views = of_images(&name, parts, cloud.as_ref(), &Listed::default());
             Ok(Recording::Frames(views, String::new()))
         }
         Recorded::Cloud(cloud) => {
@@ -64,12 +66,11 @@ pub fn of_recording(
     }
 }
 
-/// The files of a frame: whether it has an image and a cloud, and the path of both without the ending.
+/// The files of a frame: the image and the cloud that tell the most, each by its rank among the endings and its path.
 #[derive(Clone, Debug, Default)]
 struct Files {
-    stem: String,
-    has_exr: bool,
-    has_ply: bool,
+    image: Option<(usize, String)>,
+    cloud: Option<(usize, String)>,
 }
 
 impl Files {
@@ -82,12 +83,12 @@ impl Files {
         listed: &Listed,
         memory: &mut u64,
     ) -> Result<(Vec<View>, bool), Error> {
-        let mut read = |extension: &str| -> Result<Recorded, Error> {
-            let recorded = folder.read(&format!("{}.{extension}", self.stem), *memory)?;
+        let mut read = |file: &(usize, String)| -> Result<Recorded, Error> {
+            let recorded = folder.read(&file.1, *memory)?;
             *memory = memory.saturating_sub(recorded.memory());
             Ok(recorded)
         };
-        let cloud = match self.has_ply.then(|| read("ply")).transpose()? {
+        let cloud = match self.cloud.as_ref().map(&mut read).transpose()? {
             Some(Recorded::Cloud(cloud)) => Some(cloud),
             _ => None,
         };
@@ -96,8 +97,8 @@ impl Files {
             frame.is_some_and(|frame| !frame.contains("body") && !frame.contains("world"))
         };
         let in_sensor = cloud.as_ref().is_none_or(is_in_sensor);
-        let views = match self.has_exr.then(|| read("exr")).transpose()? {
-            Some(Recorded::Exr(parts)) => of_exr(name, parts, cloud.as_ref(), listed),
+        let views = match self.image.as_ref().map(&mut read).transpose()? {
+            Some(Recorded::Images(parts)) => of_images(name, parts, cloud.as_ref(), listed),
             _ => cloud.iter().map(|cloud| of_cloud(name, cloud, listed)).collect(),
         };
         Ok((views, in_sensor))
@@ -114,18 +115,18 @@ fn of_folder(
 ) -> Result<Recording, Error> {
     let mut frames: BTreeMap<FrameKey, Files> = BTreeMap::new();
     for output in folder.outputs() {
-        let Some((stem, extension)) = output.rsplit_once('.') else { continue };
-        let key = FrameKey::of_stem(stem);
-        if !matches!(extension, "exr" | "ply") || key.frame().is_some_and(|frame| !range.contains(&frame)) {
+        let Some((key, ending)) = FrameKey::of_file(output) else { continue };
+        let [image, cloud] = [&IMAGE_ENDINGS[..], &CLOUD_ENDINGS[..]]
+            .map(|endings| Some((endings.iter().position(|known| *known == ending)?, output.to_owned())));
+        if image.is_none() && cloud.is_none() || key.frame().is_some_and(|frame| !range.contains(&frame)) {
             continue;
         }
         let files = frames.entry(key).or_default();
-        files.stem = stem.to_owned();
-        *(if extension == "exr" { &mut files.has_exr } else { &mut files.has_ply }) = true;
+        files.image = files.image.take().max(image);
+        files.cloud = files.cloud.take().max(cloud);
     }
     if frames.is_empty() {
-        let problem =
-            "has neither EXR nor PLY files to show: `formats` in the job's [output] says what is written";
+        let problem = "has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY) to show: `formats` in the job's [output] says what is written";
         return Err(Error::input(folder.path(), problem));
     }
     let manifest = &folder.manifest;
@@ -252,8 +253,8 @@ fn sequence(
     Ok(Recording::Sequence(playback.map_or(String::new(), |playback| playback.finish(&note)), note))
 }
 
-/// The parts of an EXR. The cloud belongs to the first part, if it has as many points as the part has returns.
-fn of_exr(name: &str, parts: Vec<Part>, cloud: Option<&Cloud>, listed: &Listed) -> Vec<View> {
+/// The parts of an image. The cloud belongs to the first part, if it has as many points as the part has returns.
+fn of_images(name: &str, parts: Vec<Part>, cloud: Option<&Cloud>, listed: &Listed) -> Vec<View> {
     let several = parts.len() > 1;
     let part = |(index, part): (usize, Part)| {
         let name = if several { format!("{name}, {}", part.name) } else { name.to_owned() };
@@ -265,7 +266,7 @@ fn of_exr(name: &str, parts: Vec<Part>, cloud: Option<&Cloud>, listed: &Listed) 
         };
         // A cloud with a point that is no number does not fit its image.
         let points = points.ok_or_else(|| {
-            "A range image of a LiDAR does not say where its beams went, so there is no cloud to turn: a PLY beside it does."
+            "This image does not say where its beams went, so there is no cloud to turn: a cloud beside it (PLY, PCD, NPY) does."
                 .to_owned()
         });
         let points = match points {
@@ -342,8 +343,10 @@ fn of_cloud(name: &str, cloud: &Cloud, listed: &Listed) -> View {
     for field in cloud.fields.iter().filter(|f| !["x", "y", "z"].contains(&f.name.as_str())) {
         let values = kept(&field.values);
         let measured = |scale: f64| Samples::F32(values.iter().map(|v| (v * scale) as f32).collect());
-        let is_id = matches!(field.name.as_str(), "instance" | "label" | "ring" | "column");
-        let (name, samples) = match field.name.as_str() {
+        // CloudCompare's names.
+        let plain = field.name.strip_prefix("scalar_").unwrap_or(&field.name);
+        let is_id = matches!(plain, "instance" | "label" | "ring" | "column");
+        let (name, samples) = match plain {
             "instance" => ("id.instance", Samples::U32(values.iter().map(|v| *v as u32).collect())),
             "label" => ("id.semantic", Samples::U32(values.iter().map(|v| *v as u32).collect())),
             "t" => ("time", measured(1e-9)),

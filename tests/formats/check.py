@@ -4,8 +4,10 @@
 
 One frame of a LiDAR and one of a camera are scanned in all formats, with misses of each kind, ids, labels and times. Equal means
 equal bits, apart from coordinates, which the EXR does not have: those are equal between PCD and NPY, and as far from the sensor
-as the EXR's range says. Waveforms are added up with NumPy, and have their peaks where the frame has its ranges. Bags of a drive round a circle are read by rosbags and by
-mcap-ros2-support: every field of every point in every layout, images, poses, and what the inertial sensor has to measure there.
+as the EXR's range says. Waveforms are added up with NumPy, and have their peaks where the frame has its ranges. Every sample of a
+deep EXR is the return of that number in the EXR's parts, and options of EXR and PLY change no value but those that half floats round.
+What these tools write of PCD, NPY and NPZ files is the same to `beamcast diff`. Bags of a drive round a circle are read by rosbags
+and by mcap-ros2-support: every field of every point in every layout, images, poses, and what the inertial sensor has to measure there.
 """
 
 import json
@@ -560,6 +562,112 @@ def check_bags(beamcast, folder):
             check_bag(read_bag(out / "bag"), out, layout, is_organised, is_dual)
 
 
+def parts_of(path):
+    """The channels of each part, which is a number of return."""
+    parts = OpenEXR.File(str(path), separate_channels=True).parts
+    return [{name: channel.pixels for name, channel in part.channels.items()} for part in parts]
+
+
+def check_deep(path, parts, depth):
+    part = OpenEXR.File(str(path), separate_channels=True).parts[0]
+    seen = np.stack([np.isfinite(of_return[depth]) for of_return in parts])
+    counts = seen.sum(axis=0)
+    names = sorted({name for name in parts[0] if name != "Y"} | {"Z"})
+    equal(f"{path}: channels", sorted(part.channels), names)
+    equal(f"{path}: most samples", part.header["maxSamplesPerPixel"], counts.max())
+    for name in names:
+        source = name if name in parts[0] else depth
+        pixels = part.channels[name].pixels
+        samples = [[] if pixel is None else list(pixel) for pixel in pixels.reshape(-1)]
+        equal(f"{path}: samples of {name}", [len(pixel) for pixel in samples], counts.reshape(-1))
+        values = np.array([value for pixel in samples for value in pixel])
+        equal(f"{path}: type of {name}", str(values.dtype), str(parts[0][source].dtype))
+        # Pixel by pixel, and in each the returns in their order.
+        expected = np.stack([of_return[source] for of_return in parts])
+        equal(f"{path}: {name}", values, np.moveaxis(expected, 0, -1)[np.moveaxis(seen, 0, -1)])
+
+
+def check_options(beamcast, folder):
+    """A LiDAR of two returns a pulse, and a camera, in each way that EXR, deep EXR and PLY can be written."""
+    two = """footprint = { divergence_mrad = [9.0, 9.0], kind = "1/e2" }\nreceiver = { returns = "dual" }\n"""
+    job = JOB.format(scene=PROJECT / "scenes" / "room.glb").replace("rotating.columns", two + "rotating.columns")
+    runs = [
+        ["exr", "deep", "ply"],
+        ["exr compression zips", "deep compression none", "ply ascii true"],
+        ["exr compression rle", "ply flavour cloudcompare"],
+        ["exr compression piz", "ply flavour cloudcompare ascii true"],
+        ["exr compression none"],
+        ["exr half true"],
+    ]
+
+    def table(words):
+        name, *options = words.split(" ")
+        pairs = [f"{key} = {value if value == 'true' else json.dumps(value)}" for key, value in zip(options[::2], options[1::2])]
+        return f"{{ {', '.join([f'format = {json.dumps(name)}', *pairs])} }}"
+
+    folder = folder / "options"
+    folder.mkdir()
+    for number, formats in enumerate(runs):
+        (folder / "job.toml").write_text(job + f"formats = [{', '.join(map(table, formats))}]\n")
+        subprocess.run([beamcast, "scan", "-q", folder / "job.toml", "--out", folder / str(number)], check=True)
+    for sensor in SENSORS:
+        files = [folder / str(number) / sensor for number in range(len(runs))]
+        parts = parts_of(files[0] / "000000.exr")
+        if sensor == "lidar" and not np.isfinite(parts[1]["range"]).any():
+            sys.exit("no pulse has two returns, and deep images test nothing")
+        check_deep(files[0] / "000000.deep.exr", parts, "Z" if sensor == "camera" else "range")
+        check_deep(files[1] / "000000.deep.exr", parts, "Z" if sensor == "camera" else "range")
+        sizes = {path.stat().st_size for path in (file / "000000.exr" for file in files)}
+        equal(f"{sensor}: sizes of the compressions", len(sizes), len(runs))
+        for file in files[1:]:
+            for of_return, again in zip(parts, parts_of(file / "000000.exr"), strict=True):
+                for name, values in of_return.items():
+                    rounded = file == files[-1] and (name == "intensity" or name.startswith("normal."))
+                    equal(f"{file}: {name}", again[name], values.astype(np.float16) if rounded else values)
+                    if rounded and again[name].dtype != np.float16:
+                        sys.exit(f"{file}: {name} is {again[name].dtype}")
+        ply = plyfile.PlyData.read(files[0] / "000000.ply")["vertex"].data
+        plain, prefixed = ply.dtype.names, [name if name in "xyz" else f"scalar_{name}" for name in ply.dtype.names]
+        for file, names in zip(files[1:4], (plain, prefixed, prefixed)):
+            again = plyfile.PlyData.read(file / "000000.ply")["vertex"].data
+            by_open3d = o3d.t.io.read_point_cloud(str(file / "000000.ply")).point
+            equal(f"{file}: fields", again.dtype.names, names)
+            equal(f"{file} by Open3D", by_open3d.positions.numpy(), np.stack([ply[axis] for axis in "xyz"], axis=-1))
+            for name, of_plain in zip(names, plain):
+                equal(f"{file} by plyfile: {name}", again[name], ply[of_plain])
+                if name not in "xyz":
+                    equal(f"{file} by Open3D: {name}", by_open3d[name].numpy().reshape(-1), ply[of_plain])
+
+
+def check_read_back(beamcast, files, folder):
+    """`beamcast diff` finds what other programs write of our files the same."""
+
+    def same(first, second):
+        run = subprocess.run([beamcast, "diff", first, second], capture_output=True, text=True)
+        if run.returncode != 0 or not run.stdout.startswith("the same"):
+            sys.exit(f"{first} and {second}: {run.stdout}{run.stderr}")
+
+    pcd = files / "000000.pcd"
+    cloud = pypcd4.PointCloud.from_path(pcd)
+    for encoding in (pypcd4.Encoding.BINARY, pypcd4.Encoding.BINARY_COMPRESSED):
+        cloud.save(folder / "pypcd4.pcd", encoding=encoding)
+        same(pcd, folder / "pypcd4.pcd")
+    # Open3D has the fields in an order of its own.
+    cloud = o3d.t.io.read_point_cloud(str(pcd))
+    for name, options in [("binary", {}), ("text", {"write_ascii": True}), ("compressed", {"compressed": True})]:
+        o3d.t.io.write_point_cloud(str(folder / f"{name}.pcd"), cloud, **options)
+        same(folder / "binary.pcd", folder / f"{name}.pcd")
+    with np.load(files / "000000.npz", allow_pickle=False) as arrays:
+        for save in (np.savez, np.savez_compressed):
+            save(folder / "numpy.npz", **arrays)
+            same(files / "000000.exr", folder / "numpy.npz")
+        np.savez(folder / "numpy.npz", **{name: np.asfortranarray(array) for name, array in arrays.items()})
+        same(files / "000000.exr", folder / "numpy.npz")
+    points = np.load(files / "000000.npy", allow_pickle=False)
+    np.save(folder / "numpy.npy", points.astype(np.dtype(points.dtype.descr, align=True).newbyteorder(">")))
+    same(files / "000000.ply", folder / "numpy.npy")
+
+
 def npy_beside(path, ending):
     return path.with_name(f"{path.name.split('.')[0]}.{ending}")
 
@@ -587,6 +695,7 @@ def main():
             check_npz(third / "000000.npz", exr, [name for name in names if name in ("range", "Z", "normal.X")])
             check_pcd(first / "000000.pcd", f"{sensor} pcd", exr, npy, organised=False)
             check_pcd(second / "000000.pcd", f"{sensor} organised pcd", exr, npy, organised=True)
+            check_read_back(beamcast, first, folder)
             for place, scale in [(first, 1000), (second, 5000), (third, 256)]:
                 check_depth(place / "000000.depth16.png", channel, depth, scale)
             equal(f"{sensor} png", np.asarray(PIL.Image.open(first / "000000.png")), cv2.imread(first / "000000.png")[..., ::-1])
@@ -597,6 +706,7 @@ def main():
             check_numbers(second / "000000.instances.png", exr["id.instance"], has_palette=True)
         check_waveforms(beamcast, folder)
         check_bags(beamcast, folder)
+        check_options(beamcast, folder)
     tools = f"NumPy, PIL, OpenCV {cv2.__version__}, Open3D, plyfile, pypcd4, rosbags and mcap-ros2-support"
     print(f"{checks} values are the EXR's, read by {tools}")
 

@@ -17,7 +17,7 @@ use glam::DVec3;
 
 const LIMITS: RangeLimits = RangeLimits { max_m: 60.0, min_m: 0.0, of: beamcast::sensor::Limited::Range };
 
-fn lidar() -> Sensor {
+pub(super) fn lidar() -> Sensor {
     let beam = |elevation| Beam {
         elevation: Angle::deg(elevation),
         azimuth_offset: Angle::default(),
@@ -34,7 +34,7 @@ fn lidar() -> Sensor {
     }
 }
 
-fn camera() -> Sensor {
+pub(super) fn camera() -> Sensor {
     let camera = Camera::from_hfov((3, 2), Angle::deg(80.0), None).unwrap();
     Sensor {
         pattern: Pattern::Camera(camera),
@@ -49,7 +49,7 @@ fn hit(range_m: f64, instance: u32, label: u32) -> Return {
 }
 
 /// A frame of 2 × 3 pixels: misses of each cause, one return, two returns, and one that is far away.
-fn frame() -> Frame {
+pub(super) fn frame() -> Frame {
     let (near, both, far) = ([hit(1.5, 0, 3)], [hit(2.0004, 299, 0), hit(2.75, 1, 70)], [hit(70.25, 2, 3)]);
     let pixels: [(Cause, &[Return]); 6] = [
         (Cause::Surface, &near),
@@ -65,7 +65,7 @@ fn frame() -> Frame {
 static BODY: Trajectory =
     Trajectory::Fixed(Pose { translation: DVec3::new(10.0, 20.0, 30.0), ..Pose::IDENTITY });
 
-fn seen<'a>(sensor: &'a Sensor, frame: &'a Frame) -> SensorFrame<'a> {
+pub(super) fn seen<'a>(sensor: &'a Sensor, frame: &'a Frame) -> SensorFrame<'a> {
     let mount =
         Pose::from_rpy(DVec3::new(0.5, -0.25, 1.75), Angle::deg(3.0), Angle::deg(-20.0), Angle::deg(110.0));
     let capture = Capture::new(sensor, mount, &BODY, 0, 0);
@@ -78,7 +78,7 @@ fn asked(formats: &str) -> Result<Job, String> {
     load_job(&path, &[format!("output.formats={formats}")]).map_err(|e| format!("{e:?}"))
 }
 
-fn format(name: &str, options: &str) -> Format {
+pub(super) fn format(name: &str, options: &str) -> Format {
     asked(&format!("[{{ format = \"{name}\"{options} }}]")).unwrap().output.formats[0]
 }
 
@@ -180,7 +180,7 @@ fn f32_at(point: &[u8], at: usize) -> f32 {
     f32::from_le_bytes(point[at..at + 4].try_into().unwrap())
 }
 
-fn u32_at(bytes: &[u8], at: usize) -> u32 {
+pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap())
 }
 
@@ -339,10 +339,10 @@ fn channels_are_chosen_for_all_formats_that_hold_them() {
 }
 
 /// A folder with a job of the room, whose `[output]` is the one given.
-struct Room(tempfile::TempDir);
+pub(super) struct Room(pub tempfile::TempDir);
 
 impl Room {
-    fn with(output: &str) -> Self {
+    pub fn with(output: &str) -> Self {
         let room = Self(tempfile::tempdir().unwrap());
         let project = Path::new(env!("CARGO_MANIFEST_DIR"));
         fs::copy(project.join("scenes/room.glb"), room.0.path().join("room.glb")).unwrap();
@@ -354,14 +354,14 @@ impl Room {
         room
     }
 
-    fn run(&self, args: &[&str]) -> (i32, String) {
+    pub fn run(&self, args: &[&str]) -> (i32, String) {
         let mut command = super::cli::program();
         let output = command.args(args).current_dir(self.0.path()).output().unwrap();
         (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
     }
 
     /// The answer of `lint` about the job, without the text of the job.
-    fn lint(&self) -> (i32, String) {
+    pub fn lint(&self) -> (i32, String) {
         self.run(&["lint", "job.toml"])
     }
 }
@@ -407,7 +407,7 @@ fn a_wrong_channel_is_told_with_the_right_one() {
     assert!(code != 0 && text.contains("sensor \"top\" has no exr: it has no channel Z"), "{text}");
     let (code, text) = Room::with("formats = [\"ply\"]\nchannels = [\"range\"]").lint();
     assert!(code == 0 && text.contains("none of the formats holds channels"), "{text}");
-    assert!(text.contains("the formats that hold channels are `exr` and `npz`"), "{text}");
+    assert!(text.contains("the formats that hold channels are `exr`, `deep` and `npz`"), "{text}");
 }
 
 #[test]

@@ -119,7 +119,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
             "trace/bvh/",
             "trace/top.rs",
             "trace/tracer.rs",
-            "output/exr.rs",
+            "output/exr/",
             "output/npz.rs",
             "output/waveform.rs",
             "kernels/",

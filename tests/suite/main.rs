@@ -40,6 +40,7 @@ mod presets;
 mod projectors;
 mod published_mistakes;
 mod random;
+mod readers;
 mod recognition;
 mod regions;
 mod scene_files;

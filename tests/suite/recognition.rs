@@ -23,7 +23,6 @@ const FILES: &[(&[u8], &str, &str)] = &[
     (b"Kaydara FBX Binary  \0\x1a\0", "an FBX file", "FBX2glTF"),
     (b"<?xml version=\"1.0\"?>\n<COLLADA>\n", "a COLLADA scene", "Blender"),
     (b"LASF\0\0\0\0", "a LAS or LAZ cloud", ""),
-    (b"# .PCD v0.7 - Point Cloud Data file format\n", "a PCD cloud", ""),
     (b"\xd4\xc3\xb2\xa1\x02\0\x04\0", "a packet capture (pcap)", "beamcast import"),
     (b"<!DOCTYPE html>\n<html>\n", "a web page (HTML)", "download"),
     (b"\x89PNG\r\n\x1a\n\0\0\0\x0d", "a PNG image", ""),
@@ -125,6 +124,9 @@ fn what_beamcast_reads_elsewhere_is_sent_there() {
     fs::copy(project.join("tests/import/ouster_flat.json"), folder.join("ouster.json")).unwrap();
     fs::copy(project.join("scenes/room.glb"), folder.join("room.glb")).unwrap();
     fs::copy(project.join("configs/room_vlp16.baseline/baseline.json"), folder.join("b.json")).unwrap();
+    fs::write(folder.join("cloud.pcd"), "# .PCD v0.7 - Point Cloud Data file format\n").unwrap();
+    let job = "scene = \"cloud.pcd\"\noutput.dir = \"out\"\n[[sensor]]\npreset = \"velodyne/vlp-16\"\n";
+    fs::write(folder.join("of_cloud.toml"), job).unwrap();
     for (args, name, mend) in [
         (&["scan", "ouster.json"][..], "Ouster metadata", "beamcast import"),
         (&["lint", "ouster.json"], "Ouster metadata", "beamcast import"),
@@ -133,6 +135,8 @@ fn what_beamcast_reads_elsewhere_is_sent_there() {
         (&["import", "room.glb"], "a glTF scene", "`scene`"),
         (&["view", "room.glb"], "a glTF scene", "`scene`"),
         (&["scan", "room.glb"], "a glTF scene", "`scene`"),
+        (&["lint", "cloud.pcd"], "a PCD cloud", "`beamcast info`"),
+        (&["scan", "of_cloud.toml"], "a PCD cloud", "make a mesh of the cloud"),
     ] {
         let (exit, said) = beamcast(folder, args);
         assert!(exit != 0 && said.contains(name) && said.contains(mend), "{args:?}: {said}");

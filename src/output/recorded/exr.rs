@@ -14,7 +14,7 @@ use super::instances::InstanceNames;
 use crate::output::names::{read_names, words_of_labels};
 use crate::output::{Channel, Image, Samples};
 
-/// A part of an EXR file: an image with its attributes.
+/// A part of an EXR or an NPZ: an image with its attributes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     /// The part's name. It is empty in a file of one part.

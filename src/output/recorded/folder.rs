@@ -3,27 +3,37 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::cloud::Cloud;
 use super::error::ReadError;
 use super::exr::{Part, read_exr};
 use super::manifest::RecordedManifest;
-use super::ply::{Cloud, read_ply};
+use super::npy::read_npy;
+use super::npz::read_npz;
+use super::pcd::read_pcd;
+use super::ply::read_ply;
 use crate::error::Error;
 use crate::output::manifest::Manifest;
 use crate::source::{FileKind, Wanted, read_file, recognise};
 
+/// The endings of a scan's files that are read as range images, the one that tells the most last.
+pub const IMAGE_ENDINGS: [&str; 2] = ["npz", "exr"];
+
+/// The endings of a scan's files that are read as clouds, the one that tells the most last.
+pub const CLOUD_ENDINGS: [&str; 3] = ["npy", "pcd", "ply"];
+
 /// A file or a folder of recorded frames.
 #[derive(Clone, Debug)]
 pub enum Recorded {
-    /// The parts of an EXR, at least one. The first part is the main one.
-    Exr(Vec<Part>),
-    /// A point cloud from a PLY.
+    /// The parts of an EXR or an NPZ, at least one. The first part is the main one.
+    Images(Vec<Part>),
+    /// A point cloud from a PLY, a PCD or an NPY.
     Cloud(Cloud),
     /// The output folder of a scan.
     Folder(Box<Folder>),
 }
 
 impl Recorded {
-    /// Opens an EXR, a PLY, the output folder of a scan, or that folder's manifest. The content decides which it is, and not
+    /// Opens a range image (EXR, NPZ), a cloud (PLY, PCD, NPY), the output folder of a scan, or that folder's manifest. The content decides which it is, and not
     /// the name. The numbers of a file may take `memory` bytes.
     ///
     /// # Errors
@@ -37,12 +47,16 @@ impl Recorded {
             return folder(path.parent().unwrap_or(Path::new("")));
         }
         let kind = recognise(path).map_err(|e| Error::input(path, e))?;
+        let bytes = || read(path, MAX_FILE_BYTES.min(memory));
         let read = match kind {
             FileKind::Manifest => {
                 return folder(path.parent().unwrap_or(Path::new("")));
             }
-            FileKind::Exr => read_exr(&read(path, MAX_FILE_BYTES.min(memory))?, memory).map(Self::Exr),
-            FileKind::Ply => read_ply(&read(path, MAX_FILE_BYTES.min(memory))?, memory).map(Self::Cloud),
+            FileKind::Exr => read_exr(&bytes()?, memory).map(Self::Images),
+            FileKind::Npz => read_npz(&bytes()?, memory).map(Self::Images),
+            FileKind::Ply => read_ply(&bytes()?, memory).map(Self::Cloud),
+            FileKind::Pcd => read_pcd(&bytes()?, memory).map(Self::Cloud),
+            FileKind::Npy => read_npy(&bytes()?, memory).map(Self::Cloud),
             other => Err(ReadError::new(other.text_instead_of(Wanted::Frames))),
         };
         read.map_err(|e| Error::input(path, e))
@@ -51,7 +65,7 @@ impl Recorded {
     /// Bytes of memory that the numbers take.
     pub fn memory(&self) -> u64 {
         match self {
-            Self::Exr(parts) => parts.iter().map(|part| part.image.memory()).sum(),
+            Self::Images(parts) => parts.iter().map(|part| part.image.memory()).sum(),
             Self::Cloud(cloud) => cloud.memory(),
             Self::Folder(_) => 0,
         }

@@ -25,6 +25,14 @@ impl FrameKey {
         }
     }
 
+    /// The frame that a file of a scan shows, and the ending of the file: of `top/000012.depth16.png` it is `depth16.png`. `None` of a
+    /// file without an ending.
+    pub fn of_file(path: &str) -> Option<(Self, &str)> {
+        let name = path.rfind('/').map_or(0, |slash| slash + 1);
+        let dot = name + path[name..].find('.')?;
+        Some((Self::of_stem(&path[..dot]), &path[dot + 1..]))
+    }
+
     /// The frame's sensor, or the path of its file.
     pub fn sensor(&self) -> &str {
         &self.sensor
@@ -48,6 +56,15 @@ impl fmt::Display for FrameKey {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_ending_is_all_after_the_first_dot_of_the_name() {
+        let of = |path| FrameKey::of_file(path).map(|(key, ending)| (key.to_string(), ending));
+        assert_eq!(of("a.b/000012.exr"), Some(("a.b/000012".into(), "exr")));
+        assert_eq!(of("top/000012.deep.exr"), Some(("top/000012".into(), "deep.exr")));
+        assert_eq!(of("poses.csv"), Some(("poses".into(), "csv")));
+        assert_eq!(of("a.b/000012"), None);
+    }
 
     #[test]
     fn frames_are_known_by_sensor_and_number() {

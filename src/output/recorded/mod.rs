@@ -1,26 +1,37 @@
-//! Recorded frames: EXR range images, PLY clouds, previews, and the folders that scans write, read back.
+//! Recorded frames: range images (EXR, NPZ), clouds (PLY, PCD, NPY), previews, and the folders that scans write, read back.
 //!
 //! Files are treated as hostile. Every size is checked against the length of the file before it is used, a manifest cannot
 //! open a file outside its folder, and no file causes a panic.
 
+mod cloud;
 mod error;
 mod exr;
 mod folder;
 mod frame_key;
 mod instances;
 mod manifest;
+mod npy;
+mod npz;
+mod number;
+mod pcd;
 mod ply;
 mod preview;
+mod python;
 mod tables;
+mod zip;
 
+pub use cloud::{Cloud, Field};
 pub use error::ReadError;
 pub use exr::{Part, read_exr};
-pub use folder::{Folder, Recorded};
+pub use folder::{CLOUD_ENDINGS, Folder, IMAGE_ENDINGS, Recorded};
 pub use frame_key::FrameKey;
 pub use instances::InstanceNames;
 pub use manifest::{
     Input, Output, RecordedJob, RecordedManifest, RecordedScene, RecordedSensor, Tool, read_manifest,
 };
-pub use ply::{Cloud, Field, read_ply};
+pub use npy::read_npy;
+pub use npz::read_npz;
+pub use pcd::read_pcd;
+pub use ply::read_ply;
 pub use preview::read_preview;
 pub use tables::{BoxRow, PoseRow, read_boxes, read_poses};

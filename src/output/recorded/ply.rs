@@ -1,80 +1,8 @@
 //! Reading of PLY point clouds: binary of either byte order, and text.
 
-use std::collections::BTreeMap;
-
-use serde::de::DeserializeOwned;
-
+use super::cloud::{Cloud, Column, check_size, read_records, read_words};
 use super::error::ReadError;
-use super::instances::InstanceNames;
-use crate::output::names::words_of_labels;
-
-/// A point cloud.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Cloud {
-    /// The number of points.
-    pub points: usize,
-    /// The fields, in the order of the file.
-    pub fields: Vec<Field>,
-    /// The header's comments, such as `frame: the world, metres`.
-    pub comments: Vec<String>,
-}
-
-/// A field, which holds one number for each point.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Field {
-    /// The name, such as `x` or `label`.
-    pub name: String,
-    /// The type in PLY's terms: `float`, `int`, ….
-    pub kind: &'static str,
-    /// The values, [`Cloud::points`] long. An f64 holds every number of PLY's types exactly.
-    pub values: Vec<f64>,
-}
-
-impl Cloud {
-    /// Bytes of memory that the values take.
-    pub fn memory(&self) -> u64 {
-        (self.points * self.fields.len() * size_of::<f64>()) as u64
-    }
-
-    /// The values of a field.
-    pub fn field(&self, name: &str) -> Option<&[f64]> {
-        self.fields.iter().find(|f| f.name == name).map(|f| f.values.as_slice())
-    }
-}
-
-impl Cloud {
-    /// The names of the instances that the header lists.
-    pub fn instances(&self) -> InstanceNames {
-        self.listed::<String>("instance ").collect()
-    }
-
-    /// The meaning of the labels, in words, if the header tells.
-    pub fn labels(&self) -> BTreeMap<u32, String> {
-        words_of_labels(&self.listed("label ").collect::<Vec<_>>())
-    }
-
-    /// The numbers of a kind that comments name, such as `instance 4 = "floor"`.
-    fn listed<T: DeserializeOwned>(&self, kind: &str) -> impl Iterator<Item = (u32, T)> {
-        self.comments.iter().filter_map(move |comment| {
-            let (number, named) = comment.strip_prefix(kind)?.split_once(" = ")?;
-            Some((number.parse().ok()?, serde_json::from_str(named).ok()?))
-        })
-    }
-}
-
-/// The scalar types: the name, its older or newer synonym, and the length in bytes.
-const KINDS: [(&str, &str, usize); 8] = [
-    ("char", "int8", 1),
-    ("uchar", "uint8", 1),
-    ("short", "int16", 2),
-    ("ushort", "uint16", 2),
-    ("int", "int32", 4),
-    ("uint", "uint32", 4),
-    ("float", "float32", 4),
-    ("double", "float64", 8),
-];
-
-const MAX_FIELDS: usize = 256;
+use super::number::Number;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Encoding {
@@ -95,7 +23,7 @@ pub fn read_ply(bytes: &[u8], memory: u64) -> Result<Cloud, ReadError> {
         return Err(ReadError::new("this is no PLY"));
     }
     let mut encoding = None;
-    let mut cloud = Cloud::default();
+    let (mut cloud, mut columns, mut stride) = (Cloud::default(), Vec::new(), 0);
     // This tells whether the current element is the vertices. Only elements before the vertices would have to be skipped.
     let mut in_vertices = None;
     for line in lines {
@@ -124,25 +52,25 @@ pub fn read_ply(bytes: &[u8], memory: u64) -> Result<Cloud, ReadError> {
                     cloud.points = count;
                 }
             }
-            Some("property") if in_vertices == Some(true) => cloud.fields.push(property(words)?),
+            Some("property") if in_vertices == Some(true) => {
+                let column = property(words, stride)?;
+                stride += column.number.size();
+                columns.push(column);
+            }
             _ => {}
         }
     }
     let encoding = encoding.ok_or_else(|| ReadError::new("its header has no format"))?;
-    if cloud.fields.is_empty() {
+    if columns.is_empty() {
         return Err(ReadError::new("it has no vertices"));
     }
-    if cloud.fields.len() > MAX_FIELDS {
-        return Err(ReadError::new(format!("it has more than {MAX_FIELDS} fields a point")));
-    }
     // Each point takes a byte of the file at least, so that a claim can't be out of proportion.
-    let points = cloud.points.min(body.len()) as u64;
-    let needed = points.saturating_mul((cloud.fields.len() * size_of::<f64>()) as u64);
-    ReadError::check_memory(needed, memory)?;
-    match encoding {
-        Encoding::Text => read_text(body, &mut cloud)?,
-        _ => read_binary(body, &mut cloud, encoding == Encoding::BigEndian)?,
-    }
+    check_size(cloud.points.min(body.len()), &columns, memory)?;
+    columns.iter_mut().for_each(|column| column.is_big_endian = encoding == Encoding::BigEndian);
+    cloud.fields = match encoding {
+        Encoding::Text => read_words(body, cloud.points, &columns)?,
+        _ => read_records(body, cloud.points, stride, &columns)?,
+    };
     Ok(cloud)
 }
 
@@ -166,68 +94,12 @@ fn split_header(bytes: &[u8]) -> Result<(&str, &[u8]), ReadError> {
     Err(ReadError::new("its header has no end"))
 }
 
-fn property<'a>(mut words: impl Iterator<Item = &'a str>) -> Result<Field, ReadError> {
+fn property<'a>(mut words: impl Iterator<Item = &'a str>, offset: usize) -> Result<Column, ReadError> {
     let (kind, name) = (words.next().unwrap_or(""), words.next().unwrap_or(""));
-    let known = KINDS.iter().find(|(old, new, _)| *old == kind || *new == kind);
-    match known {
-        Some((kind, ..)) => Ok(Field { name: name.to_owned(), kind, values: Vec::new() }),
+    match Number::of_ply(kind) {
+        Some(number) => Ok(Column { name: Some(name.to_owned()), number, offset, is_big_endian: false }),
         None => Err(ReadError::new(format!("a vertex has a property of type {kind:?}, which is no number"))),
     }
-}
-
-fn read_binary(body: &[u8], cloud: &mut Cloud, big_endian: bool) -> Result<(), ReadError> {
-    let length = |kind: &str| KINDS.iter().find(|k| k.0 == kind).map_or(0, |k| k.2);
-    let stride: usize = cloud.fields.iter().map(|f| length(f.kind)).sum();
-    let needed = cloud.points.checked_mul(stride).filter(|&needed| needed <= body.len());
-    let needed = needed.ok_or_else(|| cut_short(cloud.points))?;
-    let mut offset = 0;
-    for field in &mut cloud.fields {
-        let size = length(field.kind);
-        let at = |point: &[u8]| number(&point[offset..offset + size], field.kind, big_endian);
-        field.values = body[..needed].chunks_exact(stride).map(at).collect();
-        offset += size;
-    }
-    Ok(())
-}
-
-/// The number that the bytes of a type represent.
-fn number(bytes: &[u8], kind: &str, big_endian: bool) -> f64 {
-    let mut le = [0; 8];
-    le[..bytes.len()].copy_from_slice(bytes);
-    if big_endian {
-        le[..bytes.len()].reverse();
-    }
-    let [a, b, c, d, ..] = le;
-    match kind {
-        "char" => f64::from(a as i8),
-        "uchar" => f64::from(a),
-        "short" => f64::from(i16::from_le_bytes([a, b])),
-        "ushort" => f64::from(u16::from_le_bytes([a, b])),
-        "int" => f64::from(i32::from_le_bytes([a, b, c, d])),
-        "uint" => f64::from(u32::from_le_bytes([a, b, c, d])),
-        "float" => f64::from(f32::from_le_bytes([a, b, c, d])),
-        _ => f64::from_le_bytes(le),
-    }
-}
-
-fn read_text(body: &[u8], cloud: &mut Cloud) -> Result<(), ReadError> {
-    let text = std::str::from_utf8(body).map_err(|_| ReadError::new("its points are not text"))?;
-    let mut words = text.split_ascii_whitespace();
-    for point in 0..cloud.points {
-        for field in &mut cloud.fields {
-            let word = words.next().ok_or_else(|| cut_short(cloud.points))?;
-            let value: f64 = word
-                .parse()
-                .map_err(|_| ReadError::new(format!("point {point} has {word:?} for {:?}", field.name)))?;
-            // A number in a text may have more digits than its type.
-            field.values.push(if field.kind == "float" { f64::from(value as f32) } else { value });
-        }
-    }
-    Ok(())
-}
-
-fn cut_short(points: usize) -> ReadError {
-    ReadError::new(format!("it is cut short: its header promises {points} points"))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Files that begin with a signature of their own.
 
 use super::kind::FileKind::{
-    self, Calibration, Cloud, Exr, Gltf, Gltf1, Mesh, Other, Ply, Recording, Wrapped,
+    self, Calibration, Cloud, Exr, Gltf, Gltf1, Mesh, Npy, Npz, Other, Pcd, Ply, Recording, Wrapped,
 };
 use super::kind::Unit;
 
@@ -79,7 +79,9 @@ const SIGNATURES: &[(usize, &[u8], FileKind)] = &[
     (0, b"ply\r", Ply),
     (0, b"LASF", Cloud("a LAS or LAZ cloud")),
     (0, b"ASTM-E57", Cloud("an E57 cloud")),
-    (0, b"# .PCD", Cloud("a PCD cloud")),
+    (0, b"# .PCD", Pcd),
+    (0, b"VERSION 0.7\nFIELDS ", Pcd),
+    (0, b"VERSION .7\nFIELDS ", Pcd),
     (0, b"\xd4\xc3\xb2\xa1", PCAP),
     (0, b"\xa1\xb2\xc3\xd4", PCAP),
     (0, b"\x4d\x3c\xb2\xa1", PCAP),
@@ -98,7 +100,7 @@ const SIGNATURES: &[(usize, &[u8], FileKind)] = &[
     (0, b"#?RADIANCE", Other("an HDR image")),
     (8, b"WEBP", Other("a WebP image")),
     (0, b"%PDF", Other("a PDF")),
-    (0, b"\x93NUMPY", Other("a NumPy array (npy)")),
+    (0, b"\x93NUMPY", Npy),
     (0, b"\x89HDF\r\n\x1a\n", Other("an HDF5 file")),
     (0, b"\x7fELF", Other("a program")),
 ];
@@ -126,7 +128,7 @@ fn kind_of_zip(head: &[u8]) -> FileKind {
     };
     let name = head.get(30..30 + u16_at(26)).unwrap_or_default();
     match () {
-        () if name.ends_with(b".npy") => Other("NumPy arrays (npz)"),
+        () if name.ends_with(b".npy") => Npz,
         () if name.ends_with(b".usdc") || name.ends_with(b".usda") || name.ends_with(b".usd") => {
             Mesh("a USD file (usdz)", USD)
         }

@@ -21,6 +21,12 @@ pub enum FileKind {
     Exr,
     /// A PLY: a cloud or a mesh.
     Ply,
+    /// A PCD cloud.
+    Pcd,
+    /// An array of NumPy.
+    Npy,
+    /// Arrays of NumPy in a ZIP.
+    Npz,
     /// The manifest of a scan.
     Manifest,
     /// A baseline of `beamcast check`.
@@ -83,8 +89,12 @@ impl Wanted {
             Self::Scene => "a glTF scene",
             Self::Config => "a job or a sensor file",
             Self::Linted => "a job, a sensor file or a scene",
-            Self::Shown => "a job, a sensor file, a scene, an EXR, a PLY or a folder that a scan wrote",
-            Self::Frames => "an EXR, a PLY, a folder that a scan wrote or a job",
+            Self::Shown => {
+                "a job, a sensor file, a scene, a range image (EXR, NPZ), a cloud (PLY, PCD, NPY) or a folder that a scan wrote"
+            }
+            Self::Frames => {
+                "a range image (EXR, NPZ), a cloud (PLY, PCD, NPY), a folder that a scan wrote or a job"
+            }
             Self::Calibration => "a calibration",
         }
     }
@@ -103,7 +113,7 @@ impl FileKind {
 
     /// Whether `info`, `view` and `diff` read the file.
     pub fn is_recorded(&self) -> bool {
-        matches!(self, Self::Exr | Self::Ply | Self::Manifest)
+        matches!(self, Self::Exr | Self::Ply | Self::Pcd | Self::Npy | Self::Npz | Self::Manifest)
     }
 
     /// Whether nothing is known of the file that its reader doesn't know better.
@@ -122,6 +132,9 @@ impl FileKind {
             Self::ForeignConfig(syntax) => format!("a job or a sensor file in {syntax}"),
             Self::Exr => "an EXR image".to_owned(),
             Self::Ply => "a PLY file".to_owned(),
+            Self::Pcd => "a PCD cloud".to_owned(),
+            Self::Npy => "a NumPy array (npy)".to_owned(),
+            Self::Npz => "NumPy arrays (npz)".to_owned(),
             Self::Manifest => "the manifest of a scan".to_owned(),
             Self::Baseline => "a baseline of `beamcast check`".to_owned(),
             Self::Xml(root) => format!("XML of {}", quoted(root)),
@@ -193,7 +206,8 @@ impl FileKind {
                  made a mesh first"
                     .to_owned()
             }
-            Self::Exr | Self::Ply => "`beamcast info`, `view` and `diff` read it".to_owned(),
+            Self::Pcd if wants_scene => MESH_OF_CLOUD.to_owned(),
+            Self::Exr | Self::Ply | Self::Pcd | Self::Npy | Self::Npz => "`beamcast info`, `view` and `diff` read it".to_owned(),
             Self::Manifest => "`beamcast info`, `view` and `diff` read it and its folder".to_owned(),
             Self::Baseline => "`beamcast check` reads it: name the job that it belongs to".to_owned(),
             Self::Calibration(Unit::HesaiMirrors) => {
@@ -204,11 +218,8 @@ impl FileKind {
             Self::Calibration(_) => "`beamcast import FILE -o sensor.toml` makes a sensor file of it".to_owned(),
             Self::Wrapped(_, mend) => (*mend).to_owned(),
             Self::Mesh(_, mend) => format!("beamcast reads glTF 2.0: {mend}"),
-            Self::Cloud(_) if wants_scene => {
-                "beams hit triangles: make a mesh of the cloud first, with CloudCompare or Open3D, and export it as glTF"
-                    .to_owned()
-            }
-            Self::Cloud(_) => "of clouds, beamcast reads PLY: CloudCompare, Open3D or PDAL convert it".to_owned(),
+            Self::Cloud(_) if wants_scene => MESH_OF_CLOUD.to_owned(),
+            Self::Cloud(_) => "of clouds, beamcast reads PLY, PCD and NPY: CloudCompare, Open3D or PDAL convert it".to_owned(),
             Self::Recording(_) => {
                 "beamcast reads no recordings: the unit's calibration, which is a file of its own, goes to `beamcast import`"
                     .to_owned()
@@ -223,6 +234,10 @@ impl FileKind {
         })
     }
 }
+
+/// What makes a scene of a cloud.
+const MESH_OF_CLOUD: &str =
+    "beams hit triangles: make a mesh of the cloud first, with CloudCompare or Open3D, and export it as glTF";
 
 /// Most keys of a file that a message lists.
 const MOST_KEYS: usize = 6;

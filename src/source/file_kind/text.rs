@@ -2,7 +2,7 @@
 
 use super::json::CAMERA;
 use super::kind::FileKind::{
-    self, Calibration, Cloud, ForeignConfig, Job, Keys, Mesh, Other, Text, Toml, Wrapped, Xml,
+    self, Calibration, Cloud, ForeignConfig, Job, Keys, Mesh, Other, Pcd, Text, Toml, Wrapped, Xml,
 };
 use super::kind::Unit;
 
@@ -51,7 +51,7 @@ pub(super) fn kind_of(text: &str) -> FileKind {
         () if text.starts_with("0\nSECTION") || text.starts_with("0\r\nSECTION") => {
             Mesh("a DXF drawing", BLENDER)
         }
-        () if begins(&["FIELDS"]) && begins(&["POINTS"]) => Cloud("a PCD cloud"),
+        () if begins(&["FIELDS"]) && begins(&["POINTS"]) => Pcd,
         () if lines().filter(|line| !line.starts_with(['#', '/'])).take(20).all(is_cloud)
             && lines().any(is_cloud) =>
         {

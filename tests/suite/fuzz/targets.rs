@@ -11,8 +11,8 @@ use beamcast::check::{Baseline, StoredPixels};
 use beamcast::config::{self, Config};
 use beamcast::glam::{DAffine3, DVec3};
 use beamcast::import::{self, Source};
-use beamcast::output::recorded::{Recorded, read_exr, read_ply, read_preview};
-use beamcast::output::{Image, SensorFrame};
+use beamcast::output::recorded::{Recorded, read_exr, read_npy, read_npz, read_pcd, read_ply, read_preview};
+use beamcast::output::{Channels, Image, SensorFrame};
 use beamcast::rng::Rng;
 use beamcast::scene::gltf;
 use beamcast::sensor::facts::SensorFacts;
@@ -40,6 +40,9 @@ pub const TARGETS: &[Target] = &[
     Target { name: "import", run: import, seeds: import_seeds },
     Target { name: "exr", run: exr, seeds: || vec![frame_as(Format::EXR)] },
     Target { name: "ply", run: ply, seeds: ply_seeds },
+    Target { name: "pcd", run: pcd, seeds: pcd_seeds },
+    Target { name: "npy", run: npy, seeds: npy_seeds },
+    Target { name: "npz", run: npz, seeds: npz_seeds },
     Target { name: "preview", run: preview, seeds: || vec![frame_as(Format::PNG)] },
     Target { name: "manifest", run: manifest, seeds: manifest_seeds },
     Target { name: "baseline", run: baseline, seeds: baseline_seeds },
@@ -299,6 +302,65 @@ fn ply_seeds() -> Vec<Vec<u8>> {
     short.truncate(4000);
     let text = "ply\nformat ascii 1.0\ncomment c\nelement vertex 2\nproperty float x\nproperty uchar y\nend_header\n1 2\n3 4\n";
     vec![short, text.as_bytes().to_vec()]
+}
+
+fn pcd(bytes: &[u8]) {
+    if let Ok(cloud) = read_pcd(bytes, MEMORY) {
+        assert!(cloud.fields.iter().all(|field| field.values.len() == cloud.points));
+    }
+}
+
+/// A cloud of ours, and small ones in each encoding.
+fn pcd_seeds() -> Vec<Vec<u8>> {
+    let header = "VERSION 0.7\nFIELDS x y _ label\nSIZE 4 4 1 2\nTYPE F F U I\nCOUNT 1 2 3 1\nWIDTH 2\nHEIGHT 1\n\
+                  VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\nDATA ";
+    let text = format!("# .PCD v0.7\n# c\n{header}ascii\n1 2 3 0 0 0 4\nnan -1e9 3 0 0 0 4\n");
+    let binary = [header.as_bytes(), b"binary\n", &[0x40; 34]].concat();
+    let five = header.replace("WIDTH 2", "WIDTH 5").replace("POINTS 2", "POINTS 5").replace("_ label", "_ _");
+    // The lengths of what is compressed and of what it becomes; one byte, and 59 that are like it.
+    let packed = [5, 0, 0, 0, 60, 0, 0, 0, 0, 0x40, 7 << 5, 50, 0];
+    let compressed = [five.as_bytes(), b"binary_compressed\n", &packed].concat();
+    let mut ours = frame_as(format("pcd"));
+    ours.truncate(4000);
+    vec![ours, text.into_bytes(), binary, compressed]
+}
+
+fn npy(bytes: &[u8]) {
+    if let Ok(cloud) = read_npy(bytes, MEMORY) {
+        assert!(cloud.fields.iter().all(|field| field.values.len() == cloud.points));
+    }
+}
+
+fn npy_seeds() -> Vec<Vec<u8>> {
+    let header = b"{'descr': [('x', '<f4'), ('', '|V2'), (('t', 'label'), '>i2'), ('n', '<f8', (2,))], 'fortran_order': False, 'shape': (2,), }\n";
+    let small =
+        [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header, &[0x40; 48]].concat();
+    let mut ours = frame_as(format("npy"));
+    ours.truncate(4000);
+    vec![ours, small]
+}
+
+fn npz(bytes: &[u8]) {
+    for part in read_npz(bytes, MEMORY).unwrap_or_default() {
+        assert!(part.image.channels.iter().all(|c| c.samples.len() == part.image.pixels()));
+    }
+}
+
+/// A small frame, as it is and compressed.
+fn npz_seeds() -> Vec<Vec<u8>> {
+    let few = Channels::named(["range", "id.instance", "normal.X", "normal.Y", "normal.Z"]);
+    let small =
+        "[rotating]\nelevations_deg = [0.0, -5.0]\ncolumns = 3\nrate_hz = 10.0\n[range]\nmax_m = 50.0\n";
+    let path = file("small.toml", small.as_bytes());
+    let sensor = config::load_sensor(&path).map_or_else(|e| panic!("{e:?}"), |file| file.sensor);
+    let npz = format("npz").with_channels(few);
+    let compressed = npz.spec.options.iter().find(|option| option.name == "compressed").unwrap();
+    vec![encoded(&sensor, npz).unwrap(), encoded(&sensor, npz.with(compressed, 1.0)).unwrap()]
+}
+
+/// The format of this name.
+fn format(name: &str) -> Format {
+    Format::named(name).unwrap()
 }
 
 fn manifest(bytes: &[u8]) {

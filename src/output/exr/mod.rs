@@ -1,38 +1,44 @@
-//! Encoding of OpenEXR range images.
+//! Encoding of OpenEXR range images; [`deep`] has a sample a return instead of a part a return.
 
-use std::collections::HashMap;
+mod attributes;
+pub(super) mod deep;
+
 use std::io::Cursor;
 
 use exr::block::chunk::Chunk;
 use exr::block::writer::ChunksWriter;
 use exr::block::{UncompressedBlock, enumerate_ordered_header_block_indices};
+use exr::compression::Compression;
 use exr::image::write::layers::{LayersWriter, WritableLayers};
 use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, Layers};
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
+use exr::prelude::f16;
 use rayon::prelude::*;
 
+use self::attributes::{Value, attributes};
 use super::channel::{BYTES_A_VALUE, repeated_for_opencv};
 use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::image::{Image, Samples};
-use super::options::Options;
-use super::sensor_frame::{SensorFrame, pose_as_toml};
-use crate::frame::BODY_FROM_OPTICAL;
-use crate::scan::Cause;
-use crate::sensor::{Pattern, Ranging, Sensor};
+use super::options::{OptionSpec, OptionValues, Options};
+use super::sensor_frame::SensorFrame;
+use crate::sensor::Sensor;
+use crate::source::words::joined;
 
 /// The value of the attribute `beamcast:no_return`.
 const NO_RETURN: &str = "+inf in range, Z and Y; 0 in all other channels except cause";
 
-/// A range image with every channel, as 32-bit scanlines, with ZIP compression in blocks of 16 lines. A frame with several
-/// returns a pixel has one part for each return number.
+/// A range image with every channel, as scanlines of 32 bits a value. A frame with several returns a pixel has one part for each
+/// return number.
 pub(super) static FORMAT: FormatSpec = FormatSpec {
     name: "exr",
     ending: "exr",
     about: "OpenEXR range images of all channels",
     content: Content::Channels,
     read_by: "OpenEXR",
+    options: &[COMPRESSION, HALF],
     check,
+    loses,
     encoding_bytes_a_ray: |sensor, options| {
         // This counts the channels, the compressed blocks and the file, under the assumption that compression saves
         // nothing.
@@ -43,11 +49,53 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     ..FormatSpec::PLAIN
 };
 
+const COMPRESSION: OptionSpec = OptionSpec {
+    name: "compression",
+    about: "How the pixels are compressed, which never changes a value: `zip` in blocks of 16 lines, `zips` line by line, which \
+            lets programs read single lines, `piz` by wavelets, which suits noise, `rle` by runs of equal bytes, which is fast, or \
+            `none`.",
+    values: OptionValues::Word { words: &["zip", "zips", "piz", "rle", "none"], default: "zip" },
+};
+
+const HALF: OptionSpec = OptionSpec {
+    name: "half",
+    about: "Whether `intensity`, `normal`, `color` and `confidence` are half floats of 16 bits, which rounds them by at most 0.05 %. \
+            Range, depth, time and all others keep 32 bits: near 100 m, half floats are 62 mm apart.",
+    values: OptionValues::Flag { default: false },
+};
+
+/// Whether a channel becomes half floats: those whose values mean no more than a half float says.
+///
+/// A half float has 11 significant bits (IEEE 754 binary16), and so it is within 2⁻¹¹ (0.05 %) of the value, and equal to whole
+/// numbers up to 2048, such as intensities on the scales of makers.
+fn is_half(channel: &str, options: &Options) -> bool {
+    const FEW_BITS: [&str; 4] = ["intensity", "normal.", "color.", "confidence"];
+    options.is_set(&HALF) && FEW_BITS.iter().any(|start| channel.starts_with(start))
+}
+
+/// The half float nearest to a value. What is larger than all of them, as only an ideal intensity of a retroreflector could be,
+/// becomes the largest.
+fn half(value: f32) -> f16 {
+    f16::from_f32(value.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()))
+}
+
+fn loses(sensor: &Sensor, options: &Options) -> Option<String> {
+    let rounded = options.channels.of(sensor).filter(|channel| is_half(channel.name, options));
+    let names: Vec<String> = rounded.map(|channel| channel.name.to_owned()).collect();
+    (!names.is_empty()).then(|| {
+        format!("half floats round {} by at most 0.05 %: half = false keeps 32 bits", joined(&names, "and"))
+    })
+}
+
 fn file_bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
     let repeated = repeated_for_opencv(sensor);
-    let times = |name: &str| if name == repeated { 2 } else { 1 };
-    let of_return = options.channels.of(sensor).map(|channel| times(channel.name)).sum::<u64>();
-    BYTES_A_VALUE * of_return * sensor.most_returns() as u64
+    let bytes = |name: &str| match name {
+        name if is_half(name, options) => BYTES_A_VALUE / 2,
+        name if name == repeated => 2 * BYTES_A_VALUE,
+        _ => BYTES_A_VALUE,
+    };
+    let of_return = options.channels.of(sensor).map(|channel| bytes(channel.name)).sum::<u64>();
+    of_return * sensor.most_returns() as u64
 }
 
 fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
@@ -64,14 +112,17 @@ fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
 
 fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
     let size = (frame.frame.columns(), frame.frame.rows());
+    let compression = match options.text(&COMPRESSION) {
+        "zips" => Compression::ZIP1,
+        "piz" => Compression::PIZ,
+        "rle" => Compression::RLE,
+        "none" => Compression::Uncompressed,
+        _ => Compression::ZIP16,
+    };
+    let encoding = Encoding { compression, ..Encoding::SMALL_LOSSLESS };
     let layer = |number, name: Option<Text>| {
-        let attributes = LayerAttributes { layer_name: name, ..attributes(frame) };
-        Layer::new(
-            size,
-            attributes,
-            Encoding::SMALL_LOSSLESS,
-            channels(Image::for_opencv(frame, number, options.channels)),
-        )
+        let image = Image::for_opencv(frame, number, options.channels);
+        Layer::new(size, layer_attributes(frame, name), encoding, channels(image, options))
     };
     // The parts of a multi-part file need names.
     let parts = frame.frame.most_returns().max(1);
@@ -109,9 +160,12 @@ fn compress<'i, L: WritableLayers<'i>>(image: &'i exr::image::Image<L>) -> exr::
     Ok(file)
 }
 
-fn channels(image: Image) -> AnyChannels<FlatSamples> {
+fn channels(image: Image, options: &Options) -> AnyChannels<FlatSamples> {
     let channels = image.channels.into_iter().map(|channel| {
         let samples = match channel.samples {
+            Samples::F32(values) if is_half(&channel.name, options) => {
+                FlatSamples::F16(values.into_iter().map(half).collect())
+            }
             Samples::F32(values) => FlatSamples::F32(values),
             Samples::U32(values) => FlatSamples::U32(values),
         };
@@ -120,66 +174,18 @@ fn channels(image: Image) -> AnyChannels<FlatSamples> {
     AnyChannels::sort(channels.collect())
 }
 
-fn attributes(frame: &SensorFrame) -> LayerAttributes {
-    let mut other = HashMap::new();
-    let mut set = |name: &str, value| other.insert(Text::from(name), value);
-    let text = |value: &str| AttributeValue::Text(Text::from(value));
-
-    set("beamcast:no_return", text(NO_RETURN));
-    let possible = if frame.frame.is_measured() { Cause::ALL } else { Cause::IDEAL };
-    let causes: Vec<_> =
-        possible.iter().map(|cause| format!("{} {}", cause.number(), cause.name())).collect();
-    set("beamcast:cause", text(&causes.join(", ")));
-    // An attribute holds one byte for each character.
-    set("beamcast:sensor", text(&frame.name.escape_default().to_string()));
-    set("beamcast:world_from_sensor", text(&pose_as_toml(&frame.world_from_sensor())));
-    for (what, named) in
-        [("instances", frame.names.instances(frame.frame)), ("labels", frame.names.labels(frame.frame))]
-    {
-        if let Some(names) = named.to_json() {
-            set(&format!("beamcast:{what}"), text(&names));
-        }
-        if named.left_out > 0 {
-            let said = format!("{}, which the manifest names", named.left_out);
-            set(&format!("beamcast:{what}_left_out"), text(&said));
-        }
+fn layer_attributes(frame: &SensorFrame, name: Option<Text>) -> LayerAttributes {
+    let value = |value| match value {
+        // An attribute holds one byte for each character.
+        Value::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
+        Value::Number(number) => AttributeValue::F64(number),
+    };
+    let other = attributes(frame, NO_RETURN).into_iter();
+    LayerAttributes {
+        layer_name: name,
+        other: other.map(|(name, of)| (Text::from(name.as_str()), value(of))).collect(),
+        ..LayerAttributes::default()
     }
-    let pattern = &frame.capture.sensor.pattern;
-    set("beamcast:pattern", text(pattern.name()));
-    set("beamcast:normal_frame", text(if pattern.is_camera() { "optical" } else { "sensor" }));
-    match pattern {
-        Pattern::Rotating(p) => {
-            set("beamcast:layout", text(if p.is_destaggered() { "destaggered" } else { "staggered" }));
-            let offset_m = match p.ranging() {
-                Ranging::Along(before) => before,
-                Ranging::FromOrigin => {
-                    set("beamcast:range_from", text("origin"));
-                    0.0
-                }
-            };
-            set("beamcast:range_offset_m", AttributeValue::F64(offset_m));
-        }
-        Pattern::Camera(camera) => {
-            let world_from_optical = frame.world_from_sensor() * BODY_FROM_OPTICAL;
-            set("beamcast:world_from_optical", text(&pose_as_toml(&world_from_optical)));
-            set("beamcast:fx_px", AttributeValue::F64(camera.focal_px().0));
-            set("beamcast:fy_px", AttributeValue::F64(camera.focal_px().1));
-            set("beamcast:cx_px", AttributeValue::F64(camera.principal_px().0));
-            set("beamcast:cy_px", AttributeValue::F64(camera.principal_px().1));
-            let numbers = camera.lens().coefficients().iter().map(f64::to_string).collect::<Vec<_>>();
-            if !numbers.is_empty() {
-                set("beamcast:distortion", text(&numbers.join(", ")));
-            }
-        }
-        Pattern::Orthographic(camera) => {
-            let world_from_optical = frame.world_from_sensor() * BODY_FROM_OPTICAL;
-            set("beamcast:world_from_optical", text(&pose_as_toml(&world_from_optical)));
-            set("beamcast:width_m", AttributeValue::F64(camera.size_m().0));
-            set("beamcast:height_m", AttributeValue::F64(camera.size_m().1));
-        }
-        _ => {}
-    }
-    LayerAttributes { other, ..LayerAttributes::default() }
 }
 
 /// Sorts the attributes of each part's header by name. The library keeps our attributes in a hash map and so writes them in
