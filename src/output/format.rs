@@ -40,6 +40,10 @@ pub struct FormatSpec {
     pub encoding_bytes_a_ray: fn(&Sensor, &Options) -> u64,
     /// The size of the file for each ray that returns, before any compression, in bytes.
     pub file_bytes_a_ray: fn(&Sensor, &Options) -> u64,
+    /// Whether the steps of points' coordinates do not grow with the distance from the origin, as those of 32-bit floats do.
+    pub has_even_steps: bool,
+    /// Whether a file of a whole run has the points of all frames in one cloud.
+    pub merges_clouds: bool,
     /// The way in which frames become files.
     pub kind: Kind,
 }
@@ -62,6 +66,8 @@ impl FormatSpec {
         most_instance: |_| u32::MAX,
         encoding_bytes_a_ray: |_, _| 0,
         file_bytes_a_ray: |_, _| 0,
+        has_even_steps: false,
+        merges_clouds: false,
         kind: Kind::File(|_, _| Ok(Vec::new())),
     };
 }
@@ -98,14 +104,17 @@ pub(super) const fn field(name: &'static str, kind: &'static str, unit: &'static
 }
 
 /// The way in which frames become files. The same frames give the same bytes, on any number of threads and any platform.
+#[derive(Clone, Copy)]
 pub enum Kind {
     /// One file for each frame. The function returns the content of the whole file.
     ///
     /// The error names the number of the frame that the format cannot represent, such as a label above 2³¹ − 1 in a PLY.
     File(fn(&SensorFrame, &Options) -> Result<Vec<u8>, EncodeError>),
     /// One file for each run, to which all frames of all sensors are added in order, as in bags and in clouds of a whole
-    /// drive.
-    Stream(fn() -> Box<dyn Stream>),
+    /// drive. The function is told of all the sensors.
+    Stream(fn(&[&Sensor], &Options) -> Box<dyn Stream>),
+    /// One of the other kinds, as the options say.
+    Chosen(fn(&Options) -> Kind),
 }
 
 /// A file that grows frame by frame. The written part is not used before [`Stream::finish`].
@@ -121,6 +130,12 @@ pub trait Stream: Send {
     /// # Errors
     /// An error if the file cannot be written.
     fn finish(&mut self, file: &mut dyn Write) -> Result<(), EncodeError>;
+
+    /// The bytes that replace the first ones of the finished file, where the beginning of a file tells what follows. Most
+    /// formats have none.
+    fn head(&self) -> Vec<u8> {
+        Vec::new()
+    }
 }
 
 /// The reason why a frame cannot be encoded in a format.

@@ -4,7 +4,7 @@ use std::fmt;
 use std::hash::{Hash, Hasher};
 
 use super::channel::{ChannelSpec, TERM_NAMES};
-use super::format::{Content, EncodeError, FormatSpec, Kind};
+use super::format::{Content, EncodeError, FormatSpec, Kind, Stream};
 use super::options::{Channels, OptionSpec, OptionValue, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
@@ -206,12 +206,33 @@ impl Format {
     /// An error if the frame has a number that the format cannot represent, such as a label above 2³¹ − 1 in a PLY, or if
     /// the format has one file for each run and so none for a single frame.
     pub fn encode(self, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
-        match self.spec.kind {
+        match self.kind() {
             Kind::File(encode) => encode(frame, &self.options),
-            Kind::Stream(_) => Err(EncodeError::new(format!(
+            _ => Err(EncodeError::new(format!(
                 "{} has one file for each run, and none for a single frame",
                 self.name()
             ))),
+        }
+    }
+
+    /// Whether all frames of a run go into one file.
+    pub fn is_of_run(self) -> bool {
+        matches!(self.kind(), Kind::Stream(_))
+    }
+
+    /// The file of a run of these sensors, before the first frame is added. `None` if each frame has a file of its own.
+    pub fn stream(self, sensors: &[&Sensor]) -> Option<Box<dyn Stream>> {
+        match self.kind() {
+            Kind::Stream(stream) => Some(stream(sensors, &self.options)),
+            _ => None,
+        }
+    }
+
+    /// The way in which frames become files with the options that are given.
+    fn kind(self) -> Kind {
+        match self.spec.kind {
+            Kind::Chosen(choose) => choose(&self.options),
+            kind => kind,
         }
     }
 }

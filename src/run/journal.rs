@@ -19,7 +19,7 @@ use super::table::Table;
 use crate::config::{InputFile, Job};
 use crate::error::Error;
 use crate::output::recorded::read_manifest;
-use crate::output::{Destination, Format, GrowingFile, Kind, Manifest, SensorFrame, Stream, WrittenFile};
+use crate::output::{Destination, Format, GrowingFile, Manifest, SensorFrame, Stream, WrittenFile};
 use crate::scene::SourceFile;
 
 /// What a run does with what is in its folder.
@@ -192,9 +192,10 @@ impl Journal {
             None => Writer::create(&path, &own)?,
         });
         self.header = Some(own);
+        let sensors: Vec<_> = session.job.sensors.iter().map(|mounted| &mounted.sensor).collect();
         for Output { format, name } in &plan.streams {
-            if let Kind::Stream(stream) = format.spec.kind {
-                self.streams.push((stream(), self.destination.open(name)?));
+            if let Some(stream) = format.stream(&sensors) {
+                self.streams.push((stream, self.destination.open(name)?));
             }
         }
         Ok(Done::Frames(self.frames))
@@ -281,6 +282,10 @@ impl Journal {
         let mut of_run = Vec::new();
         for (mut stream, mut file) in self.streams.drain(..) {
             stream.finish(&mut file).map_err(|e| Error::output(file.path(), e))?;
+            let head = stream.head();
+            if !head.is_empty() {
+                file.replace_head(&head).map_err(|e| Error::output(file.path(), e))?;
+            }
             of_run.push(file.finish()?);
         }
         self.writer = None;

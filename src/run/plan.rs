@@ -9,7 +9,7 @@ use super::memory::{self, Holding};
 use super::table::Table;
 use crate::config::{Job, MountedSensor};
 use crate::error::Error;
-use crate::output::{FileNames, Format, Kind, Manifest, SensorFrames};
+use crate::output::{FileNames, Format, Manifest, SensorFrames};
 use crate::scene::Scene;
 
 /// The frames that a job casts and the files that they become. Its size does not depend on the number of frames.
@@ -120,8 +120,8 @@ impl Plan {
             return Err(Error::Usage(problem));
         }
         let shard = selection.shard;
-        let is_of_frame = |format: &&Format| matches!(format.spec.kind, Kind::File(_));
-        let (formats, streams): (Vec<Format>, Vec<Format>) = job.output.formats.iter().partition(is_of_frame);
+        let (streams, formats): (Vec<Format>, Vec<Format>) =
+            job.output.formats.iter().partition(|format| format.is_of_run());
         let of_run = |format: Format| Output { format, name: format!("run.{}", format.ending()) };
         let streams = streams.into_iter().map(of_run).collect();
         let mut plan = Self {
