@@ -10,6 +10,7 @@
 //! format         the declaration of a format; registry lists all of them
 //! options        what a job says about a format: its options, and the channels
 //! exr ply png color depth16 registered labels npz npy pcd   the formats, with one file each
+//! las e57        the formats of surveyors, with one folder each; crs: the coordinate reference system of both
 //! waveform       the waveform of every pulse, as arrays
 //! page           the page of all formats, for docs
 //! poses          where a sensor was: a row a frame in a run's table, and a row a column in a file of its own
@@ -28,7 +29,9 @@
 
 mod channel;
 mod color;
+mod crs;
 mod depth16;
+mod e57;
 mod exr;
 mod files;
 mod film;
@@ -37,6 +40,7 @@ mod id;
 mod image;
 mod json;
 mod labels;
+mod las;
 mod legend;
 mod manifest;
 mod names;

@@ -8,7 +8,7 @@ use super::format::{Content, EncodeError, FormatSpec, Kind, Stream};
 use super::options::{Channels, OptionSpec, OptionValue, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
-use super::{color, depth16, exr, labels, npy, npz, pcd, ply, png, poses, registered, waveform};
+use super::{color, depth16, e57, exr, labels, las, npy, npz, pcd, ply, png, poses, registered, waveform};
 use crate::sensor::Sensor;
 
 /// Every format that a job can name, in the order in which lists show them.
@@ -24,6 +24,9 @@ pub static FORMATS: &[&FormatSpec] = &[
     &npz::FORMAT,
     &npy::FORMAT,
     &pcd::FORMAT,
+    &las::LAS,
+    &las::LAZ,
+    &e57::FORMAT,
     &poses::FORMAT,
     &waveform::FORMAT,
 ];
