@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt;
 use std::fs;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -85,6 +85,21 @@ impl GrowingFile {
     /// The path that the file will have.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Replaces the first bytes of the file, which are at least as many. The file is read again for its hash.
+    ///
+    /// # Errors
+    /// The error of the disk.
+    pub fn replace_head(&mut self, head: &[u8]) -> io::Result<()> {
+        self.file.flush()?;
+        let file = self.file.get_mut().as_file_mut();
+        file.seek(SeekFrom::Start(0))?;
+        file.write_all(head)?;
+        file.seek(SeekFrom::Start(0))?;
+        self.hasher.reset();
+        io::copy(file, &mut self.hasher)?;
+        Ok(())
     }
 
     /// Flushes the file to the disk and gives it its final name.
@@ -349,6 +364,25 @@ mod tests {
         assert_eq!((written.path.as_str(), written.bytes), ("top/000000.exr", 6));
         assert_eq!(written.blake3, blake3::hash(b"pixels").to_hex().as_str());
         assert_eq!(files_under(tmp.path()), ["out/top/000000.exr"]);
+    }
+
+    #[test]
+    fn a_head_that_is_replaced_counts_in_the_hash() {
+        let folder = tempfile::tempdir().unwrap();
+        let destination = Destination::check(folder.path(), vec!["a".to_owned()], false).unwrap();
+        let mut file = destination.open("a").unwrap();
+        let points = vec![7; 100_000]; // more than what is buffered
+        file.write_all(b"0000").unwrap();
+        file.write_all(&points).unwrap();
+        file.replace_head(b"head").unwrap();
+        file.write_all(b"end").unwrap();
+        let written = file.finish().unwrap();
+        let content = [&b"head"[..], &points, b"end"].concat();
+        assert!(fs::read(folder.path().join("a")).unwrap() == content);
+        assert_eq!(
+            (written.bytes, written.blake3),
+            (content.len() as u64, blake3::hash(&content).to_hex().to_string())
+        );
     }
 
     #[test]

@@ -44,6 +44,10 @@ pub struct FormatSpec {
     /// The files of a run, as paths in its output folder: that to which frames are added, and then those that are written beside it
     /// at the end. Of a stream that names none it is `run.ENDING`.
     pub stream_files: &'static [&'static str],
+    /// Whether the steps of points' coordinates do not grow with the distance from the origin, as those of 32-bit floats do.
+    pub has_even_steps: bool,
+    /// Whether a file of a whole run has the points of all frames in one cloud.
+    pub merges_clouds: bool,
     /// The way in which frames become files.
     pub kind: Kind,
 }
@@ -67,6 +71,8 @@ impl FormatSpec {
         encoding_bytes_a_ray: |_, _| 0,
         file_bytes_a_ray: |_, _| 0,
         stream_files: &[],
+        has_even_steps: false,
+        merges_clouds: false,
         kind: Kind::File(|_, _| Ok(Vec::new())),
     };
 }
@@ -114,10 +120,12 @@ pub enum Kind {
     /// The error names the number of the frame that the format cannot represent, such as a label above 2³¹ − 1 in a PLY.
     File(fn(&SensorFrame, &Options) -> Result<Vec<u8>, EncodeError>),
     /// One file for each run, to which all frames of all sensors are added in order, as in bags and in clouds of a whole
-    /// drive.
-    Stream(fn(&Options) -> Box<dyn Stream>),
+    /// drive. The function is told of all the sensors.
+    Stream(fn(&[&Sensor], &Options) -> Box<dyn Stream>),
     /// Several files for each frame, and files that are made at the run's end: a folder as the tools of a data set expect it.
     Folder(Folder),
+    /// One of the other kinds, as the options say.
+    Chosen(fn(&Options) -> Kind),
 }
 
 /// The files of a [`Kind::Folder`].
@@ -257,6 +265,12 @@ pub trait Stream: Send {
 
     /// The contents of the files beside, in the order of [`FormatSpec::stream_files`], once the stream is finished.
     fn beside(&self) -> Vec<Vec<u8>> {
+        Vec::new()
+    }
+
+    /// The bytes that replace the first ones of the finished file, where the beginning of a file tells what follows. Most
+    /// formats have none.
+    fn head(&self) -> Vec<u8> {
         Vec::new()
     }
 }

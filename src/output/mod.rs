@@ -10,6 +10,7 @@
 //! format         the declaration of a format; registry lists all of them
 //! options        what a job says about a format: its options, and the channels
 //! exr ply png color depth16 registered labels npz npy pcd   the formats, with one file each; exr has the deep images, too
+//! las e57        the formats of surveyors, with one folder each; crs: the coordinate reference system of both
 //! ros            ROS 2 bags of a whole run
 //! waveform       the waveform of every pulse, as arrays
 //! kitti nuscenes the folders of KITTI and SemanticKITTI, and of nuScenes
@@ -30,7 +31,9 @@
 
 mod channel;
 mod color;
+mod crs;
 mod depth16;
+mod e57;
 mod exr;
 mod files;
 mod film;
@@ -40,6 +43,7 @@ mod image;
 mod json;
 mod kitti;
 mod labels;
+mod las;
 mod legend;
 mod manifest;
 mod names;

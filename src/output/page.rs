@@ -19,8 +19,9 @@ formats = [\"exr\", { format = \"depth16\", scale = 5000 }, { format = \"labels\
 channels = [\"range\", \"Z\", \"id.semantic\"]
 ```
 
-A file is `SENSOR/000000.ENDING`, one a frame, but for the files of a whole run, which lie in the output folder itself; the formats
-that are folders say below which files they have. All numbers are little-endian but for PNG's, which are big-endian, and the same
+A file is `SENSOR/000000.ENDING`, one a frame, but for the files of a whole run, which lie in the output folder itself: some formats
+have no others, and some have them where an option asks for it. The formats that are folders say below which files they have. All
+numbers are little-endian but for PNG's, which are big-endian, and the same
 frame gives the same bytes everywhere.
 
 A PNG of numbers tells its channel in a text under `beamcast:channel`, and a depth image its `beamcast:scale`: the depth in metres
@@ -85,6 +86,8 @@ height = (arrays[\"amplitude\"][own] * numpy.exp(-0.5 * z**2)).sum(axis=1)
 fn prose(format: Format) -> &'static str {
     match format.name() {
         _ if format.tells_waveforms() => WAVEFORM_INTRODUCTION,
+        "las" => LAS_INTRODUCTION,
+        "e57" => E57_INTRODUCTION,
         "kitti" => KITTI_INTRODUCTION,
         "nuscenes" => NUSCENES_INTRODUCTION,
         _ => "",
@@ -111,6 +114,33 @@ cameras' pixels, or of the LiDARs' where no camera could see it. Categories are 
 
 ```python
 kit = NuScenes(\"v1.0-beamcast\", \"out/nuscenes\", colormap=collections.defaultdict(lambda: (0, 0, 0)))
+```
+
+";
+
+const LAS_INTRODUCTION: &str = "\
+Points have the record format 6. After the fields of LAS come extra dimensions, described in the file as LAS demands, then those of the
+options `terms` and `motion` and of sensors that are not ideal: `unsigned long` for `return`, `cause` and `track`, `float` for all
+others. `return` counts from 0 without an end, where `return_number` ends at 15. In the file of a run, a dimension that a point's
+sensor lacks is 0. `intensity` is that of the EXR times 65535 over the top of the sensor's scale, such as 257 for a scale up to 255; a
+scale without a top has white at 65535, and `reflectivity` for what is brighter.
+
+The times of pulses are `start_s` of the frame plus the pulse's own time. The header's bit for GPS time says seconds of a week, because LAS
+has no other time that begins at 0. Dates and the GUID of the header are 0. In the file of a frame, the record `beamcast` 1 is JSON
+with `world_from_points`, the pose that LAS has no field for.
+
+```python
+cloud = laspy.read(\"out/run.laz\")  # pip install laspy[lazrs]
+cloud.xyz, cloud.gps_time, cloud[\"range\"], cloud.header.parse_crs()
+```
+
+";
+
+const E57_INTRODUCTION: &str = "\
+A file has one scan, whose `pose` is `world_from_points`. E57 has no field for labels, objects and beams that its readers would take.
+
+```python
+scan = pye57.E57(\"top/000000.e57\").read_scan(0, intensity=True, row_column=True)  # in the world
 ```
 
 ";

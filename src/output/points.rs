@@ -18,6 +18,10 @@ use crate::truth::SurfaceMotion;
 pub(super) struct Point {
     /// The position in the cloud's frame in metres. The computation is in f64, so each coordinate is rounded once.
     pub position_m: [f32; 3],
+    /// The same position before it is rounded.
+    pub exact_m: DVec3,
+    /// The row of the range image.
+    pub row: usize,
     /// The number of the beam, as the sensor's maker counts.
     pub ring: usize,
     /// The column of the range image.
@@ -30,6 +34,8 @@ pub(super) struct Point {
     pub slot: usize,
     /// The number of the return in its pixel, from 0.
     pub number: usize,
+    /// The number of points of its pixel.
+    pub of: usize,
 }
 
 /// The option of clouds that adds [`TERM_FIELDS`].
@@ -145,18 +151,21 @@ impl SensorFrame<'_> {
         let Some(pulse) = self.capture.pulse(row, column) else { return Ok(()) };
         let cloud_from_sensor = fixed.unwrap_or_else(|| self.cloud_from_sensor(pulse.time_s));
         let ring = self.capture.sensor.ring(row);
-        let first = slots.start;
+        let (first, of) = (slots.start, slots.len());
         for slot in slots {
             let hit = self.frame.returns().get(slot);
-            let position_m = cloud_from_sensor.point(pulse.point(hit.range_m)).as_vec3().to_array();
+            let exact_m = cloud_from_sensor.point(pulse.point(hit.range_m));
             write(&Point {
-                position_m,
+                position_m: exact_m.as_vec3().to_array(),
+                exact_m,
+                row,
                 ring,
                 column,
                 time_s: pulse.time_s,
                 hit,
                 slot,
                 number: slot - first,
+                of,
             })?;
         }
         Ok(())

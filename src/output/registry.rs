@@ -4,12 +4,13 @@ use std::fmt;
 use std::hash::{Hash, Hasher};
 
 use super::channel::{ChannelSpec, TERM_NAMES};
-use super::format::{Asked, Content, EncodeError, FormatSpec, FrameFile, FramePath, Kind, RunFile};
+use super::format::{Asked, Content, EncodeError, FormatSpec, FrameFile, FramePath, Kind, RunFile, Stream};
 use super::options::{Channels, OptionSpec, OptionValue, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
 use super::{
-    color, depth16, exr, kitti, labels, npy, npz, nuscenes, pcd, ply, png, poses, registered, ros, waveform,
+    color, depth16, e57, exr, kitti, labels, las, npy, npz, nuscenes, pcd, ply, png, poses, registered, ros,
+    waveform,
 };
 use crate::sensor::Sensor;
 
@@ -27,6 +28,9 @@ pub static FORMATS: &[&FormatSpec] = &[
     &npz::FORMAT,
     &npy::FORMAT,
     &pcd::FORMAT,
+    &las::LAS,
+    &las::LAZ,
+    &e57::FORMAT,
     &poses::FORMAT,
     &waveform::FORMAT,
     &kitti::FORMAT,
@@ -156,10 +160,10 @@ impl Format {
     /// The names of the files of a run: that to which frames are added, and then those beside it. A format that has a file for each
     /// frame has none.
     pub fn stream_files(self) -> Vec<String> {
-        match (self.spec.kind, self.spec.stream_files) {
-            (Kind::File(_) | Kind::Folder(_), _) => Vec::new(),
-            (Kind::Stream(_), []) => vec![format!("run.{}", self.ending())],
-            (Kind::Stream(_), names) => names.iter().map(|name| (*name).to_owned()).collect(),
+        match self.spec.stream_files {
+            _ if !self.is_of_run() => Vec::new(),
+            [] => vec![format!("run.{}", self.ending())],
+            names => names.iter().map(|name| (*name).to_owned()).collect(),
         }
     }
 
@@ -223,16 +227,16 @@ impl Format {
 
     /// The number of files that a frame can have.
     pub fn frame_files(self) -> usize {
-        match self.spec.kind {
+        match self.kind() {
             Kind::File(_) => 1,
-            Kind::Stream(_) => 0,
             Kind::Folder(folder) => folder.of_frame.len(),
+            Kind::Stream(_) | Kind::Chosen(_) => 0,
         }
     }
 
     /// The declaration of one of the files that a frame can have.
     pub fn frame_file(self, file: usize) -> Option<FrameFile> {
-        match self.spec.kind {
+        match self.kind() {
             Kind::File(encode) if file == 0 => {
                 let path = FramePath { stem: "SENSOR/FRAME", ending: self.ending() };
                 Some(FrameFile { path, is_made: |_| true, encode })
@@ -261,7 +265,7 @@ impl Format {
 
     /// The files that are made at a run's end.
     pub fn run_files(self) -> &'static [RunFile] {
-        match self.spec.kind {
+        match self.kind() {
             Kind::Folder(folder) => folder.of_run,
             _ => &[],
         }
@@ -269,7 +273,7 @@ impl Format {
 
     /// What [`Self::run_files`] need to know of a frame. `None` if there are none.
     pub fn note(self, frame: &SensorFrame) -> Option<String> {
-        match self.spec.kind {
+        match self.kind() {
             Kind::Folder(folder) => Some((folder.note)(frame, &self.options)),
             _ => None,
         }
@@ -281,10 +285,14 @@ impl Format {
     /// # Errors
     /// As [`Self::encode_file`].
     pub fn encode(self, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
-        let Kind::Stream(stream) = self.spec.kind else { return self.encode_file(0, frame) };
-        let (mut stream, mut file) = (stream(&self.options), Vec::new());
+        let Some(mut stream) = self.stream(&[frame.capture.sensor]) else {
+            return self.encode_file(0, frame);
+        };
+        let mut file = Vec::new();
         stream.add(frame, &mut file)?;
         stream.finish(&mut file)?;
+        let head = stream.head();
+        file[..head.len()].copy_from_slice(&head);
         Ok(file)
     }
 
@@ -300,6 +308,27 @@ impl Format {
                 "{} has one file for each run, and none for a single frame",
                 self.name()
             ))),
+        }
+    }
+
+    /// Whether all frames of a run go into one file.
+    pub fn is_of_run(self) -> bool {
+        matches!(self.kind(), Kind::Stream(_))
+    }
+
+    /// The file of a run of these sensors, before the first frame is added. `None` if each frame has a file of its own.
+    pub fn stream(self, sensors: &[&Sensor]) -> Option<Box<dyn Stream>> {
+        match self.kind() {
+            Kind::Stream(stream) => Some(stream(sensors, &self.options)),
+            _ => None,
+        }
+    }
+
+    /// The way in which frames become files with the options that are given.
+    fn kind(self) -> Kind {
+        match self.spec.kind {
+            Kind::Chosen(choose) => choose(&self.options),
+            kind => kind,
         }
     }
 }

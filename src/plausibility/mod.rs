@@ -53,7 +53,8 @@ fn has_points(format: &Format) -> bool {
 fn of_clouds(job: &Job) -> Option<Diagnostic> {
     const COARSE_M: f32 = 1e-3;
     let mut formats = job.output.formats.iter().zip(&job.places.formats);
-    let (format, place) = formats.find(|(format, _)| has_points(format))?;
+    let is_coarse = |format: &Format| has_points(format) && !format.spec.has_even_steps;
+    let (format, place) = formats.find(|(format, _)| is_coarse(format))?;
     let poses = job.sensors.iter().map(|mounted| match job.output.cloud_frame {
         CloudFrame::Sensor => Pose::IDENTITY,
         CloudFrame::Body => mounted.body_from_sensor,
@@ -76,6 +77,26 @@ fn of_clouds(job: &Job) -> Option<Diagnostic> {
     })
 }
 
+/// The warning about clouds of a whole run whose points are in frames that differ from each other: those of several sensors, or of
+/// a sensor or a body that moves.
+fn of_merged_clouds(job: &Job) -> Option<Diagnostic> {
+    let mut formats = job.output.formats.iter().zip(&job.places.formats);
+    let is_merged = |format: &Format| format.spec.merges_clouds && format.is_of_run();
+    let (format, place) = formats.find(|(format, _)| is_merged(format))?;
+    let moves = job.trajectory.fixed_pose().is_none();
+    let frame = match job.output.cloud_frame {
+        CloudFrame::Sensor if moves || job.sensors.len() > 1 => "its sensor's own frame",
+        CloudFrame::Body if moves => "the frame of a body that moves",
+        _ => return None,
+    };
+    let message = format!(
+        "the file of all frames, run.{}, has the points of each in {frame}, so that they do not fit each other",
+        format.ending()
+    );
+    let doubt = Doubt::new("merged-clouds", "output.frame", message);
+    Some(doubt.help("`frame = \"world\"` in `[output]` makes one cloud of them").at(place))
+}
+
 /// The warnings about a job in its scene, which the tracer casts at: sensor by sensor, then the expectations.
 pub fn of_job(job: &Job, scene: &Scene, tracer: &impl Cast) -> Vec<Diagnostic> {
     let extent = scene.extent();
@@ -87,6 +108,7 @@ pub fn of_job(job: &Job, scene: &Scene, tracer: &impl Cast) -> Vec<Diagnostic> {
     }
     found.extend(of_formats(job));
     found.extend(of_clouds(job));
+    found.extend(of_merged_clouds(job));
     for (expectation, place) in job.expectations.iter().zip(&job.places.expectations) {
         if let Some(problem) = expectation.what.missing(scene) {
             let message = format!("`{}` expects something of what is not there: {problem}", expectation.name);

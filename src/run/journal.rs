@@ -19,7 +19,7 @@ use crate::config::{InputFile, Job};
 use crate::error::Error;
 use crate::output::recorded::read_manifest;
 use crate::output::{
-    Destination, EncodeError, Format, GrowingFile, Kind, Manifest, Note, SensorFrame, Stream, WrittenFile,
+    Destination, EncodeError, Format, GrowingFile, Manifest, Note, SensorFrame, Stream, WrittenFile,
 };
 use crate::scene::SourceFile;
 
@@ -195,10 +195,11 @@ impl Journal {
             None => Writer::create(&path, &own)?,
         });
         self.header = Some(own);
+        let sensors: Vec<_> = session.job.sensors.iter().map(|mounted| &mounted.sensor).collect();
         for Output { format, name, .. } in &plan.streams {
-            if let Kind::Stream(stream) = format.spec.kind {
+            if let Some(stream) = format.stream(&sensors) {
                 let beside = format.stream_files().into_iter().skip(1).collect();
-                self.streams.push((stream(format.options()), self.destination.open(name)?, beside));
+                self.streams.push((stream, self.destination.open(name)?, beside));
             }
         }
         Ok(Done::Frames(self.frames))
@@ -285,6 +286,10 @@ impl Journal {
         let mut of_run = Vec::new();
         for (mut stream, mut file, beside) in self.streams.drain(..) {
             stream.finish(&mut file).map_err(|e| Error::output(file.path(), e))?;
+            let head = stream.head();
+            if !head.is_empty() {
+                file.replace_head(&head).map_err(|e| Error::output(file.path(), e))?;
+            }
             of_run.push(file.finish()?);
             for (name, content) in beside.iter().zip(stream.beside()) {
                 of_run.push(self.destination.write(name, &content)?);
@@ -428,8 +433,12 @@ impl Old {
 /// Whether a path is one that a run gives an output: that of a frame's file, that of a file of all frames, or that of a table. A
 /// manifest is a file that anybody may have written, and `--overwrite` removes no other file of its folder because of it.
 pub(super) fn is_of_a_run(name: &str) -> bool {
+    // An option may ask for one file of all frames. A folder's format has no ending.
+    let of_run = name.strip_prefix("run.").filter(|ending| !ending.is_empty());
     let is_of = |format: Format| {
-        format.frame_of(name).is_some() || format.stream_files().iter().any(|file| file == name)
+        format.frame_of(name).is_some()
+            || of_run == Some(format.ending())
+            || format.spec.stream_files.contains(&name)
     };
     Table::named(name).is_some() || Format::all().any(is_of)
 }

@@ -9,7 +9,7 @@ use super::memory::{self, Holding};
 use super::table::Table;
 use crate::config::{Job, MountedSensor};
 use crate::error::Error;
-use crate::output::{FileNames, Format, Kind, LEAST_DIGITS, Manifest, SensorFrames};
+use crate::output::{FileNames, Format, LEAST_DIGITS, Manifest, SensorFrames};
 use crate::scene::Scene;
 use crate::sensor::Sensor;
 
@@ -125,8 +125,8 @@ impl Plan {
             return Err(Error::Usage(problem));
         }
         let shard = selection.shard;
-        let is_of_frame = |format: &&Format| !matches!(format.spec.kind, Kind::Stream(_));
-        let (formats, streams): (Vec<Format>, Vec<Format>) = job.output.formats.iter().partition(is_of_frame);
+        let (streams, formats): (Vec<Format>, Vec<Format>) =
+            job.output.formats.iter().partition(|format| format.is_of_run());
         let of_run = |format: Format| {
             let name = format.stream_files().into_iter().next()?;
             Some(Output { format, file: 0, name })

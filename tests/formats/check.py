@@ -4,10 +4,11 @@
 
 One frame of a LiDAR and one of a camera are scanned in all formats, with misses of each kind, ids, labels and times. Equal means
 equal bits, apart from coordinates, which the EXR does not have: those are equal between PCD and NPY, and as far from the sensor
-as the EXR's range says. Waveforms are added up with NumPy, and have their peaks where the frame has its ranges. Every sample of a
-deep EXR is the return of that number in the EXR's parts, and options of EXR and PLY change no value but those that half floats round.
-What these tools write of PCD, NPY and NPZ files is the same to `beamcast diff`. Bags of a drive round a circle are read by rosbags
-and by mcap-ros2-support: every field of every point in every layout, images, poses, and what the inertial sensor has to measure there.
+as the EXR's range says. Those of LAS and E57 are the NPY's, rounded to the formats' own steps. Waveforms are added up with NumPy,
+and have their peaks where the frame has its ranges. Every sample of a deep EXR is the return of that number in the EXR's parts, and
+options of EXR and PLY change no value but those that half floats round. What these tools write of PCD, NPY and NPZ files is the same
+to `beamcast diff`. Bags of a drive round a circle are read by rosbags and by mcap-ros2-support: every field of every point in every
+layout, images, poses, and what the inertial sensor has to measure there.
 """
 
 import json
@@ -17,6 +18,7 @@ import sys
 import tempfile
 
 import cv2
+import laspy
 import numpy as np
 import open3d as o3d
 import OpenEXR
@@ -24,7 +26,9 @@ import PIL.Image
 import mcap.reader
 import mcap_ros2.decoder
 import plyfile
+import pye57
 import pypcd4
+from pye57 import libe57
 import rosbags.highlevel
 
 PROJECT = pathlib.Path(__file__).parents[2]
@@ -56,11 +60,13 @@ dir = "out"
 """
 # Those whose settings differ go to different folders.
 RUNS = [
-    'formats = ["exr", "png", "ply", "npy", "npz", "pcd", "depth16", "labels", "instances"]',
+    'formats = ["exr", "png", "ply", "npy", "npz", "pcd", "las", "laz", "e57", "depth16", "labels", "instances"]',
     """formats = [
     "exr",
     { format = "npz", compressed = true },
     { format = "pcd", organised = true },
+    { format = "las", scale = 0.001 },
+    { format = "e57", returns = true },
     { format = "depth16", scale = 5000 },
     { format = "labels", bits = 8 },
     { format = "instances", palette = true },
@@ -668,6 +674,157 @@ def check_read_back(beamcast, files, folder):
     same(files / "000000.ply", folder / "numpy.npy")
 
 
+def same_steps(what, found, expected, step):
+    """Coordinates in steps are those of another file in float32: each is rounded once."""
+    global checks
+    off = np.abs(np.asarray(found, np.float64) - expected)
+    if found.shape != expected.shape or (off > 0.5 * step + 2.0**-24 * np.abs(expected) + 1e-9).any():
+        sys.exit(f"{what}: {off.max()} m off, in steps of {step} m")
+    checks += off.size
+
+
+def check_las(path, where, exr, npy, scale, las=None):
+    """A LAS or LAZ of one return a pixel. A LAZ has the records of the LAS beside it."""
+    points = laspy.read(path)
+    header = points.header
+    equal(f"{where}: format", (str(header.version), header.point_format.id, header.point_count), ("1.4", 6, len(npy)))
+    equal(f"{where}: scales", header.scales, [scale] * 3)
+    equal(f"{where}: date, returns", (header.creation_date, *header.number_of_points_by_return), (None, len(npy), *[0] * 14))
+    seen = np.isfinite(exr["range"])
+    check_points(where, {**{name: np.asarray(points[name]) for name in ("range", "instance", "label", "ring")},
+                         "intensity": exr["intensity"][seen]}, exr, seen)
+    equal(f"{where}: column", np.asarray(points["column"]), npy["column"])
+    equal(f"{where}: time", np.asarray(points["time"]), exr["time"][seen])
+    # The frame starts at 0.
+    equal(f"{where}: gps_time", np.asarray(points.gps_time).astype(np.float32), exr["time"][seen])
+    steps = np.floor(exr["intensity"][seen].astype(np.float64) * 65535 + 0.5)
+    equal(f"{where}: intensity", np.asarray(points.intensity), steps)
+    equal(f"{where}: classification", np.asarray(points.classification), exr["id.semantic"][seen])
+    for name, value in [("return_number", 1), ("number_of_returns", 1), ("scan_angle", 0), ("synthetic", 0)]:
+        equal(f"{where}: {name}", np.unique(np.asarray(points[name])), [value])
+    equal(f"{where}: source", np.unique(np.asarray(points.point_source_id)), [1 + SENSORS.index(where.split()[0])])
+    for axis in "xyz":
+        same_steps(f"{where}: {axis}", np.asarray(points[axis]), npy[axis], scale)
+    positions = np.stack([points.x, points.y, points.z])
+    equal(f"{where}: bounds", (header.mins, header.maxs), (positions.min(axis=1), positions.max(axis=1)))
+    about = json.loads(next(vlr for vlr in header.vlrs if vlr.user_id == "beamcast").record_data_bytes())
+    with np.load(npy_beside(path, "npz"), allow_pickle=False) as arrays:
+        pose = json.loads(arrays["about"].item())["world_from_sensor"]
+    equal(f"{where}: place", about["world_from_points"]["position_m"], pose["position_m"])
+    if las is not None:
+        equal(f"{where}: records", points.points.array, las.points.array)
+    return points
+
+
+def e57_field(e57, name, count):
+    """A field that pye57's own methods leave out."""
+    values = np.empty(count, "d")
+    buffers = libe57.VectorSourceDestBuffer()
+    buffers.append(libe57.SourceDestBuffer(e57.image_file, name, values, count, True, True))
+    e57.get_header(0).points.reader(buffers).read()
+    return values
+
+
+def check_e57(path, where, exr, npy, has_returns):
+    e57 = pye57.E57(str(path))
+    equal(f"{where}: scans", e57.scan_count, 1)
+    header = e57.get_header(0)
+    points = e57.read_scan_raw(0, ignore_unsupported_fields=has_returns)
+    seen = np.isfinite(exr["range"])
+    for axis in "xyz":
+        equal(f"{where}: {axis}", points[f"cartesian{axis.upper()}"], npy[axis].astype(np.float64))
+        low, high = (header.cartesianBounds[f"{axis}{end}"].value() for end in ("Minimum", "Maximum"))
+        equal(f"{where}: bounds", (low, high), (npy[axis].min(), npy[axis].max()))
+    if not has_returns:
+        easily = e57.read_scan(0, intensity=True, row_column=True, transform=False)
+        for name, values in easily.items():
+            equal(f"{where}: {name} by read_scan", values, points[name])
+    equal(f"{where}: intensity", points["intensity"], exr["intensity"][seen])
+    equal(f"{where}: rows", points["rowIndex"], np.nonzero(seen)[0])
+    equal(f"{where}: columns", points["columnIndex"], np.nonzero(seen)[1])
+    if has_returns:
+        equal(f"{where}: time", e57_field(e57, "timeStamp", len(npy)).astype(np.float32), exr["time"][seen])
+        equal(f"{where}: return", np.unique(e57_field(e57, "returnIndex", len(npy))), [0])
+        equal(f"{where}: returns", np.unique(e57_field(e57, "returnCount", len(npy))), [1])
+    with np.load(npy_beside(path, "npz"), allow_pickle=False) as arrays:
+        pose = json.loads(arrays["about"].item())["world_from_sensor"]
+    equal(f"{where}: place", header.translation, pose["position_m"])
+    if where.startswith("lidar"):
+        x, y, z, w = pose["quaternion_xyzw"]
+        # pye57 normalises what it reads.
+        if np.abs(header.rotation * np.sign(w) - (w, x, y, z)).max() > 1e-15:
+            sys.exit(f"{where}: the rotation is not the sensor's")
+
+
+def check_runs(beamcast, folder):
+    """A run of a moving rig of an ideal camera and a LiDAR with several returns, in one file and in one a frame."""
+    lidar, camera = JOB.split("[output]")[0].split("[[sensor]]")[1:]
+    job = f'scene = "{PROJECT / "scenes" / "room.glb"}"\n[[sensor]]{lidar}{MEASURED}[[sensor]]{camera}'
+    job = job.replace("{{", "{").replace("}}", "}").replace("[sensor.pinhole]", "[sensor.pinhole]\nrate_hz = 20.0")
+    crs = 'PROJCS["made up", GEOGCS["of it", UNIT["degree", 0.0174532925199433]], UNIT["metre", 1.0]]'
+    job += f"""
+[trajectory.pose]
+position_m = [0.25, 0.5, 0.0]
+[trajectory.twist]
+linear_m_s = [2.0, 0.0, 0.0]
+[sequence]
+frames = 3
+start_s = 2.0
+[output]
+dir = "out"
+frame = "world"
+formats = ["npz", "e57", {{ format = "las", per = "run", crs = '{crs}' }}, {{ format = "laz", per = "frame" }}]
+"""
+    (folder / "job.toml").write_text(job)
+    subprocess.run([beamcast, "scan", "-q", folder / "job.toml", "--overwrite"], check=True)
+    run = laspy.read(folder / "out" / "run.las")
+    equal("run: crs", run.header.vlrs.get("WktCoordinateSystemVlr")[0].string, crs)
+    equal("run: encoding", run.header.global_encoding.wkt, True)
+    total = 0
+    for number, name in enumerate(SENSORS):
+        for frame in range(3):
+            own = np.asarray(run.point_source_id) == number + 1
+            own &= np.asarray(run["frame"]) == frame
+            alone = laspy.read(folder / "out" / name / f"{frame:06}.laz")
+            total += len(alone.points)
+            equal(f"run: {name} {frame}", int(own.sum()), len(alone.points))
+            for dimension in run.point_format.dimension_names:
+                if dimension in "XYZ":
+                    axis = dimension.lower()
+                    found = np.asarray(run[axis])[own] - np.asarray(alone[axis])
+                    equal(f"run: {axis}", int((np.abs(found) > 1e-9).sum()), 0)
+                elif dimension in alone.point_format.dimension_names:
+                    equal(f"run: {dimension}", np.asarray(run[dimension])[own], np.asarray(alone[dimension]))
+                elif dimension not in ("frame", "reflectivity"):
+                    equal(f"run: {dimension} of no sensor", np.count_nonzero(np.asarray(run[dimension])[own]), 0)
+            e57 = pye57.E57(str(folder / "out" / name / f"{frame:06}.e57")).read_scan_raw(0)
+            for axis in "xyz":
+                off = np.abs(np.asarray(alone[axis]) - e57[f"cartesian{axis.upper()}"])
+                equal(f"e57: {axis} in the world", int((off > 0.5e-4 + 2e-9).sum()), 0)
+            check_returns(folder / "out" / name / f"{frame:06}.npz", f"{name} {frame}", alone)
+    equal("run: points", len(run.points), total)
+    if len(np.unique(np.asarray(run.return_number))) < 2:
+        sys.exit("no pulse has two returns, and the run tests nothing")
+
+
+def check_returns(path, where, las):
+    """The returns of all pixels, in the order of pixels, each with all that the NPZ has of it."""
+    with np.load(path, allow_pickle=False) as arrays:
+        numbers = [""] + [f"return{n}/" for n in range(1, 16) if f"return{n}/range" in arrays.files]
+        ranges = np.stack([arrays[f"{number}range"].reshape(-1) for number in numbers], axis=1)
+        seen = np.isfinite(ranges)
+        count = np.broadcast_to(seen.sum(axis=1)[:, None], seen.shape)
+        index = np.broadcast_to(np.arange(seen.shape[1]), seen.shape)
+        equal(f"{where}: return numbers", np.asarray(las.return_number), index[seen] + 1)
+        equal(f"{where}: numbers of returns", np.asarray(las.number_of_returns), count[seen])
+        pairs = [("range", "range"), ("label", "id.semantic"), ("instance", "id.instance"), ("time", "time"), ("cause", "cause"),
+                 ("snr", "snr"), ("reflectivity", "intensity"), ("classification", "id.semantic")]
+        for dimension, channel in pairs:
+            if dimension in las.point_format.dimension_names:
+                expected = np.stack([arrays[f"{number}{channel}"].reshape(-1) for number in numbers], axis=1)[seen]
+                equal(f"{where}: {dimension}", np.asarray(las[dimension]), expected)
+
+
 def npy_beside(path, ending):
     return path.with_name(f"{path.name.split('.')[0]}.{ending}")
 
@@ -696,6 +853,11 @@ def main():
             check_pcd(first / "000000.pcd", f"{sensor} pcd", exr, npy, organised=False)
             check_pcd(second / "000000.pcd", f"{sensor} organised pcd", exr, npy, organised=True)
             check_read_back(beamcast, first, folder)
+            las = check_las(first / "000000.las", f"{sensor} las", exr, npy, 1e-4)
+            check_las(first / "000000.laz", f"{sensor} laz", exr, npy, 1e-4, las)
+            check_las(second / "000000.las", f"{sensor} coarse las", exr, npy, 1e-3)
+            check_e57(first / "000000.e57", f"{sensor} e57", exr, npy, has_returns=False)
+            check_e57(second / "000000.e57", f"{sensor} e57 with returns", exr, npy, has_returns=True)
             for place, scale in [(first, 1000), (second, 5000), (third, 256)]:
                 check_depth(place / "000000.depth16.png", channel, depth, scale)
             equal(f"{sensor} png", np.asarray(PIL.Image.open(first / "000000.png")), cv2.imread(first / "000000.png")[..., ::-1])
@@ -707,7 +869,8 @@ def main():
         check_waveforms(beamcast, folder)
         check_bags(beamcast, folder)
         check_options(beamcast, folder)
-    tools = f"NumPy, PIL, OpenCV {cv2.__version__}, Open3D, plyfile, pypcd4, rosbags and mcap-ros2-support"
+        check_runs(beamcast, folder)
+    tools = f"NumPy, PIL, OpenCV {cv2.__version__}, Open3D, plyfile, pypcd4, laspy, pye57, rosbags and mcap-ros2-support"
     print(f"{checks} values are the EXR's, read by {tools}")
 
 

@@ -554,7 +554,7 @@ static TALLY: FormatSpec = FormatSpec {
     name: "tally",
     about: "a line a frame",
     ending: "tally",
-    kind: Kind::Stream(|_| Box::new(Tally(0))),
+    kind: Kind::Stream(|_, _| Box::new(Tally(0))),
     ..FormatSpec::PLAIN
 };
 

@@ -48,7 +48,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     encoding_bytes_a_ray: |sensor, options| 4 * file_bytes_a_ray(sensor, options) + 24,
     file_bytes_a_ray,
     stream_files: &FILES,
-    kind: Kind::Stream(|options| Box::new(bag::Bag::new(options, "bag_0.mcap"))),
+    kind: Kind::Stream(|_, options| Box::new(bag::Bag::new(options, "bag_0.mcap"))),
     ..FormatSpec::PLAIN
 };
 

@@ -1,0 +1,132 @@
+//! The compression of LAZ: chunks of points, each of its own, and their table.
+//!
+//! The chunks are compressed beside each other and written in their order, so that the bytes do not depend on the threads.
+
+use std::io::{self, Write};
+
+use laz::laszip::{ChunkTable, ChunkTableEntry};
+use laz::record::{LayeredPointRecordCompressor, RecordCompressor};
+use laz::{LasZipError, LazItemRecordBuilder, LazItemType, LazVlr, LazVlrBuilder};
+use rayon::prelude::*;
+
+use super::super::format::EncodeError;
+
+/// The points of a chunk: as many as LASzip itself takes.
+const POINTS: u32 = 50_000;
+
+/// The chunks that are written.
+pub(super) struct Chunks {
+    laszip: LazVlr,
+    table: ChunkTable,
+    /// The bytes of all chunks.
+    bytes: u64,
+}
+
+impl Chunks {
+    /// The user and the number of the record that describes the compression.
+    pub const RECORD: (&str, u16) = (LazVlr::USER_ID, LazVlr::RECORD_ID);
+
+    /// No chunks, of points of format 6 with so many extra bytes.
+    pub fn new(extra_bytes: usize) -> Self {
+        let items = LazItemRecordBuilder::new()
+            .add_item(LazItemType::Point14)
+            .add_item(LazItemType::Byte14(extra_bytes as u16))
+            .build();
+        let laszip = LazVlrBuilder::new(items).with_fixed_chunk_size(POINTS).build();
+        Self { laszip, table: ChunkTable::default(), bytes: 0 }
+    }
+
+    /// The record that describes the compression.
+    pub fn description(&self) -> Vec<u8> {
+        let mut record = Vec::new();
+        // A vector takes all that is written.
+        let _ = self.laszip.write_to(&mut record);
+        record
+    }
+
+    /// The place of the table in a file whose points, which begin with this number itself, are at `points`.
+    pub fn table_after(&self, points: u64) -> i64 {
+        (points + 8 + self.bytes) as i64
+    }
+
+    /// Compresses the whole chunks of `records`, writes them and takes them out.
+    pub fn write_whole(&mut self, records: &mut Vec<u8>, file: &mut dyn Write) -> Result<(), EncodeError> {
+        let bytes = POINTS as usize * self.laszip.items_size() as usize;
+        let whole = records.len() / bytes * bytes;
+        self.write(&records[..whole], file)?;
+        records.drain(..whole);
+        Ok(())
+    }
+
+    /// Compresses what is left and writes it with the table.
+    pub fn finish(&mut self, records: &mut Vec<u8>, file: &mut dyn Write) -> Result<(), EncodeError> {
+        self.write_whole(records, file)?;
+        self.write(records, file)?;
+        records.clear();
+        Ok(self.table.write_to(file, &self.laszip)?)
+    }
+
+    fn write(&mut self, records: &[u8], file: &mut dyn Write) -> Result<(), EncodeError> {
+        let bytes = POINTS as usize * self.laszip.items_size() as usize;
+        let compress = |chunk: &[u8]| -> Result<Vec<u8>, LasZipError> {
+            let mut compressor = LayeredPointRecordCompressor::new(Vec::new());
+            compressor.set_fields_from(self.laszip.items())?;
+            compressor.compress_many(chunk)?;
+            compressor.done()?;
+            Ok(std::mem::take(compressor.get_mut()))
+        };
+        let chunks: Result<Vec<_>, _> = records.par_chunks(bytes).map(compress).collect();
+        for chunk in chunks.map_err(io::Error::other)? {
+            file.write_all(&chunk)?;
+            let byte_count = chunk.len() as u64;
+            self.table.push(ChunkTableEntry { point_count: u64::from(POINTS), byte_count });
+            self.bytes += byte_count;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use laz::LasZipDecompressor;
+
+    use super::*;
+
+    /// The bytes of a chunk's points after the place of the table, compressed piece by piece.
+    fn compressed(records: &[u8], pieces: usize) -> (Chunks, Vec<u8>) {
+        let mut chunks = Chunks::new(2);
+        let (mut waiting, mut file) = (Vec::new(), Vec::new());
+        for piece in records.chunks(pieces) {
+            waiting.extend_from_slice(piece);
+            chunks.write_whole(&mut waiting, &mut file).unwrap();
+            assert!(waiting.len() < POINTS as usize * 32);
+        }
+        chunks.finish(&mut waiting, &mut file).unwrap();
+        (chunks, file)
+    }
+
+    #[test]
+    fn points_are_read_as_they_were_whatever_the_pieces_and_the_threads() {
+        let point = |number: u32| {
+            let mut record = [0; 32];
+            record[..4].copy_from_slice(&number.wrapping_mul(2_654_435_761).to_le_bytes());
+            record[4..8].copy_from_slice(&number.to_le_bytes());
+            record[14] = 0x11;
+            record[22..30].copy_from_slice(&(f64::from(number) * 1e-5).to_le_bytes());
+            record[30..].copy_from_slice(&((number % 16) as u16).to_le_bytes());
+            record
+        };
+        for points in [0, 1, 50_000, 50_001, 120_000] {
+            let records: Vec<u8> = (0..points).flat_map(point).collect();
+            let (chunks, at_once) = compressed(&records, records.len().max(1));
+            let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+            assert!(one_thread.install(|| compressed(&records, 32 * 7000).1) == at_once, "{points}");
+            // A file of nothing else: its points begin with the place of the table.
+            let file = [&chunks.table_after(0).to_le_bytes()[..], &at_once].concat();
+            let mut again = vec![0; records.len()];
+            let mut reader = LasZipDecompressor::new(io::Cursor::new(file), chunks.laszip).unwrap();
+            reader.decompress_many(&mut again).unwrap();
+            assert!(again == records, "{points}");
+        }
+    }
+}
