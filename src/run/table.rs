@@ -17,8 +17,8 @@ pub struct Table {
 enum Kind {
     /// The rows follow each other, after a line that may stand before the first.
     Rows { header: Option<&'static str> },
-    /// The format makes it of what it noted, by the number of the file among its files of a run.
-    Format { format: Format, file: usize },
+    /// A format makes it of what it noted under its name.
+    Format { format: &'static str, file: &'static RunFile },
 }
 
 /// The tables of rows, each with the line before the first row.
@@ -39,12 +39,12 @@ impl Table {
     /// The tables of a format.
     fn of_format(format: Format, job: &Job) -> Vec<Self> {
         let mut tables: Vec<Self> = Vec::new();
-        for (file, declared) in format.run_files().iter().enumerate() {
+        for file in format.run_files() {
             for MountedSensor { name, sensor, .. } in &job.sensors {
-                let name = declared.path_of(name);
+                let name = file.path_of(name);
                 let is_new = tables.iter().all(|table| table.name != name);
-                if is_new && format.makes_run_file(declared, sensor, job.truth.boxes.is_some()) {
-                    tables.push(Self { name, kind: Kind::Format { format, file } });
+                if is_new && format.makes_run_file(file, sensor, job.truth.boxes.is_some()) {
+                    tables.push(Self { name, kind: Kind::Format { format: format.name(), file } });
                 }
             }
         }
@@ -55,8 +55,8 @@ impl Table {
     pub fn named(name: &str) -> Option<Self> {
         let of_rows = OF_ROWS.into_iter().find(|(of_rows, _)| *of_rows == name);
         let of_format = |format: Format| {
-            let file = format.run_files().iter().position(|file| file.sensor_of(name).is_some())?;
-            Some(Kind::Format { format, file })
+            let file = format.run_files().iter().find(|file| file.sensor_of(name).is_some())?;
+            Some(Kind::Format { format: format.name(), file })
         };
         let kind = match of_rows {
             Some((_, header)) => Kind::Rows { header },
@@ -83,7 +83,7 @@ impl Table {
     fn declared(&self) -> Option<&'static RunFile> {
         match self.kind {
             Kind::Rows { .. } => None,
-            Kind::Format { format, file } => format.run_files().get(file),
+            Kind::Format { file, .. } => Some(file),
         }
     }
 
@@ -91,7 +91,7 @@ impl Table {
     pub fn key(&self) -> &str {
         match self.kind {
             Kind::Rows { .. } => &self.name,
-            Kind::Format { format, .. } => format.name(),
+            Kind::Format { format, .. } => format,
         }
     }
 

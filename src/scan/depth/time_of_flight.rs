@@ -117,6 +117,30 @@ struct Memory {
     of_pixel: Vec<u32>,
     rays: Bundle,
     indirect: IndirectWave,
+    light: Light,
+}
+
+/// The light of a part's pixels.
+#[derive(Default)]
+struct Light {
+    /// For each pixel the light at each frequency.
+    of_pixels: Vec<ModulatedLight>,
+}
+
+impl Light {
+    /// Begins with so many dark pixels at so many frequencies.
+    fn begin(&mut self, pixels: usize, frequencies: usize) {
+        self.of_pixels.clear();
+        self.of_pixels.resize(pixels * frequencies, ModulatedLight::default());
+    }
+
+    /// Adds the electrons of a path of this full length, there and back, in metres.
+    fn add(&mut self, pixel: u32, electrons: f64, length_m: f64, frequencies_hz: &[f64]) {
+        let first = pixel as usize * frequencies_hz.len();
+        for (light, &frequency_hz) in self.of_pixels[first..].iter_mut().zip(frequencies_hz) {
+            light.add_path(electrons, length_m, frequency_hz);
+        }
+    }
 }
 
 /// Rays that are cast together, and their hits behind holes and panes.
@@ -161,7 +185,7 @@ fn cast_through<T>(
     }
 }
 
-/// The light of one path, by one sub-ray.
+/// The light of one path that something may block.
 #[derive(Clone, Copy)]
 struct Path {
     /// The number of the pixel in the part.
@@ -261,12 +285,13 @@ impl<C: Cast> Camera<'_, C> {
             (first_row + pixel / columns) * self.capture.columns() + first_column + pixel % columns
         };
         self.send(&poses, (first_row, first_column), columns, memory);
-        let Memory { of_pixel, rays, indirect } = memory;
+        let Memory { of_pixel, rays, indirect, light } = memory;
+        let frequencies_hz = self.unwrapper.frequencies_hz();
+        light.begin(rows * columns, frequencies_hz.len());
         rays.cast(self.scene, self.tracer);
 
         let mut shader = Shader::new(self.scene, self.sensing.wavelength_m);
         let white = self.sensing.electrons_at_1_m / self.samples() as f64;
-        let mut paths: Vec<Path> = Vec::with_capacity(rays.len());
         let mut direct: Vec<Direct> = vec![Direct::default(); rows * columns];
         let mut lit: Vec<Option<Lit>> = Vec::with_capacity(rays.len());
         for (ray, hit) in rays.hits.iter().enumerate() {
@@ -280,7 +305,7 @@ impl<C: Cast> Camera<'_, C> {
             lit.push(Some(one));
             if electrons > 0.0 {
                 let pixel = of_pixel[ray];
-                paths.push(Path { pixel, electrons, length_m: 2.0 * hit.t });
+                light.add(pixel, electrons, 2.0 * hit.t, frequencies_hz);
                 direct[pixel as usize].add(electrons, ray, one.surface.object);
             }
         }
@@ -295,22 +320,20 @@ impl<C: Cast> Camera<'_, C> {
             }
         }
         if self.sensing.indirect_rays > 0 {
-            self.add_indirect(&number_of, (of_pixel, rays, &lit), indirect, &mut paths, &mut shader);
+            self.add_indirect(&number_of, (of_pixel, rays, &lit), indirect, light, &mut shader);
         }
-        paths.sort_by_key(|path| path.pixel);
-        let mut first = 0;
-        (0..rows * columns)
-            .map(|pixel| {
-                let end = first + paths[first..].partition_point(|path| path.pixel as usize <= pixel);
-                let of_pixel = &paths[first..end];
-                first = end;
+        let of_pixels = light.of_pixels.chunks_exact_mut(frequencies_hz.len());
+        of_pixels
+            .enumerate()
+            .map(|(pixel, of_pixel)| {
+                of_pixel.iter_mut().for_each(|light| light.ambient = ambient[pixel]);
                 let brightest = |ray: usize| {
                     let hit = rays.hits[ray].as_ref()?;
                     // All sub-rays of a pixel are cast if one is, and those of a part one pixel after the other.
                     let pose = pose_of_sample(&poses[pixel / columns], ray % self.samples());
                     Some(shader.receive(&pose.sensor_from_world, rays.rays.ray(ray).direction, hit))
                 };
-                self.measure(number_of(pixel), of_pixel, ambient[pixel], &direct[pixel], brightest)
+                self.measure(number_of(pixel), of_pixel, &direct[pixel], brightest)
             })
             .collect()
     }
@@ -357,7 +380,7 @@ impl<C: Cast> Camera<'_, C> {
         number_of: &impl Fn(usize) -> usize,
         (of_pixel, rays, lit): (&[u32], &Bundle, &[Option<Lit>]),
         wave: &mut IndirectWave,
-        paths: &mut Vec<Path>,
+        light: &mut Light,
         shader: &mut Shader,
     ) {
         let count = self.sensing.indirect_rays as usize;
@@ -393,7 +416,7 @@ impl<C: Cast> Camera<'_, C> {
         }
         for bounce in 1..=self.sensing.bounces {
             let is_last = bounce == self.sensing.bounces;
-            self.meet_others(wave, bounce, is_last, paths, shader);
+            self.meet_others(wave, bounce, is_last, light, shader);
         }
     }
 
@@ -404,7 +427,7 @@ impl<C: Cast> Camera<'_, C> {
         wave: &mut IndirectWave,
         bounce: u32,
         is_last: bool,
-        paths: &mut Vec<Path>,
+        light: &mut Light,
         shader: &mut Shader,
     ) {
         wave.cast(self.scene, self.tracer);
@@ -441,37 +464,33 @@ impl<C: Cast> Camera<'_, C> {
 
         shadows.sort();
         let blocked = shadows.are_blocked(self.scene, self.tracer);
-        paths.extend(found.into_iter().zip(blocked).filter(|(_, blocked)| !blocked).map(|(path, _)| path));
+        for (path, _) in found.into_iter().zip(blocked).filter(|(_, blocked)| !blocked) {
+            light.add(path.pixel, path.electrons, path.length_m, self.unwrapper.frequencies_hz());
+        }
         *wave = next;
     }
 
-    /// What the camera measures of the light of a pixel. `brightest` gives the return of one of its sub-rays.
+    /// What the camera measures of the light of a pixel at each frequency. `brightest` gives the return of one of its sub-rays.
     fn measure(
         &self,
         number: usize,
-        paths: &[Path],
-        ambient: f64,
+        lights: &[ModulatedLight],
         direct: &Direct,
         brightest: impl FnMut(usize) -> Option<Return>,
     ) -> Measured {
-        let frequencies = self.unwrapper.frequencies_hz();
-        let at_frequency = |(k, &frequency_hz): (usize, &f64)| {
-            let mut light = ModulatedLight { ambient, ..ModulatedLight::default() };
-            for path in paths {
-                light.add_path(path.electrons, path.length_m, frequency_hz);
-            }
+        let at_frequency = |(k, light): (usize, &ModulatedLight)| {
             let mut stream = self.streams.stream(number as u32, k as u32, Effect::Electrons as u32);
             let count = self.sensing.taps as usize;
             let (mut taps, mut means) = ([0.0; MOST_TAPS], [0.0; MOST_TAPS]);
             for tap in 0..count {
-                taps[tap] = self.pixel.tap(tap, count, &light, || stream.normal());
-                means[tap] = self.pixel.mean_tap(tap, count, &light);
+                taps[tap] = self.pixel.tap(tap, count, light, || stream.normal());
+                means[tap] = self.pixel.mean_tap(tap, count, light);
             }
             (self.pixel.demodulate(&taps[..count]), self.pixel.demodulate(&means[..count]))
         };
         let (noisy, quiet): (Vec<Demodulated>, Vec<Demodulated>) =
-            frequencies.iter().enumerate().map(at_frequency).unzip();
-        let count = frequencies.len() as f64;
+            lights.iter().enumerate().map(at_frequency).unzip();
+        let count = lights.len() as f64;
         let phase = |k: usize| noisy.get(k).map_or(0.0, |measured| measured.phasor.phase() as f32);
         Measured {
             number,
