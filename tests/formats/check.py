@@ -19,6 +19,7 @@ import common
 from bags import check_bags
 from clouds import check_npy, check_pcd, check_ply
 from common import JOB, PROJECT, SENSORS, equal, read_exr, returns_of, scan
+from drives import check_drive
 from images import check_depth, check_npz, check_numbers
 from options import check_options
 from read_back import check_read_back
@@ -81,6 +82,7 @@ def main():
             check_numbers(second / "000000.instances.png", exr["id.instance"], has_palette=True)
         check_waveforms(beamcast, folder)
         check_bags(beamcast, folder)
+        check_drive(beamcast, folder)
         check_options(beamcast, folder)
         check_runs(beamcast, folder)
     tools = f"NumPy, PIL, OpenCV {cv2.__version__}, Open3D, plyfile, pypcd4, laspy, pye57, rosbags and mcap-ros2-support"
