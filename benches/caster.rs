@@ -13,6 +13,8 @@
 //! Hits are written in full (f64 depth, u, v, normal, ids), one work item at a time, into memory that is reused, as in a
 //! scan.
 
+mod timing;
+
 use std::cell::RefCell;
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
@@ -23,6 +25,8 @@ use beamcast::scene::{Scene, gltf};
 use beamcast::trace::{Cast, Hit, Origins, Rays, Tracer};
 use glam::DVec3;
 use rayon::prelude::*;
+
+use timing::thread_time;
 
 /// The number of rays of a work item: enough packets of 128 rays that distributing the items costs nothing.
 const ITEM: usize = 128 * 16;
@@ -152,12 +156,6 @@ impl Caster {
         std::fs::write(path, bytes).expect("a file for hits");
         format!(r#"{{"hits": {}}}"#, hits.iter().flatten().count())
     }
-}
-
-/// The CPU seconds of this thread, as accounted by the scheduler.
-fn thread_time() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
-    text.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9
 }
 
 /// The value in bytes of a line of /proc/self/status.

@@ -5,6 +5,8 @@
 //! rays a second where they move, where they move and each ray is cast alone, and where they stand. The three take turns, and each
 //! figure is the least CPU time of several rounds on one thread; arranging uses all threads, and its figure is the least time.
 
+mod timing;
+
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -14,6 +16,8 @@ use beamcast::rng::Rng;
 use beamcast::scene::{Material, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart};
 use beamcast::trace::{Cast, Hit, Origins, Rays, Tracer};
 use glam::{DAffine3, DVec3};
+
+use timing::thread_time;
 
 /// The rows and columns of the LiDAR, the duration of a frame, and the rows and columns of a tile, whose rays are cast together.
 const SIZE: (usize, usize) = (64, 1024);
@@ -121,12 +125,6 @@ fn least_times(tracers: [&Tracer; 3], strips: &[Strip]) -> [f64; 3] {
         }
     }
     best
-}
-
-/// The CPU seconds of this thread, as accounted by the scheduler.
-fn thread_time() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
-    text.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9
 }
 
 /// A plain with cars on it, each of which drives its own way at up to 20 m/s. They go through each other.

@@ -6,6 +6,8 @@
 //! thread. A ratio below 0.9 is marked: there, packets cost more than they save. `--scene NAME` and `--rounds N` choose, and
 //! `--counts yes` prints the work behind each figure.
 
+mod timing;
+
 use std::path::Path;
 
 use beamcast::frame::UpAxis;
@@ -13,6 +15,8 @@ use beamcast::rng::Rng;
 use beamcast::scene::{Material, Scene, SceneBuilder, SourceInstance, SourceMesh, SourcePart, gltf};
 use beamcast::trace::{Cast, Hit, Origins, Rays, Tracer};
 use glam::{DAffine3, DVec3};
+
+use timing::thread_time;
 
 /// The pixels of a tile, and the tiles of a strip, which is one batch: those of a scan.
 const TILE: (usize, usize) = (8, 16);
@@ -97,12 +101,6 @@ fn least_times(rounds: usize, tracers: [&Tracer; 2], eye: DVec3, strips: &[Vec<D
         }
     }
     best
-}
-
-/// The CPU seconds of this thread, as accounted by the scheduler.
-fn thread_time() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
-    text.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9
 }
 
 /// A pattern of rays: rows × columns.

@@ -12,20 +12,20 @@ import csv
 import json
 import os
 import pathlib
-import subprocess
 import sys
 import tempfile
 
 os.environ["MPLBACKEND"] = "agg"
 
 import numpy as np
-import OpenEXR
 import pykitti
 from nuscenes.nuscenes import NuScenes
 from nuscenes.utils.data_classes import LidarPointCloud
 from pyquaternion import Quaternion
 
-PROJECT = pathlib.Path(__file__).parents[2]
+import common
+from common import PROJECT, equal, near, read_exr, scan
+
 JOB = f"""
 scene = "{PROJECT}/scenes/drive.glb"
 labels = {{ road = 40, car = 10, walker = 30 }}
@@ -81,29 +81,6 @@ LIDAR, CAMERA = "LIDAR_TOP", "CAM_FRONT"
 # The world is some tens of metres wide. Coordinates have steps of 7e-15 m there, and turning poses and boxes into other frames
 # rounds a few dozen times.
 NEAR_M = 1e-12
-checks = 0
-
-
-def equal(what, found, expected):
-    """Equal shapes and values, bit for bit."""
-    global checks
-    found, expected = np.asarray(found), np.asarray(expected)
-    if found.shape != expected.shape or not np.array_equal(found, expected):
-        sys.exit(f"{what}: {found} is not {expected}")
-    checks += found.size
-
-
-def near(what, found, expected, most=NEAR_M):
-    global checks
-    found, expected = np.asarray(found, float), np.asarray(expected, float)
-    if found.shape != expected.shape or np.abs(found - expected).max(initial=0) > most:
-        sys.exit(f"{what}: {found} is not {expected} by {np.abs(found - expected).max(initial=0)}")
-    checks += found.size
-
-
-def read_exr(path):
-    part = OpenEXR.File(str(path), separate_channels=True)
-    return {name: channel.pixels for name, channel in part.channels().items()}
 
 
 def matrix(translation, wxyz):
@@ -175,7 +152,7 @@ def check_kitti_poses(run, sensor, folder):
     equal(f"{sensor} poses: the first", data.poses[0], np.eye(4))
     for index, frame in enumerate(frames):
         pose = np.linalg.inv(tr) @ data.poses[index] @ tr
-        near(f"{sensor} poses: {frame}", pose[:3], (first @ run.world_from_sensor(sensor, frame))[:3])
+        near(f"{sensor} poses: {frame}", pose[:3], (first @ run.world_from_sensor(sensor, frame))[:3], NEAR_M)
         since = run.time_s(sensor, frame) - run.time_s(sensor, frames[0])
         equal(f"{sensor} times: {frame}", data.timestamps[index].total_seconds(), round(since, 6))
         points = np.fromfile(run.folder / sensor / "velodyne" / f"{frame:06}.bin", np.float32).reshape(-1, 4)
@@ -208,7 +185,7 @@ def check_kitti_boxes(run, sensor):
             equal("label_2: occluded", occluded, sum(box["occlusion"] >= share for share in (0.1, 0.5)))
             equal("label_2: bounds", bounds, np.array(box["projected_px"]) - 0.5)
             seen_turn = turn - np.arctan2(bottom[0], bottom[2])
-            near("label_2: alpha", [np.cos(alpha), np.sin(alpha)], [np.cos(seen_turn), np.sin(seen_turn)])
+            near("label_2: alpha", [np.cos(alpha), np.sin(alpha)], [np.cos(seen_turn), np.sin(seen_turn)], NEAR_M)
             equal("label_2: alpha", abs(alpha) <= np.pi, True)
             sides = np.array([[x, y, z] for x in (l / 2, -l / 2) for y in (0, -h) for z in (w / 2, -w / 2)])
             c, s = np.cos(turn), np.sin(turn)
@@ -252,7 +229,7 @@ def check_nuscenes(run):
         if sensor == CAMERA:
             # The columns are the optical axes: right, down and forward.
             expected = expected @ np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]], float)
-        near(f"nuscenes: pose of {sensor} {frame}", pose, expected)
+        near(f"nuscenes: pose of {sensor} {frame}", pose, expected, NEAR_M)
         path = kit.get_sample_data_path(data["token"])
         if sensor == CAMERA:
             pictured = (run.folder / sensor / f"{frame:06}.color.png").read_bytes()
@@ -311,15 +288,13 @@ def main():
     beamcast = pathlib.Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        (folder / "job.toml").write_text(JOB)
-        subprocess.run([beamcast, "scan", "-q", folder / "job.toml"], check=True)
-        run = Run(folder / "out")
+        run = Run(scan(beamcast, folder, JOB, "out"))
         for sensor in (LIDAR, CAMERA):
             check_kitti_clouds(run, sensor)
             check_kitti_poses(run, sensor, folder / f"kitti-{sensor}")
         check_kitti_boxes(run, CAMERA)
         check_nuscenes(run)
-    print(f"{checks} values of KITTI's and nuScenes' folders are the EXR's, read by NumPy, pykitti and nuscenes-devkit")
+    print(f"{common.checks} values of KITTI's and nuScenes' folders are the EXR's, read by NumPy, pykitti and nuscenes-devkit")
 
 
 main()

@@ -2,6 +2,7 @@
 
 mod measured;
 mod mistakes;
+mod surroundings;
 
 use std::path::{Path, PathBuf};
 
