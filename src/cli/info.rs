@@ -25,7 +25,7 @@ use crate::source::{FileKind, Wanted, is_config, recognise};
 /// The arguments of `beamcast info`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A job, a sensor file, a scene (.gltf, .glb), a range image (EXR, NPZ), a cloud (PLY, PCD, NPY), or a scan's folder or manifest
+    /// A job, a sensor file, a scene (.gltf, .glb), a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), or a scan's folder or manifest
     #[arg(value_name = "FILE")]
     path: PathBuf,
     /// Print JSON
@@ -61,6 +61,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         FileKind::Npz => "NPZ",
         FileKind::Pcd => "PCD",
         FileKind::Npy => "NPY",
+        FileKind::Las => "LAS",
         _ => "PLY",
     };
     let (json, text) = match Recorded::open(path, memory::of_machine().unwrap_or(u64::MAX))? {

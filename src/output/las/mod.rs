@@ -188,6 +188,7 @@ fn pose_of(frame: &SensorFrame) -> String {
         "sensor": frame.name,
         "frame": frame.capture.frame,
         "start_s": frame.capture.start_s,
+        "points": frame.cloud_frame_in_words(),
         "world_from_points": pose_as_json(&frame.world_from_points()),
     });
     if let Some(compensation) = frame.compensation() {
