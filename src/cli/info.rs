@@ -235,8 +235,11 @@ impl CloudFacts {
             let [x, y, z] = [x, y, z].map(|[low, high]| span(Some(low), Some(high)));
             let _ = writeln!(text, "    extent        x {x}, y {y}, z {z}");
         }
+        // A LAS of others has long names.
+        let longest = self.fields.iter().map(|f| f.name.chars().count() + 1).max().unwrap_or(0);
+        let width = longest.clamp(14, 33);
         for f in &self.fields {
-            let _ = writeln!(text, "    {:<14}{:<7}{}", on_one_line(&f.name), f.kind, span(f.min, f.max));
+            let _ = writeln!(text, "    {:<width$}{:<7}{}", on_one_line(&f.name), f.kind, span(f.min, f.max));
         }
         // Instances may be many, and would leave no room for the rest.
         let mut comments: Vec<&String> = self.comments.iter().collect();

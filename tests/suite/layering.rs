@@ -134,7 +134,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
     ("zune_jpeg::", &["scene/gltf/images.rs"], "only the loader of textures decodes JPEG"),
     (
         "laz::",
-        &["output/las/chunks.rs", "output/recorded/laz.rs"],
+        &["output/las/chunks.rs", "output/recorded/laszip.rs"],
         "only the compression of LAZ knows LASzip",
     ),
     ("draco_core::", &["scene/gltf/draco.rs"], "only the loader of compressed primitives knows Draco"),

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::cloud::{Cloud, Field, MAX_FIELDS, cut_short};
 use super::error::ReadError;
-use super::laz::{self, Compressed};
+use super::laszip::{self, Compressed};
 use super::number::Number;
 
 /// Reads a LAS, or a LAZ as which its points are compressed. The fields have the names of laspy: `x`, `y` and `z` in the file's unit, with
@@ -29,7 +29,7 @@ pub fn read_las(bytes: &[u8], memory: u64) -> Result<Cloud, ReadError> {
         }
     };
     if header.is_compressed {
-        let description = records.iter().find(|record| record.is(laz::RECORD));
+        let description = records.iter().find(|record| record.is(laszip::RECORD));
         let description = description
             .ok_or_else(|| ReadError::new("its points are compressed, and it does not say how"))?;
         let compressed = Compressed {
@@ -464,10 +464,10 @@ mod tests {
         let mut body = records.clone();
         if is_compressed {
             // The length of the description does not depend on the place of the points.
-            let (description, _) = laz::compressed(format, EXTRA_BYTES as u16, 0, &records);
-            vlrs.push(vlr(laz::RECORD.0, laz::RECORD.1, &description));
+            let (description, _) = laszip::compressed(format, EXTRA_BYTES as u16, 0, &records);
+            vlrs.push(vlr(laszip::RECORD.0, laszip::RECORD.1, &description));
             let place = header_bytes + vlrs.concat().len();
-            body = laz::compressed(format, EXTRA_BYTES as u16, place, &records).1;
+            body = laszip::compressed(format, EXTRA_BYTES as u16, place, &records).1;
         }
         let mut file = vec![0; header_bytes];
         file[..4].copy_from_slice(b"LASF");

@@ -10,7 +10,7 @@ mod folder;
 mod frame_key;
 mod instances;
 mod las;
-mod laz;
+mod laszip;
 mod manifest;
 mod npy;
 mod npz;
@@ -28,12 +28,14 @@ pub use exr::{Part, read_exr};
 pub use folder::{CLOUD_ENDINGS, Folder, IMAGE_ENDINGS, Recorded};
 pub use frame_key::FrameKey;
 pub use instances::InstanceNames;
+pub(in crate::output) use las::WKT;
 pub use las::read_las;
 pub use manifest::{
     Input, Output, RecordedJob, RecordedManifest, RecordedScene, RecordedSensor, Tool, read_manifest,
 };
 pub use npy::read_npy;
 pub use npz::read_npz;
+pub(in crate::output) use number::Number;
 pub use pcd::read_pcd;
 pub use ply::read_ply;
 pub use preview::read_preview;
