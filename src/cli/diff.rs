@@ -28,7 +28,7 @@ use crate::source::words::{counted, joined, on_one_line};
 /// The arguments of `beamcast diff`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A range image (EXR, NPZ), a cloud (PLY, PCD, NPY), a folder that a scan wrote, or a job, which is run
+    /// A range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), a folder that a scan wrote, or a job, which is run
     a: PathBuf,
     /// The same, to compare with: the newer one
     b: PathBuf,

@@ -25,7 +25,7 @@ use crate::source::{FileKind, Wanted, is_config, recognise};
 /// The arguments of `beamcast info`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A job, a sensor file, a scene (.gltf, .glb), a range image (EXR, NPZ), a cloud (PLY, PCD, NPY), or a scan's folder or manifest
+    /// A job, a sensor file, a scene (.gltf, .glb), a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), or a scan's folder or manifest
     #[arg(value_name = "FILE")]
     path: PathBuf,
     /// Print JSON
@@ -61,6 +61,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         FileKind::Npz => "NPZ",
         FileKind::Pcd => "PCD",
         FileKind::Npy => "NPY",
+        FileKind::Las => "LAS",
         _ => "PLY",
     };
     let (json, text) = match Recorded::open(path, memory::of_machine().unwrap_or(u64::MAX))? {
@@ -234,8 +235,11 @@ impl CloudFacts {
             let [x, y, z] = [x, y, z].map(|[low, high]| span(Some(low), Some(high)));
             let _ = writeln!(text, "    extent        x {x}, y {y}, z {z}");
         }
+        // A LAS of others has long names.
+        let longest = self.fields.iter().map(|f| f.name.chars().count() + 1).max().unwrap_or(0);
+        let width = longest.clamp(14, 33);
         for f in &self.fields {
-            let _ = writeln!(text, "    {:<14}{:<7}{}", on_one_line(&f.name), f.kind, span(f.min, f.max));
+            let _ = writeln!(text, "    {:<width$}{:<7}{}", on_one_line(&f.name), f.kind, span(f.min, f.max));
         }
         // Instances may be many, and would leave no room for the rest.
         let mut comments: Vec<&String> = self.comments.iter().collect();

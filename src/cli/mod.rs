@@ -2,6 +2,7 @@
 
 mod bench;
 mod check;
+mod convert;
 mod datasheet;
 mod depth_quality;
 pub mod diagnostics;
@@ -64,6 +65,8 @@ enum Command {
     Check(check::Args),
     /// Compare two outputs, channel by channel: images, clouds, folders, or jobs, which are run
     Diff(diff::Args),
+    /// Write recorded clouds or images in another format: a file, or every frame of a folder
+    Convert(convert::Args),
     /// Tell the story of one pulse: where it goes, what it meets, what comes back, and why it is reported so
     Explain(explain::Args),
     /// Time a job: loading, building and casting, each apart
@@ -131,7 +134,7 @@ impl Command {
             Self::Diff(args) => Some(args.threads),
             Self::Explain(args) => Some(args.threads()),
             Self::Bench(args) => Some(args.threads()),
-            Self::Lint(_) | Self::Selftest(_) | Self::View(_) | Self::Kernels(_) => {
+            Self::Lint(_) | Self::Selftest(_) | Self::View(_) | Self::Kernels(_) | Self::Convert(_) => {
                 Some(threads::Args::default())
             }
             Self::Info(_) | Self::Presets(_) => Some(threads::Args::default()),
@@ -153,6 +156,7 @@ fn run(command: &Command, terminal: &Terminal) -> Result<(), Error> {
         Command::Verify(args) => verify::run(args, terminal),
         Command::Check(args) => check::run(args, terminal),
         Command::Diff(args) => diff::run(args, terminal),
+        Command::Convert(args) => convert::run(args, terminal),
         Command::Explain(args) => explain::run(args, terminal),
         Command::Bench(args) => bench::run(args, terminal),
         Command::Selftest(args) => selftest::run(args, terminal),

@@ -17,7 +17,7 @@ use crate::view::{Recording, Shown, View, of_recording, page};
 /// The arguments of `beamcast view`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A range image (EXR, NPZ), a cloud (PLY, PCD, NPY), the folder that a scan wrote, or a job, which is run
+    /// A range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), the folder that a scan wrote, or a job, which is run
     #[arg(value_name = "PATH")]
     path: PathBuf,
     /// The page; `-` for stdout [default: the name of PATH with .html, in the current folder]

@@ -14,6 +14,7 @@
 //! ros            ROS 2 bags of a whole run
 //! waveform       the waveform of every pulse, as arrays
 //! kitti nuscenes the folders of KITTI and SemanticKITTI, and of nuScenes
+//! cloud_file     recorded clouds as files of another format, by cloud_columns; image_file: recorded images
 //! page           the page of all formats, for docs
 //! poses          where a sensor was: a row a frame in a run's table, and a row a column in a file of its own
 //! objects        the boxes of objects and what is seen, as lines of JSON
@@ -30,6 +31,8 @@
 //! ```
 
 mod channel;
+mod cloud_columns;
+mod cloud_file;
 mod color;
 mod crs;
 mod depth16;
@@ -40,6 +43,7 @@ mod film;
 mod format;
 mod id;
 mod image;
+mod image_file;
 mod json;
 mod kitti;
 mod labels;
@@ -73,6 +77,7 @@ pub use channel::{
     BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, NO_RETURN_M, Place, Scale,
     Sensors, Shown, TERM_NAMES, UNASKED_CHANNEL_NAMES, Values, channel, is_of_all_pixels, no_return,
 };
+pub use cloud_file::CloudFormat;
 pub use files::{Destination, FileNames, GrowingFile, WrittenFile};
 pub use film::{Palette, film};
 pub use format::{
@@ -81,6 +86,7 @@ pub use format::{
 };
 pub use id::{id_of, index_of};
 pub use image::{Channel, Image, Samples};
+pub use image_file::ImageFormat;
 pub use json::json_lines;
 pub use legend::{Entry, round_step, ticks, with_legend};
 pub use manifest::{Manifest, SensorFrames};

@@ -9,6 +9,7 @@ use super::image::{Channel, Image, Samples};
 use super::json::json_ascii;
 use super::npy;
 use super::options::{OptionSpec, OptionValues, Options};
+use super::recorded::Part;
 use super::sensor_frame::{SensorFrame, pose_as_json};
 use super::zip::{Member, zip};
 use crate::sensor::Sensor;
@@ -98,6 +99,47 @@ fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
     archive(arrays, options.is_set(&COMPRESSED))
 }
 
+/// The file of a recorded image. Its attributes are in `about` under their own names, besides those that a scan writes there.
+pub(super) fn of_parts(parts: Vec<Part>) -> Result<Vec<u8>, EncodeError> {
+    let mut about = Map::new();
+    if let Some(part) = parts.first() {
+        for (name, value) in &part.attributes {
+            let key = name.strip_prefix("beamcast:").filter(|key| ABOUT.contains(key));
+            // Names and poses are tables.
+            let read = serde_json::from_str(value).ok().filter(|value: &Value| value.is_object());
+            match key {
+                Some(key) => about.insert(key.to_owned(), read.unwrap_or_else(|| value.as_str().into())),
+                None => continue,
+            };
+        }
+        about.insert("attributes".to_owned(), json!(part.attributes));
+    }
+    let mut arrays = Vec::new();
+    for (number, part) in parts.into_iter().enumerate() {
+        let folder = if number == 0 { String::new() } else { format!("return{number}/") };
+        let mut image = part.image.without_repeats();
+        for channel in &mut image.channels {
+            // A ZIP of ours has names in ASCII, and a stroke would begin another part.
+            let is_taken = |c: char| c.is_ascii_graphic() && c != '/' && c != '\\';
+            channel.name = channel.name.chars().map(|c| if is_taken(c) { c } else { '_' }).collect();
+        }
+        arrays.extend(arrays_of(image, &folder));
+    }
+    let unit = |array: &Array| (array.name.clone(), array.facts(unit_of(&array.name)));
+    about.insert("arrays".to_owned(), Value::Object(arrays.iter().map(unit).collect()));
+    arrays.push(Array::text("about", &Value::Object(about)));
+    archive(arrays, false)
+}
+
+/// The keys of `about` that are attributes of an EXR, too.
+const ABOUT: [&str; 6] = ["sensor", "pattern", "no_return", "world_from_sensor", "instances", "labels"];
+
+/// The unit of an array's values, if it is a channel.
+fn unit_of(array: &str) -> &'static str {
+    let name = array.rsplit('/').next().unwrap_or_default();
+    channel(name).map_or("", |channel| channel.unit)
+}
+
 fn arrays_of(image: Image, folder: &str) -> Vec<Array> {
     let sides = vec![image.rows, image.columns];
     let axes: Vec<&[f32]> = AXES.iter().filter_map(|axis| image.f32(axis)).collect();
@@ -139,11 +181,7 @@ pub(super) fn bytes<const N: usize>(values: impl ExactSizeIterator<Item = [u8; N
 
 /// A description of the arrays, as JSON in an array of one text: `json.loads(arrays["about"].item())`.
 fn about(frame: &SensorFrame, arrays: &[Array]) -> Array {
-    let unit = |array: &Array| {
-        let name = array.name.rsplit('/').next().unwrap_or_default();
-        let unit = channel(name).map_or("", |channel| channel.unit);
-        (array.name.clone(), array.facts(unit))
-    };
+    let unit = |array: &Array| (array.name.clone(), array.facts(unit_of(&array.name)));
     let arrays: Map<String, Value> = arrays.iter().map(unit).collect();
     let names = |named: super::names::Named| -> Map<String, Value> {
         let read = |(number, name): (u32, String)| {

@@ -127,7 +127,9 @@ scale without a top has white at 65535, and `reflectivity` for what is brighter.
 
 The times of pulses are `start_s` of the frame plus the pulse's own time. The header's bit for GPS time says seconds of a week, because LAS
 has no other time that begins at 0. Dates and the GUID of the header are 0. In the file of a frame, the record `beamcast` 1 is JSON
-with `world_from_points`, the pose that LAS has no field for.
+with `points`, the frame of the points, and `world_from_points`, the pose that LAS has no field for. In one that `convert` wrote,
+the record `beamcast` 2 has the comments of the cloud, a line each, and fields whose values LAS's own could not hold are extra dimensions,
+such as `reflectivity`.
 
 ```python
 cloud = laspy.read(\"out/run.laz\")  # pip install laspy[lazrs]

@@ -17,6 +17,7 @@
 //! steps       the frames of a rig's sensors that belong together
 //! checking    jobs that have something to be checked, and the outcome of each
 //! baseline    the folder of a job's baseline: compared and accepted
+//! convert     recorded files in other formats
 //! sides       the two sides that a comparison has: recorded files, or the frames of a job
 //! facts       facts about jobs, sensor files and scenes that are only read
 //! paths       paths as people write them
@@ -27,6 +28,7 @@
 
 pub mod baseline;
 pub mod checking;
+pub mod convert;
 pub mod facts;
 pub mod journal;
 mod loading;

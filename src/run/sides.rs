@@ -69,7 +69,7 @@ impl Side {
                 if files.is_empty() {
                     return Err(Error::input(
                         path,
-                        "has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY) of such frames",
+                        "has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY, LAS, LAZ) of such frames",
                     ));
                 }
                 return Ok(Self { source: Source::Folder { folder, files, memory }, labels });

@@ -126,7 +126,7 @@ fn of_folder(
         files.cloud = files.cloud.take().max(cloud);
     }
     if frames.is_empty() {
-        let problem = "has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY) to show: `formats` in the job's [output] says what is written";
+        let problem = "has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY, LAS, LAZ) to show: `formats` in the job's [output] says what is written";
         return Err(Error::input(folder.path(), problem));
     }
     let manifest = &folder.manifest;
@@ -266,7 +266,7 @@ fn of_images(name: &str, parts: Vec<Part>, cloud: Option<&Cloud>, listed: &Liste
         };
         // A cloud with a point that is no number does not fit its image.
         let points = points.ok_or_else(|| {
-            "This image does not say where its beams went, so there is no cloud to turn: a cloud beside it (PLY, PCD, NPY) does."
+            "This image does not say where its beams went, so there is no cloud to turn: a cloud beside it (PLY, PCD, NPY, LAS, LAZ) does."
                 .to_owned()
         });
         let points = match points {

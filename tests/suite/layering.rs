@@ -132,7 +132,11 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
     ("toml::", &["config/"], "only config knows TOML"),
     ("image_webp::", &["scene/gltf/images.rs"], "only the loader of textures decodes WebP"),
     ("zune_jpeg::", &["scene/gltf/images.rs"], "only the loader of textures decodes JPEG"),
-    ("laz::", &["output/las/chunks.rs"], "only the compression of LAZ knows LASzip"),
+    (
+        "laz::",
+        &["output/las/chunks.rs", "output/recorded/laszip.rs"],
+        "only the compression of LAZ knows LASzip",
+    ),
     ("draco_core::", &["scene/gltf/draco.rs"], "only the loader of compressed primitives knows Draco"),
     ("ruzstd::", &["output/ros/mcap.rs"], "only the container of bags compresses with Zstandard"),
     ("unsafe", &["trace/simd/x86/"], "intrinsics are the one thing that needs it"),

@@ -6,6 +6,7 @@ mod cameras;
 mod check;
 mod cli;
 mod config;
+mod convert;
 mod corpus;
 mod cut_outs;
 mod datasets;

@@ -241,7 +241,7 @@ fn names(part: &Part) -> Vec<String> {
 /// The commands take a file of any of the formats, and folders that have nothing else.
 #[test]
 fn files_and_folders_of_every_format_are_shown_and_compared() {
-    let formats = "formats = [\"exr\", \"deep\", \"npz\", \"ply\", \"pcd\", \"npy\"]";
+    let formats = "formats = [\"exr\", \"deep\", \"npz\", \"ply\", \"pcd\", \"npy\", \"las\", \"laz\"]";
     let room = Room::with(formats);
     let run = |args: &[&str]| {
         let output = super::cli::program().args(args).current_dir(room.0.path()).output().unwrap();
@@ -255,9 +255,13 @@ fn files_and_folders_of_every_format_are_shown_and_compared() {
     };
     good(&["scan", "-q", "job.toml"]);
     let file = |ending: &str| format!("out/top/000000.{ending}");
-    for (ending, kind, part) in
-        [("npz", "NPZ", "16 rows × 36 columns"), ("pcd", "PCD", " points\n"), ("npy", "NPY", " points\n")]
-    {
+    for (ending, kind, part) in [
+        ("npz", "NPZ", "16 rows × 36 columns"),
+        ("pcd", "PCD", " points\n"),
+        ("npy", "NPY", " points\n"),
+        ("las", "LAS", " points\n"),
+        ("laz", "LAS", "frame: the sensor's frame"),
+    ] {
         let said = good(&["info", &file(ending)]);
         assert!(said.contains(&format!("000000.{ending}: {kind}\n")) && said.contains(part), "{said}");
         good(&["view", &file(ending), "-o", "page.html"]);
@@ -265,8 +269,9 @@ fn files_and_folders_of_every_format_are_shown_and_compared() {
     }
     good(&["diff", &file("exr"), &file("npz")]);
     good(&["diff", &file("ply"), &file("npy")]);
+    good(&["diff", &file("las"), &file("laz")]);
     good(&["diff", "out", "out"]);
-    for ending in ["npz", "ply", "pcd", "npy"] {
+    for ending in ["npz", "ply", "pcd", "npy", "las", "laz"] {
         let formats = format!("output.formats=[\"{ending}\"]");
         good(&["scan", "-q", "job.toml", "--out", ending, "--set", &formats]);
         good(&["diff", ending, ending]);

@@ -22,7 +22,6 @@ const FILES: &[(&[u8], &str, &str)] = &[
     (b"#usda 1.0\n(\n)\n", "a USD file", "usd2gltf"),
     (b"Kaydara FBX Binary  \0\x1a\0", "an FBX file", "FBX2glTF"),
     (b"<?xml version=\"1.0\"?>\n<COLLADA>\n", "a COLLADA scene", "Blender"),
-    (b"LASF\0\0\0\0", "a LAS or LAZ cloud", ""),
     (b"\xd4\xc3\xb2\xa1\x02\0\x04\0", "a packet capture (pcap)", "beamcast import"),
     (b"<!DOCTYPE html>\n<html>\n", "a web page (HTML)", "download"),
     (b"\x89PNG\r\n\x1a\n\0\0\0\x0d", "a PNG image", ""),

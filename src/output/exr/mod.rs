@@ -17,10 +17,11 @@ use exr::prelude::f16;
 use rayon::prelude::*;
 
 use self::attributes::{Value, attributes};
-use super::channel::{BYTES_A_VALUE, repeated_for_opencv};
+use super::channel::{BYTES_A_VALUE, DEPTH_FOR_OPENCV, repeated_for_opencv};
 use super::format::{Content, EncodeError, FormatSpec, Kind};
-use super::image::{Image, Samples};
+use super::image::{Channel, Image, Samples};
 use super::options::{OptionSpec, OptionValues, Options};
+use super::recorded::Part;
 use super::sensor_frame::SensorFrame;
 use crate::sensor::Sensor;
 use crate::source::words::joined;
@@ -136,6 +137,73 @@ fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
     let mut file = file.map_err(|e| EncodeError::new(format!("the EXR can't be encoded: {e}")))?;
     sort_attributes(&mut file, parts);
     Ok(file)
+}
+
+/// The file of a recorded image, compressed without loss. Attributes that are numbers are those, and all others are texts.
+pub(super) fn of_parts(parts: Vec<Part>) -> Result<Vec<u8>, EncodeError> {
+    let (count, mut layers) = (parts.len(), Layers::new());
+    for (number, part) in parts.into_iter().enumerate() {
+        let Part { name, mut image, attributes } = part;
+        add_depth_for_opencv(&mut image);
+        let size = (image.columns, image.rows);
+        let attributes = attributes.iter().map(|(name, value)| (ascii(name), recorded_value(value)));
+        let name = match (count, name.as_str()) {
+            (1, _) => None,
+            (_, "") => Some(format!("return{number}")),
+            (_, name) => Some(name.to_owned()),
+        };
+        let attributes = LayerAttributes {
+            layer_name: name.map(|name| ascii(&name)),
+            other: attributes.collect(),
+            ..LayerAttributes::default()
+        };
+        let channels = image.channels.into_iter().map(|channel| {
+            let samples = match channel.samples {
+                Samples::F32(values) => FlatSamples::F32(values),
+                Samples::U32(values) => FlatSamples::U32(values),
+            };
+            AnyChannel::new(ascii(&channel.name), samples)
+        });
+        let channels = AnyChannels::sort(channels.collect());
+        let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::SMALL_LOSSLESS };
+        layers.push(Layer::new(size, attributes, encoding, channels));
+    }
+    let file = match layers.len() {
+        1 => compress(&exr::image::Image::from_layer(layers.remove(0))),
+        _ => {
+            let size = layers.first().map_or((1, 1), |layer| (layer.size.width(), layer.size.height()));
+            compress(&exr::image::Image::from_layers(ImageAttributes::with_size(size), layers))
+        }
+    };
+    let mut file = file.map_err(|e| EncodeError::new(format!("the EXR can't be encoded: {e}")))?;
+    sort_attributes(&mut file, count);
+    Ok(file)
+}
+
+/// Repeats the depth under the name that OpenCV reads, as every image of a scan does.
+fn add_depth_for_opencv(image: &mut Image) {
+    let depth = ["Z", "range"].into_iter().find_map(|name| image.channel(name).cloned());
+    if let (Some(samples), None) = (depth, image.channel(DEPTH_FOR_OPENCV)) {
+        image.channels.push(Channel { name: DEPTH_FOR_OPENCV.to_owned(), samples });
+        image.channels.sort_by(|a, b| a.name.cmp(&b.name));
+    }
+}
+
+/// A recorded attribute: the number whose digits it is, or the text.
+fn recorded_value(value: &str) -> AttributeValue {
+    match value.parse::<f64>() {
+        Ok(number) if number.is_finite() && number.to_string() == value => AttributeValue::F64(number),
+        _ => AttributeValue::Text(ascii(value)),
+    }
+}
+
+/// A text of one byte for each character, as EXR has them: what is not in ASCII is escaped.
+fn ascii(text: &str) -> Text {
+    let escaped: String = text
+        .chars()
+        .map(|c| if c.is_ascii() && c != '\0' { c.to_string() } else { c.escape_default().to_string() })
+        .collect();
+    Text::from(escaped.as_str())
 }
 
 /// Compresses the blocks in rayon's current thread pool, and not in a pool of the library, so that `--threads` holds.

@@ -26,13 +26,19 @@ impl Chunks {
     /// The user and the number of the record that describes the compression.
     pub const RECORD: (&str, u16) = (LazVlr::USER_ID, LazVlr::RECORD_ID);
 
-    /// No chunks, of points of format 6 with so many extra bytes.
-    pub fn new(extra_bytes: usize) -> Self {
-        let items = LazItemRecordBuilder::new()
-            .add_item(LazItemType::Point14)
-            .add_item(LazItemType::Byte14(extra_bytes as u16))
-            .build();
-        let laszip = LazVlrBuilder::new(items).with_fixed_chunk_size(POINTS).build();
+    /// No chunks, of points of a format from 6 to 8 with so many extra bytes.
+    pub fn new(format: u8, extra_bytes: usize) -> Self {
+        let mut items = LazItemRecordBuilder::new();
+        items.add_item(LazItemType::Point14);
+        match format {
+            7 => items.add_item(LazItemType::RGB14),
+            8 => items.add_item(LazItemType::RGBNIR14),
+            _ => &mut items,
+        };
+        if extra_bytes > 0 {
+            items.add_item(LazItemType::Byte14(extra_bytes as u16));
+        }
+        let laszip = LazVlrBuilder::new(items.build()).with_fixed_chunk_size(POINTS).build();
         Self { laszip, table: ChunkTable::default(), bytes: 0 }
     }
 
@@ -94,7 +100,7 @@ mod tests {
 
     /// The bytes of a chunk's points after the place of the table, compressed piece by piece.
     fn compressed(records: &[u8], pieces: usize) -> (Chunks, Vec<u8>) {
-        let mut chunks = Chunks::new(2);
+        let mut chunks = Chunks::new(6, 2);
         let (mut waiting, mut file) = (Vec::new(), Vec::new());
         for piece in records.chunks(pieces) {
             waiting.extend_from_slice(piece);

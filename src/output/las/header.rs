@@ -3,6 +3,8 @@
 //! The layout is that of the tables of "LAS Specification 1.4 – R15" (ASPRS, 2019); a comment names each field. Dates and the GUID
 //! are 0, because the same frame gives the same bytes always.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
 use super::super::format::EncodeError;
@@ -10,18 +12,17 @@ use super::chunks::Chunks;
 
 /// The length of the header.
 const HEADER_BYTES: usize = 375;
-/// The format of the points, and the bit of it that says that they are compressed.
-const POINT_FORMAT: u8 = 6;
+/// The bit of the points' format that says that they are compressed.
 const COMPRESSED: u8 = 0x80;
 /// The bit of the global encoding by which a coordinate reference system is WKT, which format 6 demands. The bit of the kind of GPS
 /// time is not set: the times are not those of GPS, and seconds of a week come nearest.
 const WKT: u16 = 1 << 4;
 
 /// An extra dimension of the points.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Dimension {
     /// The name, of at most 32 bytes.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// The type.
     pub kind: Number,
     /// The meaning, in at most 32 bytes.
@@ -31,26 +32,44 @@ pub(super) struct Dimension {
 /// The types of extra dimensions, with their numbers in LAS.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Number {
+    /// `unsigned char`.
+    U8 = 1,
+    /// `char`.
+    I8 = 2,
     /// `unsigned short`.
     U16 = 3,
+    /// `short`.
+    I16 = 4,
     /// `unsigned long`.
     U32 = 5,
+    /// `long`.
+    I32 = 6,
+    /// `unsigned long long`.
+    U64 = 7,
+    /// `long long`.
+    I64 = 8,
     /// `float`.
     F32 = 9,
+    /// `double`.
+    F64 = 10,
 }
 
 impl Number {
     /// The bytes of a value.
     pub fn bytes(self) -> usize {
         match self {
-            Self::U16 => 2,
-            Self::U32 | Self::F32 => 4,
+            Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
         }
     }
 }
 
 /// What the header tells of the points. The length of the header does not depend on what is counted.
 pub(super) struct Contents {
+    /// The format of the points, from 6 to 8.
+    pub format: u8,
     /// The extra dimensions, in the order of their bytes in a record.
     pub dimensions: Vec<Dimension>,
     /// The bytes of a point.
@@ -60,9 +79,11 @@ pub(super) struct Contents {
     /// The position of the steps (0, 0, 0) in metres.
     pub offset_m: DVec3,
     /// The coordinate reference system in WKT.
-    pub crs: Option<&'static str>,
+    pub crs: Option<Cow<'static, str>>,
     /// The pose of the points as JSON, which files of one frame have.
     pub pose: Option<String>,
+    /// The comments of a cloud that was converted, a line each.
+    pub comments: Option<String>,
     points: u64,
     by_return: [u64; 15],
     least: [i32; 3],
@@ -70,15 +91,17 @@ pub(super) struct Contents {
 }
 
 impl Contents {
-    /// No points yet, of so many bytes each, in metres, at the origin.
+    /// No points of format 6 yet, of so many bytes each, in metres, at the origin.
     pub fn of(dimensions: Vec<Dimension>, record_bytes: usize) -> Self {
         Self {
+            format: 6,
             dimensions,
             record_bytes,
             scale_m: 1.0,
             offset_m: DVec3::ZERO,
             crs: None,
             pose: None,
+            comments: None,
             points: 0,
             by_return: [0; 15],
             least: [i32::MAX; 3],
@@ -105,10 +128,12 @@ impl Contents {
         )))
     }
 
-    /// Counts a point, whose return has a number from 1 to 15.
+    /// Counts a point, whose return has a number from 1 to 15, or 0 if it has none.
     pub fn count(&mut self, steps: [i32; 3], return_number: u8) {
         self.points += 1;
-        self.by_return[usize::from(return_number) - 1] += 1;
+        if let Some(count) = self.by_return.get_mut(usize::from(return_number.wrapping_sub(1))) {
+            *count += 1;
+        }
         for (axis, step) in steps.into_iter().enumerate() {
             self.least[axis] = self.least[axis].min(step);
             self.most[axis] = self.most[axis].max(step);
@@ -130,7 +155,7 @@ impl Contents {
     }
 
     fn header(&self, records: u32, before_points: u32, is_compressed: bool) -> Vec<u8> {
-        let format = if is_compressed { POINT_FORMAT | COMPRESSED } else { POINT_FORMAT };
+        let format = if is_compressed { self.format | COMPRESSED } else { self.format };
         let mut header = Vec::with_capacity(HEADER_BYTES);
         let mut add = |bytes: &[u8]| header.extend_from_slice(bytes);
         add(b"LASF");
@@ -176,13 +201,16 @@ impl Contents {
             let (user, number) = Chunks::RECORD;
             records.push(record(user, number, "", &chunks.description()));
         }
-        if let Some(crs) = self.crs {
+        if let Some(crs) = &self.crs {
             records.push(record("LASF_Projection", 2112, "WKT", &[crs.as_bytes(), &[0]].concat()));
         }
         let described: Vec<u8> = self.dimensions.iter().flat_map(describe).collect();
         records.push(record("LASF_Spec", 4, "extra dimensions", &described));
         if let Some(pose) = &self.pose {
             records.push(record("beamcast", 1, "pose of the points, JSON", pose.as_bytes()));
+        }
+        if let Some(comments) = &self.comments {
+            records.push(record("beamcast", 2, "comments, UTF-8", comments.as_bytes()));
         }
         records
     }
@@ -211,7 +239,7 @@ fn record(user: &str, number: u16, about: &str, content: &[u8]) -> Vec<u8> {
 fn describe(dimension: &Dimension) -> [u8; 192] {
     let mut described = [0; 192];
     described[2] = dimension.kind as u8;
-    described[4..36].copy_from_slice(&padded::<32>(dimension.name));
+    described[4..36].copy_from_slice(&padded::<32>(&dimension.name));
     described[160..].copy_from_slice(&padded::<32>(dimension.about));
     described
 }
@@ -221,7 +249,7 @@ mod tests {
     use super::*;
 
     fn contents() -> Contents {
-        let dimension = Dimension { name: "ring", kind: Number::U16, about: "beam" };
+        let dimension = Dimension { name: "ring".into(), kind: Number::U16, about: "beam" };
         Contents { scale_m: 1e-4, offset_m: DVec3::new(5e5, 5.4e6, 0.0), ..Contents::of(vec![dimension], 32) }
     }
 

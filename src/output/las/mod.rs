@@ -1,9 +1,10 @@
 //! Encoding of point clouds as LAS 1.4 and LAZ, the formats of airborne and mobile mapping, with points of the record format 6.
 //!
 //! ```text
-//! mod     the declarations, and the points of frames as records
-//! header  the header with its records of variable length (ASPRS, "LAS Specification 1.4 – R15", 2019)
-//! chunks  the compression of LAZ
+//! mod       the declarations, and the points of frames as records
+//! header    the header with its records of variable length (ASPRS, "LAS Specification 1.4 – R15", 2019)
+//! chunks    the compression of LAZ
+//! of_cloud  recorded clouds as such files
 //! ```
 //!
 //! A file is the same whether its frames come one by one, as in a run, or alone: the points are written as they come, and the
@@ -11,7 +12,9 @@
 
 mod chunks;
 mod header;
+mod of_cloud;
 
+use std::borrow::Cow;
 use std::io::Write;
 
 use glam::DVec3;
@@ -19,6 +22,7 @@ use serde_json::json;
 
 use self::chunks::Chunks;
 use self::header::{Contents, Dimension, Number};
+pub(super) use self::of_cloud::of_cloud;
 use super::crs::{CRS, check_crs, crs_of};
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, Stream, field};
 use super::id::id_of;
@@ -60,16 +64,17 @@ const BYTES_OF_FORMAT_6: usize = 30;
 
 /// The extra dimensions that all points have.
 const DIMENSIONS: [Dimension; 6] = [
-    Dimension { name: "ring", kind: Number::U16, about: "beam, from 0" },
-    Dimension { name: "column", kind: Number::U32, about: "column, from 0" },
-    Dimension { name: "instance", kind: Number::U32, about: "object, from 1" },
-    Dimension { name: "label", kind: Number::U32, about: "semantic label" },
-    Dimension { name: "range", kind: Number::F32, about: "range in metres" },
-    Dimension { name: "time", kind: Number::F32, about: "s from the frame's start" },
+    Dimension { name: Cow::Borrowed("ring"), kind: Number::U16, about: "beam, from 0" },
+    Dimension { name: Cow::Borrowed("column"), kind: Number::U32, about: "column, from 0" },
+    Dimension { name: Cow::Borrowed("instance"), kind: Number::U32, about: "object, from 1" },
+    Dimension { name: Cow::Borrowed("label"), kind: Number::U32, about: "semantic label" },
+    Dimension { name: Cow::Borrowed("range"), kind: Number::F32, about: "range in metres" },
+    Dimension { name: Cow::Borrowed("time"), kind: Number::F32, about: "s from the frame's start" },
 ];
 const REFLECTIVITY: Dimension =
-    Dimension { name: "reflectivity", kind: Number::F32, about: "intensity as it is" };
-const FRAME: Dimension = Dimension { name: "frame", kind: Number::U32, about: "number of the frame" };
+    Dimension { name: Cow::Borrowed("reflectivity"), kind: Number::F32, about: "intensity as it is" };
+const FRAME: Dimension =
+    Dimension { name: Cow::Borrowed("frame"), kind: Number::U32, about: "number of the frame" };
 
 const SCALE: OptionSpec = OptionSpec {
     name: "scale",
@@ -167,7 +172,11 @@ fn dimensions(sensors: &[&Sensor], options: &Options) -> Vec<Dimension> {
     let most = sensors.iter().map(|sensor| more_fields(sensor, options)).max_by_key(Vec::len);
     let kind = |is_integer| if is_integer { Number::U32 } else { Number::F32 };
     let more = most.unwrap_or_default().into_iter();
-    all.extend(more.map(|(name, is_integer)| Dimension { name, kind: kind(is_integer), about: "" }));
+    all.extend(more.map(|(name, is_integer)| Dimension {
+        name: Cow::Borrowed(name),
+        kind: kind(is_integer),
+        about: "",
+    }));
     all
 }
 
@@ -188,6 +197,7 @@ fn pose_of(frame: &SensorFrame) -> String {
         "sensor": frame.name,
         "frame": frame.capture.frame,
         "start_s": frame.capture.start_s,
+        "points": frame.cloud_frame_in_words(),
         "world_from_points": pose_as_json(&frame.world_from_points()),
     });
     if let Some(compensation) = frame.compensation() {
@@ -212,8 +222,8 @@ impl Cloud {
         let dimensions = dimensions(sensors, options);
         let extra_bytes = dimensions.iter().map(|dimension| dimension.kind.bytes()).sum();
         let mut contents = Contents::of(dimensions, BYTES_OF_FORMAT_6 + extra_bytes);
-        (contents.scale_m, contents.crs) = (options.number(&SCALE), crs_of(options));
-        let chunks = is_compressed.then(|| Chunks::new(extra_bytes));
+        (contents.scale_m, contents.crs) = (options.number(&SCALE), crs_of(options).map(Cow::Borrowed));
+        let chunks = is_compressed.then(|| Chunks::new(contents.format, extra_bytes));
         Self { options: *options, contents, chunks, records: Vec::new(), has_begun: false }
     }
 

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::cloud::Cloud;
 use super::error::ReadError;
 use super::exr::{Part, read_exr};
+use super::las::read_las;
 use super::manifest::RecordedManifest;
 use super::npy::read_npy;
 use super::npz::read_npz;
@@ -19,21 +20,21 @@ use crate::source::{FileKind, Wanted, read_file, recognise};
 pub const IMAGE_ENDINGS: [&str; 2] = ["npz", "exr"];
 
 /// The endings of a scan's files that are read as clouds, the one that tells the most last.
-pub const CLOUD_ENDINGS: [&str; 3] = ["npy", "pcd", "ply"];
+pub const CLOUD_ENDINGS: [&str; 5] = ["laz", "las", "npy", "pcd", "ply"];
 
 /// A file or a folder of recorded frames.
 #[derive(Clone, Debug)]
 pub enum Recorded {
     /// The parts of an EXR or an NPZ, at least one. The first part is the main one.
     Images(Vec<Part>),
-    /// A point cloud from a PLY, a PCD or an NPY.
+    /// A point cloud from a PLY, a PCD, an NPY, a LAS or a LAZ.
     Cloud(Cloud),
     /// The output folder of a scan.
     Folder(Box<Folder>),
 }
 
 impl Recorded {
-    /// Opens a range image (EXR, NPZ), a cloud (PLY, PCD, NPY), the output folder of a scan, or that folder's manifest. The content decides which it is, and not
+    /// Opens a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), the output folder of a scan, or that folder's manifest. The content decides which it is, and not
     /// the name. The numbers of a file may take `memory` bytes.
     ///
     /// # Errors
@@ -56,6 +57,7 @@ impl Recorded {
             FileKind::Npz => read_npz(&bytes()?, memory).map(Self::Images),
             FileKind::Ply => read_ply(&bytes()?, memory).map(Self::Cloud),
             FileKind::Pcd => read_pcd(&bytes()?, memory).map(Self::Cloud),
+            FileKind::Las => read_las(&bytes()?, memory).map(Self::Cloud),
             FileKind::Npy => read_npy(&bytes()?, memory).map(Self::Cloud),
             other => Err(ReadError::new(other.text_instead_of(Wanted::Frames))),
         };

@@ -1,4 +1,4 @@
-//! Recorded frames: range images (EXR, NPZ), clouds (PLY, PCD, NPY), previews, and the folders that scans write, read back.
+//! Recorded frames: range images (EXR, NPZ), clouds (PLY, PCD, NPY, LAS, LAZ), previews, and the folders that scans write, read back.
 //!
 //! Files are treated as hostile. Every size is checked against the length of the file before it is used, a manifest cannot
 //! open a file outside its folder, and no file causes a panic.
@@ -9,6 +9,8 @@ mod exr;
 mod folder;
 mod frame_key;
 mod instances;
+mod las;
+mod laszip;
 mod manifest;
 mod npy;
 mod npz;
@@ -26,11 +28,14 @@ pub use exr::{Part, read_exr};
 pub use folder::{CLOUD_ENDINGS, Folder, IMAGE_ENDINGS, Recorded};
 pub use frame_key::FrameKey;
 pub use instances::InstanceNames;
+pub(in crate::output) use las::WKT;
+pub use las::read_las;
 pub use manifest::{
     Input, Output, RecordedJob, RecordedManifest, RecordedScene, RecordedSensor, Tool, read_manifest,
 };
 pub use npy::read_npy;
 pub use npz::read_npz;
+pub(in crate::output) use number::Number;
 pub use pcd::read_pcd;
 pub use ply::read_ply;
 pub use preview::read_preview;

@@ -175,7 +175,12 @@ fn attributes(about: &[u8]) -> Result<BTreeMap<String, String>, ReadError> {
         other => Some(other.to_string()),
     };
     let known = KNOWN.iter().filter_map(|key| Some((format!("beamcast:{key}"), text(about.get(*key)?)?)));
-    Ok(known.collect())
+    let mut all: BTreeMap<String, String> = known.collect();
+    // Those of an image that was converted.
+    if let Some(Value::Object(own)) = about.get("attributes") {
+        all.extend(own.iter().filter_map(|(key, value)| Some((key.clone(), value.as_str()?.to_owned()))));
+    }
+    Ok(all)
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use exr::prelude::f16;
 
 /// The type of a number in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Number {
+pub(in crate::output) enum Number {
     /// A truth value of one byte.
     Bool,
     /// An integer of 8 bits with a sign.
@@ -84,6 +84,46 @@ impl Number {
         }
     }
 
+    /// The type of a name as [`Number::name`] gives it.
+    pub fn of_name(name: &str) -> Option<Self> {
+        match name {
+            "bool" => Some(Self::Bool),
+            "long" => Some(Self::I64),
+            "ulong" => Some(Self::U64),
+            "half" => Some(Self::F16),
+            of_ply => Self::of_ply(of_ply),
+        }
+    }
+
+    /// The letter that NumPy writes before the number of bytes, and PCD as a capital, which has no `b`.
+    pub fn letter(self) -> char {
+        match self {
+            Self::Bool => 'b',
+            Self::I8 | Self::I16 | Self::I32 | Self::I64 => 'i',
+            Self::U8 | Self::U16 | Self::U32 | Self::U64 => 'u',
+            Self::F16 | Self::F32 | Self::F64 => 'f',
+        }
+    }
+
+    /// Appends a number of the type, which [`Number::read`] gives again, as bytes, the least significant first. One that the type lacks
+    /// is rounded.
+    pub fn write(self, value: f64, bytes: &mut Vec<u8>) {
+        match self {
+            Self::Bool => bytes.push(u8::from(value != 0.0)),
+            Self::I8 => bytes.extend((value as i8).to_le_bytes()),
+            Self::U8 => bytes.push(value as u8),
+            Self::I16 => bytes.extend((value as i16).to_le_bytes()),
+            Self::U16 => bytes.extend((value as u16).to_le_bytes()),
+            Self::I32 => bytes.extend((value as i32).to_le_bytes()),
+            Self::U32 => bytes.extend((value as u32).to_le_bytes()),
+            Self::I64 => bytes.extend((value as i64).to_le_bytes()),
+            Self::U64 => bytes.extend((value as u64).to_le_bytes()),
+            Self::F16 => bytes.extend(f16::from_f64(value).to_le_bytes()),
+            Self::F32 => bytes.extend((value as f32).to_le_bytes()),
+            Self::F64 => bytes.extend(value.to_le_bytes()),
+        }
+    }
+
     /// The number of bytes.
     pub fn size(self) -> usize {
         match self {
@@ -152,6 +192,11 @@ mod tests {
             let reversed: Vec<u8> = bytes.iter().rev().copied().collect();
             assert_eq!((number.size(), number.read(bytes, false)), (bytes.len(), value), "{number:?}");
             assert_eq!(number.read(&reversed, true), value, "{number:?}");
+            let mut written = Vec::new();
+            number.write(value, &mut written);
+            assert_eq!((written.len(), number.read(&written, false)), (number.size(), value), "{number:?}");
+            assert_eq!(Number::of_name(number.name()), Some(number));
+            assert_eq!(Number::of_letter(number.letter(), number.size()), Some(number));
         }
     }
 

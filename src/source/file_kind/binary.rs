@@ -1,7 +1,7 @@
 //! Files that begin with a signature of their own.
 
 use super::kind::FileKind::{
-    self, Calibration, Cloud, Exr, Gltf, Gltf1, Mesh, Npy, Npz, Other, Pcd, Ply, Recording, Wrapped,
+    self, Calibration, Cloud, Exr, Gltf, Gltf1, Las, Mesh, Npy, Npz, Other, Pcd, Ply, Recording, Wrapped,
 };
 use super::kind::Unit;
 
@@ -77,7 +77,7 @@ const SIGNATURES: &[(usize, &[u8], FileKind)] = &[
     (0, b"\x76\x2f\x31\x01", Exr),
     (0, b"ply\n", Ply),
     (0, b"ply\r", Ply),
-    (0, b"LASF", Cloud("a LAS or LAZ cloud")),
+    (0, b"LASF", Las),
     (0, b"ASTM-E57", Cloud("an E57 cloud")),
     (0, b"# .PCD", Pcd),
     (0, b"VERSION 0.7\nFIELDS ", Pcd),

@@ -23,6 +23,8 @@ pub enum FileKind {
     Ply,
     /// A PCD cloud.
     Pcd,
+    /// A LAS cloud, or a LAZ, which is one whose points are compressed.
+    Las,
     /// An array of NumPy.
     Npy,
     /// Arrays of NumPy in a ZIP.
@@ -90,10 +92,10 @@ impl Wanted {
             Self::Config => "a job or a sensor file",
             Self::Linted => "a job, a sensor file or a scene",
             Self::Shown => {
-                "a job, a sensor file, a scene, a range image (EXR, NPZ), a cloud (PLY, PCD, NPY) or a folder that a scan wrote"
+                "a job, a sensor file, a scene, a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ) or a folder that a scan wrote"
             }
             Self::Frames => {
-                "a range image (EXR, NPZ), a cloud (PLY, PCD, NPY), a folder that a scan wrote or a job"
+                "a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), a folder that a scan wrote or a job"
             }
             Self::Calibration => "a calibration",
         }
@@ -113,7 +115,7 @@ impl FileKind {
 
     /// Whether `info`, `view` and `diff` read the file.
     pub fn is_recorded(&self) -> bool {
-        matches!(self, Self::Exr | Self::Ply | Self::Pcd | Self::Npy | Self::Npz | Self::Manifest)
+        matches!(self, Self::Exr | Self::Ply | Self::Pcd | Self::Las | Self::Npy | Self::Npz | Self::Manifest)
     }
 
     /// Whether nothing is known of the file that its reader doesn't know better.
@@ -133,6 +135,7 @@ impl FileKind {
             Self::Exr => "an EXR image".to_owned(),
             Self::Ply => "a PLY file".to_owned(),
             Self::Pcd => "a PCD cloud".to_owned(),
+            Self::Las => "a LAS or LAZ cloud".to_owned(),
             Self::Npy => "a NumPy array (npy)".to_owned(),
             Self::Npz => "NumPy arrays (npz)".to_owned(),
             Self::Manifest => "the manifest of a scan".to_owned(),
@@ -206,8 +209,8 @@ impl FileKind {
                  made a mesh first"
                     .to_owned()
             }
-            Self::Pcd if wants_scene => MESH_OF_CLOUD.to_owned(),
-            Self::Exr | Self::Ply | Self::Pcd | Self::Npy | Self::Npz => "`beamcast info`, `view` and `diff` read it".to_owned(),
+            Self::Pcd | Self::Las if wants_scene => MESH_OF_CLOUD.to_owned(),
+            Self::Exr | Self::Ply | Self::Pcd | Self::Las | Self::Npy | Self::Npz => "`beamcast info`, `view` and `diff` read it".to_owned(),
             Self::Manifest => "`beamcast info`, `view` and `diff` read it and its folder".to_owned(),
             Self::Baseline => "`beamcast check` reads it: name the job that it belongs to".to_owned(),
             Self::Calibration(Unit::HesaiMirrors) => {
@@ -219,7 +222,7 @@ impl FileKind {
             Self::Wrapped(_, mend) => (*mend).to_owned(),
             Self::Mesh(_, mend) => format!("beamcast reads glTF 2.0: {mend}"),
             Self::Cloud(_) if wants_scene => MESH_OF_CLOUD.to_owned(),
-            Self::Cloud(_) => "of clouds, beamcast reads PLY, PCD and NPY: CloudCompare, Open3D or PDAL convert it".to_owned(),
+            Self::Cloud(_) => "of clouds, beamcast reads PLY, PCD, NPY, LAS and LAZ: CloudCompare, Open3D or PDAL convert it".to_owned(),
             Self::Recording(_) => {
                 "beamcast reads no recordings: the unit's calibration, which is a file of its own, goes to `beamcast import`"
                     .to_owned()

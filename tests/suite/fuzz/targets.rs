@@ -11,7 +11,9 @@ use beamcast::check::{Baseline, StoredPixels};
 use beamcast::config::{self, Config};
 use beamcast::glam::{DAffine3, DVec3};
 use beamcast::import::{self, Source};
-use beamcast::output::recorded::{Recorded, read_exr, read_npy, read_npz, read_pcd, read_ply, read_preview};
+use beamcast::output::recorded::{
+    Recorded, read_exr, read_las, read_npy, read_npz, read_pcd, read_ply, read_preview,
+};
 use beamcast::output::{Channels, Image, SensorFrame};
 use beamcast::rng::Rng;
 use beamcast::scene::gltf;
@@ -41,6 +43,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "exr", run: exr, seeds: || vec![frame_as(Format::EXR)] },
     Target { name: "ply", run: ply, seeds: ply_seeds },
     Target { name: "pcd", run: pcd, seeds: pcd_seeds },
+    Target { name: "las", run: las, seeds: las_seeds },
     Target { name: "npy", run: npy, seeds: npy_seeds },
     Target { name: "npz", run: npz, seeds: npz_seeds },
     Target { name: "preview", run: preview, seeds: || vec![frame_as(Format::PNG)] },
@@ -323,6 +326,19 @@ fn pcd_seeds() -> Vec<Vec<u8>> {
     let mut ours = frame_as(format("pcd"));
     ours.truncate(4000);
     vec![ours, text.into_bytes(), binary, compressed]
+}
+
+fn las(bytes: &[u8]) {
+    if let Ok(cloud) = read_las(bytes, MEMORY) {
+        assert!(cloud.fields.iter().all(|field| field.values.len() == cloud.points));
+    }
+}
+
+/// The few points of a small camera, as they are and compressed.
+fn las_seeds() -> Vec<Vec<u8>> {
+    let path = file("small.toml", b"[pinhole]\nwidth_px = 8\nheight_px = 4\nhfov_deg = 60.0\n");
+    let sensor = config::load_sensor(&path).unwrap().sensor;
+    ["las", "laz"].map(|name| encoded(&sensor, format(name)).unwrap()).into()
 }
 
 fn npy(bytes: &[u8]) {
