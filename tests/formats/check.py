@@ -674,6 +674,26 @@ def check_read_back(beamcast, files, folder):
     same(files / "000000.ply", folder / "numpy.npy")
 
 
+def check_convert(beamcast, files, folder, exr, names, npy):
+    """Other programs find every value of the NPY and of the EXR in what `convert` makes of them."""
+    made = {}
+    for source, ending in [("npy", "ply"), ("ply", "pcd"), ("npy", "las"), ("las", "laz"), ("exr", "npz")]:
+        source, made[ending] = made.get(source, files / f"000000.{source}"), folder / f"converted.{ending}"
+        subprocess.run([beamcast, "convert", "-q", "--overwrite", source, made[ending]], check=True)
+    check_ply(made["ply"], npy)
+    check_npz(made["npz"], exr, names)
+    pcd = pypcd4.PointCloud.from_path(made["pcd"]).pc_data
+    las, laz = (laspy.read(made[ending]) for ending in ("las", "laz"))
+    equal("converted laz: records", laz.points.array, las.points.array)
+    for name in npy.dtype.names:
+        equal(f"converted pcd: {name}", pcd[name], npy[name])
+        if name in "xyz":
+            same_steps(f"converted las: {name}", np.asarray(las[name]), npy[name], 1e-4)
+        else:
+            # LAS's own intensity is an integer.
+            equal(f"converted las: {name}", np.asarray(las["reflectivity" if name == "intensity" else name]), npy[name])
+
+
 def same_steps(what, found, expected, step):
     """Coordinates in steps are those of another file in float32: each is rounded once."""
     global checks
@@ -853,6 +873,7 @@ def main():
             check_pcd(first / "000000.pcd", f"{sensor} pcd", exr, npy, organised=False)
             check_pcd(second / "000000.pcd", f"{sensor} organised pcd", exr, npy, organised=True)
             check_read_back(beamcast, first, folder)
+            check_convert(beamcast, first, folder, exr, names, npy)
             las = check_las(first / "000000.las", f"{sensor} las", exr, npy, 1e-4)
             check_las(first / "000000.laz", f"{sensor} laz", exr, npy, 1e-4, las)
             check_las(second / "000000.las", f"{sensor} coarse las", exr, npy, 1e-3)
