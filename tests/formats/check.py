@@ -19,6 +19,7 @@ import common
 from bags import check_bags
 from clouds import check_npy, check_pcd, check_ply
 from common import JOB, PROJECT, SENSORS, equal, read_exr, returns_of, scan
+from converted import check_convert
 from drives import check_drive
 from images import check_depth, check_npz, check_numbers
 from options import check_options
@@ -67,6 +68,7 @@ def main():
             check_pcd(first / "000000.pcd", f"{sensor} pcd", returns, npy, organised=False)
             check_pcd(second / "000000.pcd", f"{sensor} organised pcd", returns, npy, organised=True)
             check_read_back(beamcast, first, folder)
+            check_convert(beamcast, first, folder, exr, names, npy)
             las = check_las(first / "000000.las", f"{sensor} las", returns, npy, 1e-4)
             check_las(first / "000000.laz", f"{sensor} laz", returns, npy, 1e-4, las)
             check_las(second / "000000.las", f"{sensor} coarse las", returns, npy, 1e-3)

@@ -114,6 +114,14 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
     let broken = json(&["check", "wrong.toml", "--json", "-"]);
     let diff =
         |file: &str, other: &str| json(&["diff", &format!("a{file}"), &format!("{other}{file}"), "--json"]);
+    let mcap = "--set output.formats=[\"mcap\"]";
+    let mcap: Vec<&str> = mcap.split(' ').collect();
+    stdout_of(folder, &["scan", "sequence.toml", "--out", "recording", mcap[0], mcap[1]]);
+    let bag = fs::read_dir(folder.join("recording/bag")).unwrap().find_map(|entry| {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        name.ends_with(".mcap").then(|| format!("recording/bag/{name}"))
+    });
+    let bag = bag.unwrap();
     let info = |path: &str| json(&["info", path, "--json"]);
     BTreeMap::from([
         ("scan", vec![scan, lossy, measured]),
@@ -167,6 +175,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
                 info("a"),
                 info("a/top/000000.exr"),
                 info("a/top/000000.ply"),
+                info(&bag),
             ],
         ),
         (

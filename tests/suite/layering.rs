@@ -138,7 +138,11 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
         "only the compression of LAZ knows LASzip",
     ),
     ("draco_core::", &["scene/gltf/draco.rs"], "only the loader of compressed primitives knows Draco"),
-    ("ruzstd::", &["output/ros/mcap.rs"], "only the container of bags compresses with Zstandard"),
+    (
+        "ruzstd::",
+        &["output/ros/mcap.rs", "output/recorded/mcap.rs"],
+        "only the container of bags compresses with Zstandard",
+    ),
     ("unsafe", &["trace/simd/x86/"], "intrinsics are the one thing that needs it"),
 ];
 

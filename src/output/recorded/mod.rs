@@ -12,6 +12,7 @@ mod instances;
 mod las;
 mod laszip;
 mod manifest;
+mod mcap;
 mod npy;
 mod npz;
 mod number;
@@ -33,6 +34,7 @@ pub use las::read_las;
 pub use manifest::{
     Input, Output, RecordedJob, RecordedManifest, RecordedScene, RecordedSensor, Tool, read_manifest,
 };
+pub use mcap::{Bag, Topic, read_mcap};
 pub use npy::read_npy;
 pub use npz::read_npz;
 pub(in crate::output) use number::Number;

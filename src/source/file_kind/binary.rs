@@ -1,7 +1,8 @@
 //! Files that begin with a signature of their own.
 
 use super::kind::FileKind::{
-    self, Calibration, Cloud, Exr, Gltf, Gltf1, Las, Mesh, Npy, Npz, Other, Pcd, Ply, Recording, Wrapped,
+    self, Calibration, Cloud, Exr, Gltf, Gltf1, Las, Mcap, Mesh, Npy, Npz, Other, Pcd, Ply, Recording,
+    Wrapped,
 };
 use super::kind::Unit;
 
@@ -89,7 +90,7 @@ const SIGNATURES: &[(usize, &[u8], FileKind)] = &[
     (0, b"\x0a\x0d\x0d\x0a", PCAP),
     (0, b"\xee\xff\x01", Calibration(Unit::HesaiMirrors)),
     (0, b"#ROSBAG", Recording("a ROS bag")),
-    (0, b"\x89MCAP", Recording("an MCAP recording")),
+    (0, b"\x89MCAP", Mcap),
     (0, b"SQLite format 3", Recording("an SQLite database, perhaps a ROS 2 bag")),
     (0, b"\x89PNG\r\n\x1a\n", Other("a PNG image")),
     (0, b"\xff\xd8\xff", Other("a JPEG image")),

@@ -41,6 +41,8 @@ pub enum FileKind {
     Mesh(&'static str, &'static str),
     /// A point cloud of another format.
     Cloud(&'static str),
+    /// An MCAP, which holds recordings such as ROS 2 bags.
+    Mcap,
     /// A recording of sensors or robots.
     Recording(&'static str),
     /// Something else that has a name.
@@ -92,7 +94,7 @@ impl Wanted {
             Self::Config => "a job or a sensor file",
             Self::Linted => "a job, a sensor file or a scene",
             Self::Shown => {
-                "a job, a sensor file, a scene, a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ) or a folder that a scan wrote"
+                "a job, a sensor file, a scene, a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), an MCAP or a folder that a scan wrote"
             }
             Self::Frames => {
                 "a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), a folder that a scan wrote or a job"
@@ -136,6 +138,7 @@ impl FileKind {
             Self::Ply => "a PLY file".to_owned(),
             Self::Pcd => "a PCD cloud".to_owned(),
             Self::Las => "a LAS or LAZ cloud".to_owned(),
+            Self::Mcap => "an MCAP recording".to_owned(),
             Self::Npy => "a NumPy array (npy)".to_owned(),
             Self::Npz => "NumPy arrays (npz)".to_owned(),
             Self::Manifest => "the manifest of a scan".to_owned(),
@@ -223,6 +226,7 @@ impl FileKind {
             Self::Mesh(_, mend) => format!("beamcast reads glTF 2.0: {mend}"),
             Self::Cloud(_) if wants_scene => MESH_OF_CLOUD.to_owned(),
             Self::Cloud(_) => "of clouds, beamcast reads PLY, PCD, NPY, LAS and LAZ: CloudCompare, Open3D or PDAL convert it".to_owned(),
+            Self::Mcap => "`beamcast info` lists its topics".to_owned(),
             Self::Recording(_) => {
                 "beamcast reads no recordings: the unit's calibration, which is a file of its own, goes to `beamcast import`"
                     .to_owned()

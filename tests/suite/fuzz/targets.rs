@@ -12,7 +12,7 @@ use beamcast::config::{self, Config};
 use beamcast::glam::{DAffine3, DVec3};
 use beamcast::import::{self, Source};
 use beamcast::output::recorded::{
-    Recorded, read_exr, read_las, read_npy, read_npz, read_pcd, read_ply, read_preview,
+    Recorded, read_exr, read_las, read_mcap, read_npy, read_npz, read_pcd, read_ply, read_preview,
 };
 use beamcast::output::{Channels, Image, SensorFrame};
 use beamcast::rng::Rng;
@@ -44,6 +44,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "ply", run: ply, seeds: ply_seeds },
     Target { name: "pcd", run: pcd, seeds: pcd_seeds },
     Target { name: "las", run: las, seeds: las_seeds },
+    Target { name: "mcap", run: mcap, seeds: mcap_seeds },
     Target { name: "npy", run: npy, seeds: npy_seeds },
     Target { name: "npz", run: npz, seeds: npz_seeds },
     Target { name: "preview", run: preview, seeds: || vec![frame_as(Format::PNG)] },
@@ -339,6 +340,53 @@ fn las_seeds() -> Vec<Vec<u8>> {
     let path = file("small.toml", b"[pinhole]\nwidth_px = 8\nheight_px = 4\nhfov_deg = 60.0\n");
     let sensor = config::load_sensor(&path).unwrap().sensor;
     ["las", "laz"].map(|name| encoded(&sensor, format(name)).unwrap()).into()
+}
+
+fn mcap(bytes: &[u8]) {
+    if let Ok(bag) = read_mcap(bytes, MEMORY) {
+        assert!(bag.topics.iter().all(|topic| (topic.messages == 0) == topic.times_ns.is_none()));
+    }
+}
+
+/// A topic of two messages, one of which is in a chunk, and the same chunk compressed.
+fn mcap_seeds() -> Vec<Vec<u8>> {
+    let record =
+        |opcode: u8, content: &[u8]| [&[opcode], &(content.len() as u64).to_le_bytes()[..], content].concat();
+    let message = record(5, &[&[1, 0][..], &[0; 20], b"data"].concat());
+    let schema = record(3, b"\x01\0\x01\0\0\0T\x03\0\0\0idl\0\0\0\0");
+    let channel = record(4, b"\x01\0\x01\0\x02\0\0\0/t\x03\0\0\0cdr\0\0\0\0");
+    let inside = [schema, channel, message.clone()].concat();
+    // A frame of Zstandard without a checksum, whose one block has the bytes as they are.
+    let length = inside.len() as u32;
+    let zstd = [
+        b"\x28\xb5\x2f\xfd\xa0".as_slice(),
+        &length.to_le_bytes(),
+        &(length << 3 | 1).to_le_bytes()[..3],
+        &inside,
+    ]
+    .concat();
+    let chunk = |compression: &str, packed: &[u8]| {
+        let name = compression.as_bytes();
+        let content = [
+            &[0; 16][..],
+            &(inside.len() as u64).to_le_bytes(),
+            &[0; 4],
+            &(name.len() as u32).to_le_bytes(),
+            name,
+            &(packed.len() as u64).to_le_bytes(),
+            packed,
+        ];
+        record(6, &content.concat())
+    };
+    let file = |chunk: Vec<u8>| {
+        [b"\x89MCAP0\r\n".as_slice(), &chunk, &message, &record(2, &[0; 20]), b"\x89MCAP0\r\n"].concat()
+    };
+    let seeds = vec![file(chunk("", &inside)), file(chunk("zstd", &zstd))];
+    for seed in &seeds {
+        let bag = read_mcap(&seed[..], MEMORY).unwrap();
+        assert_eq!((bag.topics[0].name.as_str(), bag.topics[0].messages), ("/t", 2));
+    }
+    seeds
 }
 
 fn npy(bytes: &[u8]) {
