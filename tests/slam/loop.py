@@ -3,7 +3,7 @@
     python tests/slam/loop.py > tests/slam/loop.csv
 
 The first 11 s are configs/street_drive/ego.csv. Then the car leaves the crossing, turns by 180 degrees at either end of the street,
-and comes back to where it began: a minute in all, with a pose every 50 ms.
+and comes past the crossing again: a minute in all, with a pose every 50 ms.
 """
 
 import csv
