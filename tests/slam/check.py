@@ -51,7 +51,7 @@ IDEAL, SKEWED = "deskewed by beamcast", "raw"
 
 # What KISS-ICP may be off with ideal, deskewed clouds, about twice what was measured (docs/slam.md). It aligns points to points, and the
 # points of its map are 22 cm apart (voxels of 1 m with 20 points). The Mid-360 never scans the same twice, and such errors average out:
-# centimetres. The VLP-16's rings stand where they stood in the sweep before, and hold it back: decimetres.
+# centimetres. The VLP-16's rings seem to hold it back (docs/slam.md): decimetres.
 MOST_M = {"VLP-16": 0.8, "Mid-360": 0.05}
 # How many times as far it is off with raw clouds as with deskewed ones. The short drive is too short for the error to grow.
 LEAST_RATIO, LEAST_RATIO_SHORT = 1.5, 1.15
