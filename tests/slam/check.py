@@ -241,15 +241,17 @@ def figure(results, path):
     from matplotlib import pyplot
 
     colours = dict(zip(CASES, ["tab:blue", "tab:green", "tab:red"]))
-    pictures, axes = pyplot.subplots(2, len(DEVICES), figsize=(12, 7), sharex="row", sharey="row", layout="constrained")
-    for column, device in zip(axes.T, DEVICES):
-        chosen = [r for r in results if r.device == device.name and not r.noisy]
+    names = list(dict.fromkeys(r.device for r in results))
+    style = {"sharex": "row", "sharey": "row", "layout": "constrained", "squeeze": False}
+    pictures, axes = pyplot.subplots(2, len(names), figsize=(6 * len(names), 7), **style)
+    for column, name in zip(axes.T, names):
+        chosen = [r for r in results if r.device == name and not r.noisy]
         above, below = column
         above.plot(chosen[0].truth[:, 0, 3], chosen[0].truth[:, 1, 3], color="black", linewidth=4, alpha=0.3, label="truth")
         for r in chosen:
             above.plot(r.fitted[:, 0], r.fitted[:, 1], color=colours[r.case], linewidth=1, label=r.case)
             below.semilogy((r.stamps - r.stamps[0]) / 1e9, r.errors, color=colours[r.case], linewidth=1)
-        above.set(title=f"{device.name}, ideal, from above", xlabel="x, m", ylabel="y, m (stretched)")
+        above.set(title=f"{name}, ideal, from above", xlabel="x, m", ylabel="y, m (stretched)")
         below.set(xlabel="time, s", ylabel="error of the position, m", ylim=(1e-3, None))
         below.grid(alpha=0.3)
     axes[0][0].legend(fontsize="small")
