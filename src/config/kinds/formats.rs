@@ -54,8 +54,12 @@ impl FormatTable {
         let mut options = Vec::new();
         for option in format.spec.options {
             let kind = OneOption(option.values);
-            let key: &'static Key<OneOption> =
-                Box::leak(Box::new(key(option.name, kind, option.about).or(kind.default().leak())));
+            let key = key(option.name, kind, option.about);
+            let key = match kind.default() {
+                Some(default) => key.or(default.leak()),
+                None => key,
+            };
+            let key: &'static Key<OneOption> = Box::leak(Box::new(key));
             keys.push(key);
             options.push((option, key));
         }
@@ -160,12 +164,12 @@ impl Kind for Formats {
 struct OneOption(OptionValues);
 
 impl OneOption {
-    /// The value of an option that is left out, in TOML.
-    fn default(self) -> String {
+    /// The value of an option that is left out, in TOML. `None` if that is an empty text, which no job gives.
+    fn default(self) -> Option<String> {
         match (self.0, self.0.default_value()) {
-            (OptionValues::Flag { default }, _) => default.to_string(),
-            (_, OptionValue::Number(number)) => number.to_string(),
-            (_, OptionValue::Text(text)) => format!("{text:?}"),
+            (OptionValues::Flag { default }, _) => Some(default.to_string()),
+            (_, OptionValue::Number(number)) => Some(number.to_string()),
+            (_, OptionValue::Text(text)) => (!text.is_empty()).then(|| format!("{text:?}")),
         }
     }
 
