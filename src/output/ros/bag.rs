@@ -47,6 +47,18 @@ impl Bag {
         Self { settings, file, mcap, body: None, fixed: Vec::new(), log_ns: 0 }
     }
 
+    /// Checks that a time has a stamp, whose seconds have 32 bits.
+    fn check_time(&self, time_s: f64) -> Result<(), EncodeError> {
+        let stamp_s = self.settings.stamp_ns(time_s).div_euclid(1_000_000_000);
+        if i32::try_from(stamp_s).is_ok() {
+            return Ok(());
+        }
+        let most = i32::MAX;
+        Err(EncodeError::new(format!(
+            "a stamp has at most {most} s, and that of the time {time_s:?} s of the job has {stamp_s} s: a smaller start_stamp_s may fit"
+        )))
+    }
+
     /// Adds a message. Log times never fall, and begin at 0.
     fn write(
         &mut self,
@@ -64,9 +76,8 @@ impl Bag {
 
     /// Writes what is to be told of the body up to a time, or to the end.
     fn tell(&mut self, until_s: Option<f64>, file: &mut dyn Write) -> Result<(), EncodeError> {
-        let told = self.body.as_mut().map_or(Vec::new(), |body| body.told(until_s, &self.settings));
         let (world, own) = (self.settings.world_frame, self.settings.body_frame);
-        for told in told {
+        while let Some(told) = self.body.as_mut().and_then(|body| body.next(until_s, &self.settings)) {
             match told {
                 Told::Inertial(measured) => {
                     let message = messages::inertial(&measured, own);
@@ -233,6 +244,9 @@ impl Stream for Bag {
         let capture = &seen.capture;
         let first_s = capture.start_s + first_s(seen);
         let times_s = [first_s, capture.start_s, capture.start_s + capture.duration_s()];
+        for time_s in times_s {
+            self.check_time(time_s)?;
+        }
         let new = || Body::new(capture.trajectory.clone(), capture.seed, first_s);
         let body = self.body.get_or_insert_with(new);
         body.frame(capture.trajectory, times_s, &self.settings);

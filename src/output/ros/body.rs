@@ -34,7 +34,7 @@ pub(super) struct Body {
     /// The stamp of the last motion that was told.
     told_ns: Option<i64>,
     /// The number of the next measurement, and the biases that it has.
-    next: u64,
+    next_sample: u64,
     bias: [DVec3; 2],
     /// The number of the next state, if states have a rate of their own.
     next_state: u64,
@@ -50,7 +50,7 @@ impl Body {
             end_s: start_s,
             waiting: BTreeMap::new(),
             told_ns: None,
-            next: 0,
+            next_sample: 0,
             bias: [DVec3::ZERO; 2],
             next_state: 0,
         }
@@ -69,36 +69,33 @@ impl Body {
         }
     }
 
-    /// What is to be told up to `until_s`, or up to the end of the last frame, in the order of time.
-    pub fn told(&mut self, until_s: Option<f64>, settings: &Settings) -> Vec<Told> {
-        let until_s = until_s.unwrap_or(self.end_s).min(self.end_s);
-        let until_ns = settings.stamp_ns(until_s);
-        if settings.odom_hz > 0.0 {
-            while let Some((stamp_ns, time_s)) =
-                self.sample(self.next_state, settings.odom_hz, until_ns, settings)
-            {
-                self.waiting.insert(stamp_ns, time_s);
+    /// The next thing that is to be told up to `until_s`, or up to the end of the last frame, in the order of time. Of a state and
+    /// a measurement of one moment the state comes first.
+    pub fn next(&mut self, until_s: Option<f64>, settings: &Settings) -> Option<Told> {
+        let until_ns = settings.stamp_ns(until_s.unwrap_or(self.end_s).min(self.end_s));
+        let state = match settings.odom_hz > 0.0 {
+            true => self.sample(self.next_state, settings.odom_hz, until_ns, settings),
+            false => self.waiting.first_key_value().map(|(stamp_ns, time_s)| (*stamp_ns, *time_s)),
+        };
+        let state = state.filter(|(stamp_ns, _)| *stamp_ns <= until_ns);
+        let measurement = match settings.imu.rate_hz > 0.0 {
+            true => self.sample(self.next_sample, settings.imu.rate_hz, until_ns, settings),
+            false => None,
+        };
+        match (state, measurement) {
+            (Some((stamp_ns, time_s)), other) if other.is_none_or(|(other_ns, _)| stamp_ns <= other_ns) => {
+                self.waiting.remove(&stamp_ns);
                 self.next_state += 1;
+                self.told_ns = Some(stamp_ns);
+                Some(Told::State(self.state(stamp_ns, time_s)))
             }
-        }
-        let mut told: Vec<(i64, Told)> = Vec::new();
-        while let Some(entry) = self.waiting.first_entry().filter(|entry| *entry.key() <= until_ns) {
-            let (stamp_ns, time_s) = entry.remove_entry();
-            self.told_ns = Some(stamp_ns);
-            told.push((stamp_ns, Told::State(self.state(stamp_ns, time_s))));
-        }
-        if settings.imu.rate_hz > 0.0 {
-            while let Some((stamp_ns, time_s)) =
-                self.sample(self.next, settings.imu.rate_hz, until_ns, settings)
-            {
+            (_, Some((stamp_ns, time_s))) => {
                 let measured = self.measure(stamp_ns, time_s, &settings.imu);
-                told.push((stamp_ns, Told::Inertial(measured)));
-                self.next += 1;
+                self.next_sample += 1;
+                Some(Told::Inertial(measured))
             }
+            (_, None) => None,
         }
-        // The order of states and measurements of one moment stays.
-        told.sort_by_key(|(stamp_ns, _)| *stamp_ns);
-        told.into_iter().map(|(_, told)| told).collect()
     }
 
     /// The stamp and the time of sample number `number` of a rate, if it is not after `until_ns`.
@@ -108,7 +105,14 @@ impl Body {
         (stamp_ns <= until_ns).then_some((stamp_ns, time_s))
     }
 
+    /// A time, or the end of the trajectory that has the same stamp: beyond it, by however little, the body would stand.
+    fn known(&self, time_s: f64) -> f64 {
+        let mut ends = self.trajectory.times().into_iter().flat_map(|(first_s, last_s)| [first_s, last_s]);
+        ends.find(|end_s| (time_s - end_s).abs() < 1e-9).unwrap_or(time_s)
+    }
+
     fn state(&self, stamp_ns: i64, time_s: f64) -> BodyState {
+        let time_s = self.known(time_s);
         let (pose, velocity) = (self.trajectory.pose_at(time_s), self.trajectory.velocity(time_s));
         let own = |in_world: DVec3| pose.rotation.transpose() * in_world;
         BodyState {
@@ -126,13 +130,13 @@ impl Body {
     /// 2006, §III). The first sample has no bias.
     fn measure(&mut self, stamp_ns: i64, time_s: f64, imu: &ImuSettings) -> Inertial {
         let state = self.state(stamp_ns, time_s);
-        let acceleration = self.trajectory.acceleration(time_s);
+        let acceleration = self.trajectory.acceleration(self.known(time_s));
         let force_m_s2 = state.pose.rotation.transpose() * (acceleration - GRAVITY_M_S2);
         let root = imu.rate_hz.sqrt();
         let mut measured = [state.angular_rad_s, force_m_s2];
         let is_noisy = imu.noise.iter().chain(&imu.walk).any(|density| *density > 0.0);
         if is_noisy {
-            let mut rng = Rng::named(self.seed, self.next, "imu");
+            let mut rng = Rng::named(self.seed, self.next_sample, "imu");
             let mut normals = || DVec3::from_array([(); 3].map(|()| rng.normal()));
             let densities = imu.noise.into_iter().zip(imu.walk);
             for ((own, bias), (noise, walk)) in measured.iter_mut().zip(&mut self.bias).zip(densities) {
@@ -153,11 +157,14 @@ impl Body {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::super::super::options::Options;
     use super::super::settings::{GYRO_NOISE, GYRO_WALK, IMU_HZ, ODOM_HZ, OPTIONS};
     use super::*;
     use crate::angle::Angle;
     use crate::frame::Pose;
+    use crate::motion::{Interpolation, Path};
 
     fn settings(values: &[(&crate::output::OptionSpec, f64)]) -> Settings {
         let mut options = Options::none(OPTIONS);
@@ -180,9 +187,9 @@ mod tests {
         for frame in 0..frames {
             let [start_s, end_s] = [frame, frame + 1].map(|frame| f64::from(frame) / 10.0);
             body.frame(trajectory, [start_s, start_s, end_s], settings);
-            all.extend(body.told(Some(start_s), settings));
+            all.extend(std::iter::from_fn(|| body.next(Some(start_s), settings)));
         }
-        all.extend(body.told(None, settings));
+        all.extend(std::iter::from_fn(|| body.next(None, settings)));
         all
     }
 
@@ -285,5 +292,25 @@ mod tests {
         let steps = found.windows(2).map(|pair| pair[1].angular_rad_s - pair[0].angular_rad_s);
         let square = steps.map(|step| step.length_squared()).sum::<f64>() / (count - 3.0);
         assert!((square - 0.0025).abs() < 5.0 * 0.0025 * (2.0 / count).sqrt(), "{square}");
+    }
+    /// A path that ends with the last frame still moves there, although 3·0.1 is more than 0.3.
+    #[test]
+    fn a_path_moves_up_to_its_end() {
+        let poses = [0.0, 0.3].map(|time_s| circle().pose_at(time_s)).to_vec();
+        let path = Path::new(vec![0.0, 0.3], poses, Interpolation::Screw).unwrap();
+        let path = Trajectory::Path(Arc::new(path));
+        let settings = settings(&[(&IMU_HZ, 10.0)]);
+        let mut body = Body::new(path.clone(), 0, 0.0);
+        body.frame(&path, [0.0, 0.0, 3.0 * 0.1], &settings);
+        let told: Vec<Told> = std::iter::from_fn(|| body.next(None, &settings)).collect();
+        let Some(Told::State(last)) = told.iter().rfind(|told| matches!(told, Told::State(_))) else {
+            panic!("{told:?}")
+        };
+        // The logarithm of the one pose seen from the other has the twist to some ulps.
+        assert!(last.linear_m_s.abs_diff_eq(DVec3::new(15.0, 0.0, 0.0), 1e-12), "{last:?}");
+        let measured = measured(&told);
+        assert_eq!(measured.len(), 4);
+        let force = DVec3::new(0.0, 7.5, 9.80665);
+        assert!(measured.iter().all(|one| one.force_m_s2.abs_diff_eq(force, 1e-12)), "{measured:?}");
     }
 }

@@ -140,7 +140,7 @@ impl<'c> Cloud<'c> {
     fn number(&self, sample: &Sample, value: Value, kind: Type) -> Result<f64, EncodeError> {
         let [x, y, z] = sample.position_m.map(f64::from);
         let since_s = sample.time_s.map_or(0.0, |time_s| time_s - self.stamp.from_start_s);
-        let at_ns = || (self.stamp.ns + (since_s * 1e9).round() as i64) as f64;
+        let at_ns = || self.stamp.ns.saturating_add((since_s * 1e9).round() as i64) as f64;
         let number = match value {
             Value::Coordinate(axis) => f64::from(sample.position_m[axis]),
             Value::Intensity => f64::from((sample.intensity * self.intensity).min(255.0)),
@@ -162,10 +162,11 @@ impl<'c> Cloud<'c> {
         }
         let number = number.round();
         match value {
-            Value::Since(_) if !(0.0..=kind.most()).contains(&number) => Err(EncodeError::new(format!(
-                "a time of {since_s:?} s from the message's stamp does not fit a field of whole numbers: `cloud_time` \"raw\" has \
-                 times that do"
+            Value::Since(_) if number < 0.0 => Err(EncodeError::new(format!(
+                "a point's time {since_s:?} s from the message's stamp does not fit a field of whole numbers: `cloud_time` \"raw\" \
+                 has none before it"
             ))),
+            Value::Since(parts) if number > kind.most() => Err(too_long(since_s, kind.most() / parts)),
             Value::Ring if number > kind.most() => Err(too_many_rings(number, kind.most())),
             // A range that is too far for the field has its largest number.
             _ => Ok(number.min(kind.most())),
@@ -266,14 +267,27 @@ impl<'c> Cloud<'c> {
     }
 }
 
-/// Checks that the beams of a LiDAR fit the field of their numbers.
+/// Checks that the beams of a LiDAR fit the field of their numbers, and the length of its frames that of times.
 ///
 /// # Errors
-/// An error that says how many fit.
-pub(super) fn check_rings(sensor: &Sensor, settings: &Settings) -> Result<(), EncodeError> {
-    let most = settings.layout.as_ref().map_or(Type::U8.most(), Layout::most_ring);
+/// An error that says how many fit, or how long.
+pub(super) fn check(sensor: &Sensor, settings: &Settings) -> Result<(), EncodeError> {
+    let (most_ring, most_s) = settings
+        .layout
+        .as_ref()
+        .map_or((Type::U8.most(), Type::U32.most() / 1e9), |layout| (layout.most_ring(), layout.most_s()));
     let largest = (0..sensor.pattern.rows()).map(|row| sensor.ring(row)).max().unwrap_or(0) as f64;
-    if largest > most { Err(too_many_rings(largest, most)) } else { Ok(()) }
+    if largest > most_ring {
+        return Err(too_many_rings(largest, most_ring));
+    }
+    let lasts_s = sensor.pattern.last_pulse_s() - sensor.pattern.first_pulse_s().min(0.0);
+    if lasts_s > most_s { Err(too_long(lasts_s, most_s)) } else { Ok(()) }
+}
+
+fn too_long(since_s: f64, most_s: f64) -> EncodeError {
+    EncodeError::new(format!(
+        "a point's time is at most {most_s} s in this layout, and can't hold {since_s:?} s: \"velodyne\" and \"hesai\" can"
+    ))
 }
 
 fn too_many_rings(largest: f64, most: f64) -> EncodeError {
@@ -453,10 +467,31 @@ mod tests {
         let turn = (Angle::deg(180.0), Angle::deg(-180.0));
         let sensor =
             Sensor { pattern: Pattern::Rotating(Rotating::new(beams, 3, turn, 10.0).unwrap()), ..lidar() };
-        assert!(check_rings(&sensor, &settings("velodyne", false, None)).is_ok());
+        assert!(check(&sensor, &settings("velodyne", false, None)).is_ok());
         for layout in ["livox", "livox_custom"] {
-            let problem = check_rings(&sensor, &settings(layout, false, None)).unwrap_err().to_string();
+            let problem = check(&sensor, &settings(layout, false, None)).unwrap_err().to_string();
             assert!(problem.contains("at most 255") && problem.contains("299"), "{problem}");
         }
+    }
+    #[test]
+    fn whole_nanoseconds_hold_four_seconds() {
+        let turn = (Angle::deg(180.0), Angle::deg(-180.0));
+        let beam = Beam {
+            elevation: Angle::default(),
+            azimuth_offset: Angle::default(),
+            time_s: 0.0,
+            file_index: 0,
+        };
+        // A turn of 8 s, of whose two columns the second fires after 4 s.
+        let slow = |rate_hz| Sensor {
+            pattern: Pattern::Rotating(Rotating::new(vec![beam], 2, turn, rate_hz).unwrap()),
+            ..lidar()
+        };
+        for layout in ["ouster", "autoware", "livox_custom"] {
+            assert!(check(&slow(0.125), &settings(layout, false, None)).is_ok());
+            let problem = check(&slow(0.1), &settings(layout, false, None)).unwrap_err().to_string();
+            assert!(problem.contains("at most 4.294967295 s") && problem.contains("5.0 s"), "{problem}");
+        }
+        assert!(check(&slow(0.1), &settings("hesai", false, None)).is_ok());
     }
 }

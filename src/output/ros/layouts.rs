@@ -202,6 +202,15 @@ impl Layout {
         let ring = self.fields.iter().find(|field| field.value == Value::Ring);
         ring.map_or(f64::INFINITY, |field| field.kind.most())
     }
+
+    /// The longest time since the stamp that fits, in seconds.
+    pub fn most_s(&self) -> f64 {
+        let most_s = |field: &PointField| match field.value {
+            Value::Since(parts) => field.kind.most() / parts,
+            _ => f64::INFINITY,
+        };
+        self.fields.iter().map(most_s).fold(f64::INFINITY, f64::min)
+    }
 }
 
 /// The layouts as tables of Markdown.

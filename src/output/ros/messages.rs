@@ -225,3 +225,45 @@ fn distortion(lens: &Lens) -> (&'static str, Vec<f64>) {
         Lens::BrownConrady(_) => ("rational_polynomial", coefficients),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sensor::{BrownConrady, KannalaBrandt};
+
+    #[test]
+    fn stamps_before_0_have_nanoseconds_that_count_upwards() {
+        let mut message = Message::with_capacity(0);
+        header(&mut message, -40_000, "a");
+        let bytes = message.into_bytes();
+        assert_eq!(bytes[4..8], (-1_i32).to_le_bytes());
+        assert_eq!(bytes[8..12], 999_960_000_u32.to_le_bytes());
+    }
+
+    #[test]
+    fn millimetres_are_rounded_and_those_that_do_not_fit_are_none() {
+        assert_eq!(
+            [0.0006, 1.0, 2.0004, 65.535].map(millimetres),
+            [Some(1), Some(1000), Some(2000), Some(65535)]
+        );
+        assert_eq!([0.0004, 65.536, f32::INFINITY, f32::NAN, -1.0].map(millimetres), [None; 5]);
+    }
+
+    /// ROS tells a lens by its model's name and by as many coefficients as the model has.
+    #[test]
+    fn lenses_have_the_model_of_their_formula() {
+        let brown = |k4| BrownConrady::new([0.1, 0.01, 1e-3, 2e-3, 3e-3, k4, 0.0, 0.0]).unwrap();
+        let fisheye = KannalaBrandt::new([0.1, 0.02, 0.03, 0.04]).unwrap();
+        for (lens, name, count) in [
+            (Lens::Ideal, "plumb_bob", 5),
+            (Lens::BrownConrady(brown(0.0)), "plumb_bob", 5),
+            (Lens::BrownConrady(brown(0.2)), "rational_polynomial", 8),
+            (Lens::KannalaBrandt(fisheye), "equidistant", 4),
+        ] {
+            let (model, coefficients) = distortion(&lens);
+            assert_eq!((model, coefficients.len()), (name, count));
+            let own = lens.coefficients();
+            assert!(coefficients.iter().zip(&own).all(|(a, b)| a == b), "{coefficients:?}");
+        }
+    }
+}

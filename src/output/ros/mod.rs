@@ -55,7 +55,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
 fn check(sensor: &Sensor, options: &Options) -> Result<(), EncodeError> {
     match sensor.pattern.is_camera() {
         true => Ok(()),
-        false => clouds::check_rings(sensor, &Settings::of(options)),
+        false => clouds::check(sensor, &Settings::of(options)),
     }
 }
 

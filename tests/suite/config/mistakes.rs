@@ -139,7 +139,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "[\"exr\", \"ply\"]",
         "[]",
-        "job.toml:13:11: `formats` is an empty list | expected at least one of \"exr\", \"deep\", \"ply\", \"png\", \"color\", \"depth16\", \"registered\", \"labels\", \"instances\", \"npz\", \"npy\", \"pcd\", \"las\", \"laz\", \"e57\", \"poses\" or \"waveform\" | ",
+        "job.toml:13:11: `formats` is an empty list | expected at least one of \"exr\", \"deep\", \"ply\", \"png\", \"color\", \"depth16\", \"registered\", \"labels\", \"instances\", \"npz\", \"npy\", \"pcd\", \"las\", \"laz\", \"e57\", \"poses\", \"waveform\", \"kitti\", \"nuscenes\" or \"mcap\" | ",
     ),
     (
         "\"bottom_up\"",
