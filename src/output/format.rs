@@ -191,7 +191,7 @@ fn is_sensor(name: &str) -> bool {
 }
 
 /// A file that is made at a run's end of what was noted of its frames.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct RunFile {
     /// The path in the output folder. If it begins with `SENSOR`, which stands for a sensor's name, there is one for each sensor.
     pub path: &'static str,

@@ -14,7 +14,7 @@ use super::timeline::{Placed, Timeline};
 pub(super) fn write(
     notes: &Notes,
     file: &mut dyn Write,
-    rows: fn(&Scene, &mut dyn FnMut(Value) -> Result<(), EncodeError>) -> Result<(), EncodeError>,
+    rows: fn(&Scene, Add) -> Result<(), EncodeError>,
 ) -> Result<(), EncodeError> {
     let timeline = Timeline::of(notes)?;
     let mut is_first = true;
