@@ -139,7 +139,7 @@ pub const MISTAKES: &[(&str, &str, &str)] = &[
     (
         "[\"exr\", \"ply\"]",
         "[]",
-        "job.toml:13:11: `formats` is an empty list | expected at least one of \"exr\", \"ply\", \"png\", \"color\", \"depth16\", \"registered\", \"labels\", \"instances\", \"npz\", \"npy\", \"pcd\", \"poses\" or \"waveform\" | ",
+        "job.toml:13:11: `formats` is an empty list | expected at least one of \"exr\", \"ply\", \"png\", \"color\", \"depth16\", \"registered\", \"labels\", \"instances\", \"npz\", \"npy\", \"pcd\", \"poses\", \"waveform\", \"kitti\" or \"nuscenes\" | ",
     ),
     (
         "\"bottom_up\"",
