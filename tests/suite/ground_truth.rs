@@ -357,7 +357,8 @@ fn flow_ends_where_the_motion_takes_the_point() {
     assert_eq!(image.channels.len(), named.len());
     let cloud = SensorFrame { cloud_frame: CloudFrame::World, ..seen };
     let ply = Format::named("ply").unwrap();
-    let ply = ply.with(&ply.spec.options[0], 1.0).encode(&cloud).unwrap();
+    let motion = ply.spec.options.iter().find(|option| option.name == "motion").unwrap();
+    let ply = ply.with(motion, 1.0).encode(&cloud).unwrap();
     let end = ply.windows(11).position(|window| window == b"end_header\n").unwrap() + 11;
     let header = String::from_utf8_lossy(&ply[..end]).into_owned();
     let fields: Vec<&str> = header.lines().filter_map(|line| line.strip_prefix("property ")).collect();

@@ -102,7 +102,7 @@ fn patterns_that_are_no_grey_image_are_told() {
         Err(other) => other.to_string(),
         Ok(sensor) => sensor.warnings.iter().map(|d| d.message.clone()).collect(),
     };
-    assert_eq!(told(SENSOR), "20: the pattern `pattern.png` can't be used | there is no such file");
+    assert_eq!(told(SENSOR), "18: the pattern `pattern.png` can't be used | there is no such file");
     fs::write(folder.path().join("pattern.png"), "P5 2 1 255\n..").unwrap();
     let message = told(SENSOR);
     assert!(message.contains("| it is no PNG that can be read: "), "{message}");

@@ -53,10 +53,6 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     ]),
     read_by: "nuscenes-devkit",
     options: &[SCENE, LIDARSEG],
-    check_options: |options| match options.text(&SCENE).is_empty() {
-        true => Err(EncodeError::new("a scene needs a name: `scene = \"scene-0001\"`")),
-        false => Ok(()),
-    },
     check: |sensor, _| check(sensor),
     loses: |sensor, _| Some(loses(sensor).to_owned()),
     most_label: |options| if options.is_set(&LIDARSEG) { u8::MAX.into() } else { u32::MAX },

@@ -79,5 +79,5 @@ fn a_scene_of_nuscenes_has_clouds_and_pictures_and_its_labels_if_asked() {
     assert!(labelled.check_label(256).unwrap_err().to_string().contains("at most 255"));
     assert!(plain.loses(&camera).unwrap().contains("without depth"));
     let refused = asked("[{ format = \"nuscenes\", scene = \"\" }]").unwrap_err();
-    assert!(refused.contains("needs a name"), "{refused}");
+    assert!(refused.contains("`scene` is an empty string"), "{refused}");
 }
