@@ -194,7 +194,7 @@ def check_kitti_boxes(run, sensor):
             own = np.array([[x, z, -y] for x, y, z in sides + [0, h / 2, 0]])
             expected = optical(own @ Quaternion(q, x, y, z).rotation_matrix.T + place["centre_m"])
             # The camera is level, and so are the boxes: a turn about one axis is all of it.
-            near("label_2: corners", corners, expected)
+            near("label_2: corners", corners, expected, NEAR_M)
             image = np.concatenate([corners, np.ones((8, 1))], axis=1) @ p2.T
             image = image[:, :2] / image[:, 2:]
             least, most = image.min(axis=0), image.max(axis=0)
