@@ -38,7 +38,6 @@ mod tests;
 use std::path::Path;
 
 use crate::error::Error;
-use crate::source::suggest::missing_file_help;
 use crate::source::tree::Entries;
 use crate::source::words::{harmless_json, quoted};
 use crate::source::{Diagnostic, FileKind, Layer, Report, Severity, Unreadable, Wanted, recognise};
@@ -193,11 +192,10 @@ fn open(path: &Path) -> Result<(Report, Entries), Error> {
             if let Some(error) = recognise(path).ok().and_then(|kind| other_kind(kind, path)) {
                 return Err(error);
             }
-            let help = match problem {
-                Unreadable::Reported => return Err(Error::Config(report.into_diagnostics())),
-                Unreadable::Missing => missing_file_help(&path.to_string_lossy(), path),
-                _ => None,
-            };
+            if matches!(problem, Unreadable::Reported) {
+                return Err(Error::Config(report.into_diagnostics()));
+            }
+            let help = problem.help(&path.to_string_lossy(), path);
             Err(Error::Config(vec![Diagnostic::about_file(path, problem.to_string(), help)]))
         }
     }

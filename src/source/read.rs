@@ -7,6 +7,7 @@ use std::path::Path;
 
 use super::file_kind::{FileKind, HEAD_BYTES};
 use super::memory;
+use super::suggest::missing_file_help;
 
 /// Why a file can't be read.
 #[derive(Debug)]
@@ -44,6 +45,16 @@ impl fmt::Display for Unreadable {
             }
             Self::Io(error) => write!(f, "the file can't be read: {error}"),
             Self::Reported => f.write_str("the file has errors"),
+        }
+    }
+}
+
+impl Unreadable {
+    /// The help for a file that is not there. `as_written` is the path that the user gave, `path` the same as it is opened.
+    pub fn help(&self, as_written: &str, path: &Path) -> Option<String> {
+        match self {
+            Self::Missing => missing_file_help(as_written, path),
+            _ => None,
         }
     }
 }

@@ -11,7 +11,7 @@ use super::super::plausibility;
 use super::pose::rigid;
 use crate::frame::Pose;
 use crate::source::csv::{Row, rows, words};
-use crate::source::suggest::{missing_file_help, nearest};
+use crate::source::suggest::nearest;
 use crate::source::tree::{Entries, Value};
 use crate::source::words::{list, number, quoted};
 use crate::source::{Layer, Report, Span, Spanned, Unreadable, portable};
@@ -57,10 +57,7 @@ impl PoseFiles {
             }
             Err(Unreadable::Reported) => None,
             Err(problem) => {
-                let help = match problem {
-                    Unreadable::Missing => missing_file_help(as_written, path),
-                    _ => None,
-                };
+                let help = problem.help(as_written, path);
                 let message = format!("the file of poses {} can't be used", quoted(as_written));
                 report.fail(span, message, problem.to_string(), help)
             }

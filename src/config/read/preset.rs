@@ -147,10 +147,7 @@ fn open_preset<'a>(
         }
         Err(Unreadable::Reported) => None,
         Err(problem) => {
-            let help = match problem {
-                Unreadable::Missing => missing_file_help(as_written, &path),
-                _ => None,
-            };
+            let help = problem.help(as_written, &path);
             let message = format!("the sensor file {} can't be used", quoted(as_written));
             report.error(span, message, problem.to_string(), help);
             None

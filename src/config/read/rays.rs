@@ -9,7 +9,7 @@ use super::super::job::InputFile;
 use super::super::keys::sensor::{RAYS, rays};
 use crate::angle::Angle;
 use crate::sensor::{Pulse, RayTable, direction};
-use crate::source::suggest::{missing_file_help, nearest};
+use crate::source::suggest::nearest;
 use crate::source::tree::{Entries, Value};
 use crate::source::words::{list, quoted};
 use crate::source::{Layer, Report, Span, Spanned, Unreadable, portable};
@@ -70,10 +70,7 @@ impl RayFiles {
             }
             Err(Unreadable::Reported) => None,
             Err(problem) => {
-                let help = match problem {
-                    Unreadable::Missing => missing_file_help(as_written, path),
-                    _ => None,
-                };
+                let help = problem.help(as_written, path);
                 let message = format!("the table of rays {} can't be used", quoted(as_written));
                 report.error(span, message, problem.to_string(), help);
                 None

@@ -10,10 +10,9 @@ use super::super::job::InputFile;
 use super::super::keys::depth::{STEREO, projector, stereo};
 use super::super::keys::measurement::NOMINAL;
 use super::rays::RayFiles;
-use crate::source::suggest::missing_file_help;
 use crate::source::tree::{Entries, Value};
 use crate::source::words::quoted;
-use crate::source::{Report, Spanned, Unreadable, portable, read_file};
+use crate::source::{Report, Spanned, portable, read_file};
 
 /// The largest image of a pattern that is read, in bytes.
 const MAX_BYTES: u64 = 64 << 20;
@@ -76,13 +75,7 @@ impl SensorFiles {
             None
         };
         let pattern = match read_file(&path, MAX_BYTES) {
-            Err(problem) => {
-                let help = match problem {
-                    Unreadable::Missing => missing_file_help(as_written, &path),
-                    _ => None,
-                };
-                fail(problem.to_string(), help)
-            }
+            Err(problem) => fail(problem.to_string(), problem.help(as_written, &path)),
             Ok(bytes) => {
                 self.inputs.push(InputFile::new(portable(as_written), &bytes));
                 grey_image(&bytes).or_else(|problem| fail(problem, None).ok_or(())).ok()

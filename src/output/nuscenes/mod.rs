@@ -14,14 +14,23 @@ mod tables;
 mod timeline;
 
 use super::color;
-use super::format::{
-    Asked, Content, EncodeError, Folder, FormatSpec, FrameFile, Kind, Notes, RunFile, field,
-};
+use super::format::{Asked, Content, EncodeError, Folder, FormatSpec, FrameFile, Kind, RunFile, field};
 use super::options::Options;
 use super::picture::{Picture, check_sides};
 use super::sensor_frame::SensorFrame;
 use crate::sensor::{Pattern, Sensor};
 use layout::{CLOUD, LABELS, LIDARSEG, MAP, PICTURE, SCENE};
+
+/// A table of this name that every run has, with the function of `tables` that makes its rows.
+macro_rules! table {
+    ($name:literal, $rows:ident) => {
+        RunFile {
+            path: concat!("nuscenes/v1.0-beamcast/", $name, ".json"),
+            is_made: |_| true,
+            write: |notes, file| tables::write(notes, file, tables::$rows),
+        }
+    };
+}
 
 /// A scene of nuScenes. Every frame of the sensor that has the fewest is a sample, with the frame of every other sensor that is
 /// nearest in time as its key frame; all other frames are sweeps.
@@ -69,60 +78,30 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
             },
         ],
         of_run: &[
-            table("nuscenes/v1.0-beamcast/attribute.json", |notes, file| {
-                tables::write(notes, file, tables::nothing)
-            }),
-            table("nuscenes/v1.0-beamcast/calibrated_sensor.json", |notes, file| {
-                tables::write(notes, file, tables::calibrated_sensors)
-            }),
-            table("nuscenes/v1.0-beamcast/category.json", |notes, file| {
-                tables::write(notes, file, tables::categories)
-            }),
-            table("nuscenes/v1.0-beamcast/ego_pose.json", |notes, file| {
-                tables::write(notes, file, tables::ego_poses)
-            }),
-            table("nuscenes/v1.0-beamcast/instance.json", |notes, file| {
-                tables::write(notes, file, tables::instances)
-            }),
-            table("nuscenes/v1.0-beamcast/log.json", |notes, file| tables::write(notes, file, tables::log)),
-            table("nuscenes/v1.0-beamcast/map.json", |notes, file| tables::write(notes, file, tables::map)),
-            table("nuscenes/v1.0-beamcast/sample.json", |notes, file| {
-                tables::write(notes, file, tables::samples)
-            }),
-            table("nuscenes/v1.0-beamcast/sample_annotation.json", |notes, file| {
-                tables::write(notes, file, tables::annotations)
-            }),
-            table("nuscenes/v1.0-beamcast/sample_data.json", |notes, file| {
-                tables::write(notes, file, tables::sample_data)
-            }),
-            table("nuscenes/v1.0-beamcast/scene.json", |notes, file| {
-                tables::write(notes, file, tables::scene)
-            }),
-            table("nuscenes/v1.0-beamcast/sensor.json", |notes, file| {
-                tables::write(notes, file, tables::sensors)
-            }),
-            table("nuscenes/v1.0-beamcast/visibility.json", |notes, file| {
-                tables::write(notes, file, tables::visibilities)
-            }),
+            table!("attribute", nothing),
+            table!("calibrated_sensor", calibrated_sensors),
+            table!("category", categories),
+            table!("ego_pose", ego_poses),
+            table!("instance", instances),
+            table!("log", log),
+            table!("map", map),
+            table!("sample", samples),
+            table!("sample_annotation", annotations),
+            table!("sample_data", sample_data),
+            table!("scene", scene),
+            table!("sensor", sensors),
+            table!("visibility", visibilities),
+            RunFile { is_made: has_labels, ..table!("lidarseg", lidarseg) },
             RunFile {
-                path: "nuscenes/v1.0-beamcast/lidarseg.json",
-                is_made: has_labels,
-                write: |notes, file| tables::write(notes, file, tables::lidarseg),
+                path: MAP,
+                is_made: |_| true,
+                write: |_, file| Ok(file.write_all(&Picture::new(1, 1, [0; 3]).to_png()?)?),
             },
-            table(MAP, |_, file| Ok(file.write_all(&Picture::new(1, 1, [0; 3]).to_png()?)?)),
         ],
         note: |frame, options| note::Noted::of(frame, options).text(),
     }),
     ..FormatSpec::PLAIN
 };
-
-/// A file that every run has.
-const fn table(
-    path: &'static str,
-    write: fn(&Notes, &mut dyn std::io::Write) -> Result<(), EncodeError>,
-) -> RunFile {
-    RunFile { path, is_made: |_| true, write }
-}
 
 fn is_camera(asked: &Asked) -> bool {
     asked.sensor.pattern.is_camera()
