@@ -1,6 +1,6 @@
 //! Recorded clouds as files of another format: every field with its name, its type and its values as they were read.
 //!
-//! What a format can't hold is an error if a value would change, and a note if only a name or a comment would.
+//! A format that would change a value gives an error, and one that would change only a name or lose a comment gives a note.
 
 use std::fmt::Write as _;
 
@@ -116,7 +116,7 @@ fn of_ply(number: Number) -> Number {
     match number {
         Number::Bool => Number::U8,
         Number::F16 => Number::F32,
-        // Those below 2⁵³ are exact.
+        // Integers below 2⁵³ are exact, and larger ones are refused.
         Number::I64 | Number::U64 => Number::F64,
         other => other,
     }

@@ -130,7 +130,7 @@ pub enum Kind {
 
 /// The files of a [`Kind::Folder`].
 ///
-/// What the run's files need to know of a frame is noted when the frame is finished, and is kept in the run's journal. So they
+/// The facts of a frame that the run's files need are noted when the frame is finished, and are kept in the run's journal. So the files
 /// are the same whether the run was parted, was resumed, or went through at once.
 #[derive(Clone, Copy)]
 pub struct Folder {
@@ -138,11 +138,11 @@ pub struct Folder {
     pub of_frame: &'static [FrameFile],
     /// The files of the run.
     pub of_run: &'static [RunFile],
-    /// What [`Self::of_run`] needs to know of a frame, as a line of text.
+    /// The facts of a frame that [`Self::of_run`] needs, as a line of text.
     pub note: fn(&SensorFrame, &Options) -> String,
 }
 
-/// What a job asks for, by which a folder has a file or does not have it.
+/// The wishes of a job by which a folder has a file or does not have it.
 #[derive(Clone, Copy)]
 pub struct Asked<'a> {
     /// The sensor. For a file of all sensors it is any of them.
@@ -236,7 +236,7 @@ impl RunFile {
     }
 }
 
-/// What was noted of a frame.
+/// The note of a frame.
 #[derive(Clone, Debug)]
 pub struct Note {
     /// The format's line of text.

@@ -160,7 +160,7 @@ pub(super) fn intrinsics(sensor: &Sensor) -> Option<[f64; 4]> {
     Some([fx, fy, cx - 0.5, cy - 0.5])
 }
 
-/// What the sequence's files need of a frame: its time, the rows of its pose, and the intrinsics of a camera.
+/// The facts of a frame that the sequence's files need: its time, the rows of its pose, and the intrinsics of a camera.
 fn note(frame: &SensorFrame) -> String {
     let time_s = frame.capture.cast_at_s(frame.reference_s().unwrap_or(0.0));
     let pose = rows_of(&world_from_points(frame));

@@ -82,7 +82,7 @@ height = (arrays[\"amplitude\"][own] * numpy.exp(-0.5 * z**2)).sum(axis=1)
 
 ";
 
-/// What the page says of a format beside its fields.
+/// The page's text about a format, beside its fields.
 fn prose(format: Format) -> &'static str {
     match format.name() {
         _ if format.tells_waveforms() => WAVEFORM_INTRODUCTION,

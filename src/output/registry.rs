@@ -271,7 +271,7 @@ impl Format {
         }
     }
 
-    /// What [`Self::run_files`] need to know of a frame. `None` if there are none.
+    /// The facts of a frame that [`Self::run_files`] need. `None` if there are none.
     pub fn note(self, frame: &SensorFrame) -> Option<String> {
         match self.kind() {
             Kind::Folder(folder) => Some((folder.note)(frame, &self.options)),

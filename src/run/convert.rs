@@ -65,14 +65,14 @@ impl Target {
     }
 }
 
-/// What was converted.
+/// The result of a conversion.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Converted {
     /// The files that were written, without the manifest.
     pub files: u64,
     /// Their bytes.
     pub bytes: u64,
-    /// What is to be known about them, each sentence once.
+    /// Notes about them, each sentence once.
     pub notes: Vec<String>,
 }
 

@@ -96,7 +96,7 @@ pub struct Matching {
 pub struct Projector {
     /// The distance from the camera to the projector along the image's rows to the right, in metres.
     pub offset_m: f64,
-    /// What the pattern lights.
+    /// The rectangle that the pattern lights.
     pub field: Field,
     /// The pattern. Of its irradiance only the ratio to the mean counts.
     pub pattern: Arc<Projected>,
@@ -122,7 +122,7 @@ pub struct Imager {
 }
 
 impl Projector {
-    /// What a pattern lights that has these full angles, horizontal and vertical, each less than 180°.
+    /// The field of a pattern that has these full angles, horizontal and vertical, each less than 180°.
     pub fn field_of(full: [Angle; 2]) -> Field {
         let [half_width, half_height] = full.map(|angle| libm::tan(0.5 * angle.radians()));
         Field { half_width, half_height }

@@ -66,7 +66,7 @@ impl Number {
     }
 }
 
-/// What the header tells of the points. The length of the header does not depend on what is counted.
+/// The header's facts about the points. The length of the header does not depend on the numbers that are counted.
 pub(super) struct Contents {
     /// The format of the points, from 6 to 8.
     pub format: u8,
@@ -266,7 +266,7 @@ mod tests {
         assert!(at(2.2e6).unwrap_err().to_string().contains("`scale = 0.01`"));
     }
 
-    /// What is counted does not move the points, and bounds are what a reader computes.
+    /// Counts do not move the points, and bounds are those that a reader computes.
     #[test]
     fn the_head_has_the_same_length_before_and_after() {
         let mut contents = contents();

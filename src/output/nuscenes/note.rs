@@ -1,4 +1,4 @@
-//! What the tables of nuScenes need to know of a frame.
+//! The facts of a frame that the tables of nuScenes need.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,7 +14,7 @@ use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::scene::label_names;
 use crate::truth::BoxTruth;
 
-/// What is noted of a frame.
+/// The note of a frame.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Noted {
     pub scene: String,

@@ -236,7 +236,7 @@ struct Annotation {
     row: Value,
 }
 
-/// What the key frames of a sample tell of an object.
+/// The facts that the key frames of a sample tell of an object.
 struct Seen {
     /// The box, of a LiDAR if one has it, else of the first camera.
     found: NotedBox,

@@ -52,7 +52,7 @@ pub fn read_las(bytes: &[u8], memory: u64) -> Result<Cloud, ReadError> {
     Ok(Cloud { points, fields, comments: comments(&records) })
 }
 
-/// What the header tells of the points.
+/// The header's facts about the points.
 struct Header<'a> {
     file: &'a [u8],
     minor: u8,

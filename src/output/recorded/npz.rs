@@ -85,7 +85,7 @@ pub fn read_npz(bytes: &[u8], memory: u64) -> Result<Vec<Part>, ReadError> {
     Ok(parts.into_iter().map(part).collect())
 }
 
-/// What was found of a part.
+/// The arrays of a part.
 #[derive(Default)]
 struct Found {
     /// Channels with their rows and columns.
@@ -176,7 +176,7 @@ fn attributes(about: &[u8]) -> Result<BTreeMap<String, String>, ReadError> {
     };
     let known = KNOWN.iter().filter_map(|key| Some((format!("beamcast:{key}"), text(about.get(*key)?)?)));
     let mut all: BTreeMap<String, String> = known.collect();
-    // Those of an image that was converted.
+    // An image that was converted has attributes of its own.
     if let Some(Value::Object(own)) = about.get("attributes") {
         all.extend(own.iter().filter_map(|(key, value)| Some((key.clone(), value.as_str()?.to_owned()))));
     }

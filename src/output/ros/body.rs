@@ -1,4 +1,4 @@
-//! What is told of the body that carries the sensors, in the order of time: its true motion, and its inertial sensor's measurements.
+//! The messages about the body that carries the sensors, in the order of time: its true motion, and its inertial sensor's measurements.
 
 use std::collections::BTreeMap;
 

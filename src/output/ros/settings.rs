@@ -1,4 +1,4 @@
-//! What a job says about its bag: the options and their values.
+//! A job's settings of its bag: the options and their values.
 
 use super::super::format::EncodeError;
 use super::super::options::{OptionSpec, OptionValues, Options};

@@ -470,7 +470,7 @@ impl<C: Cast> Camera<'_, C> {
         *wave = next;
     }
 
-    /// What the camera measures of the light of a pixel at each frequency. `brightest` gives the return of one of its sub-rays.
+    /// The camera's measurement of the light of a pixel at each frequency. `brightest` gives the return of one of its sub-rays.
     fn measure(
         &self,
         number: usize,

@@ -176,7 +176,7 @@ fn projector(t: &Table<'_>, files: &SensorFiles) -> Option<Projector> {
     let pattern = match image {
         None => Projector::dots(field, dots, dot_width, seed),
         Some(file) => {
-            // What is wrong with the file was reported when it was read.
+            // The errors of the file were reported when it was read.
             let GreyImage { width, height, pixels } = files.pattern(t.report(), file)?.clone();
             Projected::Image(ImagePattern::new(field, width, height, pixels)?)
         }
