@@ -4,6 +4,7 @@
     python3 -m venv venv && venv/bin/pip install -r tests/open3d/requirements.txt   # Debian: apt-get install libusb-1.0-0
     venv/bin/python benches/open3d/bench.py [--scenes room,street] [--rays LiDAR,camera] [--rounds 7] [--scaling] [--json F]
     python3 benches/open3d/bench.py --before CASTER    # an earlier build of benches/caster.rs in Open3D's place; needs numpy only
+    python3 benches/open3d/bench.py --embree           # Embree's own interface in C in Open3D's place; Debian: apt-get install libembree-dev
 
 Makes four scenes as GLB in a scratch folder, builds both structures, checks that the hits agree, and casts the same rays
 with both in turn (A B A B …, the first round discarded). Times on one thread are CPU times, on two wall times; ratios are
@@ -35,8 +36,8 @@ KINDS = ["camera", "LiDAR", "moving LiDAR", "single"]
 class Ours:
     """The caster, spoken to by lines."""
 
-    def __init__(self, caster, scene, threads):
-        command = [caster, str(scene)]
+    def __init__(self, caster, scene, threads, words=()):
+        command = [caster, str(scene), *words]
         environment = {**os.environ, "RAYON_NUM_THREADS": str(threads)}
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
         self.built = self.answer()
@@ -87,12 +88,12 @@ def cast_open3d(scene, tensor, threads):
     return {"cpu_s": (time.process_time() - cpu) / times, "wall_s": (time.perf_counter() - wall) / times}, found
 
 
-def compare(directory, ours, found, directions):
-    """What the two disagree on: rays that only one sees hit, and the largest relative difference of depth elsewhere."""
+def compare(directory, ours, theirs, directions):
+    """What the two disagree on: rays that only one sees hit, and the largest relative difference of depth elsewhere. `theirs`
+    are depths, infinite for a miss."""
     ours.do("hits", directory / "hits.bin")
     n = len(directions)
     t = np.fromfile(directory / "hits.bin", "<f8", n)
-    theirs = found["t_hit"].numpy().astype(float)
     hit, their_hit = np.isfinite(t), np.isfinite(theirs)
     both = hit & their_hit
     difference = np.abs(t[both] - theirs[both]) / (0.1 + t[both])
@@ -101,7 +102,23 @@ def compare(directory, ours, found, directions):
     # A ray within rounding of an edge may go to either side of it: a few in a million, more among loose thin triangles.
     if one_only + far_off > 2e-3 * n:
         raise SystemExit(f"the tracers disagree: {one_only} rays hit for one only, {far_off} at other depths, of {n}")
-    return t, {"hits": int(both.sum()), "one_only": one_only, "other_depth": far_off}
+    return {"hits": int(both.sum()), "one_only": one_only, "other_depth": far_off}
+
+
+def kinds_of_rays(directory, first, at, kinds):
+    """Each kind with its rays, which the caster `first` is told of to find where single rays start."""
+    seen = None
+    if "single" in kinds:
+        directions, origins = scenes.rays("LiDAR", at)
+        scenes.write_rays(directory / "rays.bin", directions, origins)
+        first.do("rays", directory / "rays.bin")
+        first.do("cast", 1)
+        first.do("hits", directory / "hits.bin")
+        seen = directions, np.fromfile(directory / "hits.bin", "<f8", len(directions))
+    for kind in kinds:
+        directions, origins = scenes.rays(kind, at, seen)
+        scenes.write_rays(directory / "rays.bin", directions, origins)
+        yield kind, directions, origins
 
 
 def measure(directory, caster, name, mesh, options):
@@ -129,17 +146,7 @@ def measure(directory, caster, name, mesh, options):
 
     ours = Ours(caster, path, 2)
     scene, _ = open3d_build(path)
-    seen = None
-    if "single" in options.rays:
-        directions, origins = scenes.rays("LiDAR", at)
-        scenes.write_rays(directory / "rays.bin", directions, origins)
-        ours.do("rays", directory / "rays.bin")
-        ours.do("cast", 1)
-        ours.do("hits", directory / "hits.bin")
-        seen = directions, np.fromfile(directory / "hits.bin", "<f8", len(directions))
-    for kind in options.rays:
-        directions, origins = scenes.rays(kind, at, seen)
-        scenes.write_rays(directory / "rays.bin", directions, origins)
+    for kind, directions, origins in kinds_of_rays(directory, ours, at, options.rays):
         ours.do("rays", directory / "rays.bin")
         both = np.concatenate([np.broadcast_to(origins, directions.shape), directions], 1).astype(np.float32)
         tensor = o3d.core.Tensor(np.ascontiguousarray(both))
@@ -151,7 +158,7 @@ def measure(directory, caster, name, mesh, options):
                 theirs, found = cast_open3d(scene, tensor, threads)
                 key = "cpu_s" if threads == 1 else "wall_s"
                 pairs[threads].append((mine[key], theirs[key]))
-        _, agreement = compare(directory, ours, found, directions)
+        agreement = compare(directory, ours, found["t_hit"].numpy().reshape(-1).astype(float), directions)
         n = len(directions)
         rate = lambda k, threads: n / statistics.median(p[k] for p in pairs[threads][1:]) / 1e6
         result["rays"][kind] = {
@@ -185,16 +192,7 @@ def measure_before(directory, caster, name, mesh, options):
     both = [Ours(caster, path, 1), Ours(options.before, path, 1)]
     builds = [who.built["build_s"] for who in both]
     result = {"build_s": builds, "bytes": [who.built["bytes"] for who in both], "rays": {}}
-    seen = None
-    if "single" in options.rays:
-        directions, origins = scenes.rays("LiDAR", at)
-        scenes.write_rays(directory / "rays.bin", directions, origins)
-        both[0].do("rays", directory / "rays.bin")
-        both[0].do("hits", directory / "hits.bin")
-        seen = directions, np.fromfile(directory / "hits.bin", "<f8", len(directions))
-    for kind in options.rays:
-        directions, origins = scenes.rays(kind, at, seen)
-        scenes.write_rays(directory / "rays.bin", directions, origins)
+    for kind, directions, _ in kinds_of_rays(directory, both[0], at, options.rays):
         hits = []
         for who in both:
             who.do("rays", directory / "rays.bin")
@@ -218,6 +216,63 @@ def measure_before(directory, caster, name, mesh, options):
             flush=True,
         )
     for who in both:
+        who.close()
+    return result
+
+
+EMBREE = {"packets": ["packets"], "robust": ["packets", "robust"], "single": ["single"]}
+
+
+def build_embree(directory):
+    """Compiles benches/embree/caster.c with the Embree that the system has."""
+    source = Path(__file__).parents[1] / "embree" / "caster.c"
+    for library in ("embree4", "embree3"):
+        command = ["cc", "-O3", "-march=native", "-o", directory / "embree", source, f"-l{library}", "-lpthread", "-lm"]
+        if subprocess.run(command, stderr=subprocess.DEVNULL).returncode == 0:
+            return directory / "embree"
+    raise SystemExit("Embree's headers and library are missing; Debian: apt-get install libembree-dev")
+
+
+def measure_embree(directory, caster, name, mesh, options):
+    """The same rays with ours and with Embree in turn: coherent packets of 16, the same with the robust flag, and single rays.
+    Ratios are Embree's time over ours, on one thread by CPU time and on two by wall time."""
+    vertices, triangles = mesh
+    path = directory / f"{name}.glb"
+    scenes.write_glb(path, vertices, triangles)
+    with open(directory / "mesh.bin", "wb") as file:
+        np.array([len(vertices), len(triangles)], "<u8").tofile(file)
+        np.ascontiguousarray(vertices, "<f4").tofile(file)
+        np.ascontiguousarray(triangles, "<u4").tofile(file)
+    at = scenes.eye(name, vertices)
+    del mesh, triangles, vertices
+    ours = Ours(caster, path, 2)
+    rivals = {key: Ours(options.embree, directory / "mesh.bin", 2, words) for key, words in EMBREE.items()}
+    result = {"version": rivals["packets"].built["version"], "rays": {}}
+    for kind, directions, _ in kinds_of_rays(directory, ours, at, options.rays):
+        ours.do("rays", directory / "rays.bin")
+        disagreeing = {}
+        for key, rival in rivals.items():
+            rival.do("rays", directory / "rays.bin")
+            rival.do("hits", directory / "theirs.bin")
+            theirs = np.fromfile(directory / "theirs.bin", "<f8", len(directions))
+            disagreeing[key] = compare(directory, ours, theirs, directions)
+        times = {key: [] for key in ["ours", "ours two", *rivals, "packets two"]}
+        for _ in range(options.rounds + 1):
+            for key, seconds in times.items():
+                who = ours if key.startswith("ours") else rivals[key.split()[0]]
+                seconds.append(who.do("cast", 2)["wall_s"] if key.endswith("two") else who.do("cast", 1)["cpu_s"])
+        times = {key: seconds[1:] for key, seconds in times.items()}
+        n = len(directions)
+        rates = {key: n / statistics.median(seconds) / 1e6 for key, seconds in times.items()}
+        ratio = lambda key, own="ours": statistics.median(b / a for a, b in zip(times[own], times[key]))
+        ratios = {key: ratio(key) for key in rivals} | {"two": ratio("packets two", "ours two"), "scaling": rates["ours two"] / rates["ours"]}
+        result["rays"][kind] = {"rates": rates, "ratios": ratios, "disagreeing": disagreeing}
+        print(
+            f"{name:8} {kind:13} {rates['ours']:8.2f} {rates['packets']:8.2f}   "
+            + " ".join(f"{ratios[key]:8.2f}" for key in [*rivals, "two", "scaling"]),
+            flush=True,
+        )
+    for who in [ours, *rivals.values()]:
         who.close()
     return result
 
@@ -286,6 +341,7 @@ def main():
     parser.add_argument("--builds", type=int, default=3)
     parser.add_argument("--scaling", action="store_true", help="also cost against triangles, rays and threads")
     parser.add_argument("--before", metavar="CASTER", help="an earlier build of the caster, to be compared with in Open3D's place")
+    parser.add_argument("--embree", action="store_true", help="Embree's own interface in C in Open3D's place")
     parser.add_argument("--json", type=Path, help="write all of it there")
     options = parser.parse_args()
     options.rays = options.rays.split(",")
@@ -305,6 +361,19 @@ def main():
         with tempfile.TemporaryDirectory(prefix="beamcast-bench-") as directory:
             for name in options.scenes.split(","):
                 results[name] = measure_before(Path(directory), caster, name, scenes.SCENES[name](), options)
+        if options.json:
+            options.json.write_text(json.dumps({"machine": machine(), "scenes": results}, indent=1) + "\n")
+        return
+
+    if options.embree:
+        print(f"{time.strftime('%Y-%m-%d')}, {machine()}; {options.rounds} rounds; Mrays/s on one thread, and Embree's time over ours\n")
+        print("scene    rays              ours  packets    packets   robust   single      two  scaling")
+        results = {}
+        with tempfile.TemporaryDirectory(prefix="beamcast-bench-") as directory:
+            options.embree = build_embree(Path(directory))
+            for name in options.scenes.split(","):
+                results[name] = measure_embree(Path(directory), caster, name, scenes.SCENES[name](), options)
+        print(f"\nEmbree {results[name]['version']}")
         if options.json:
             options.json.write_text(json.dumps({"machine": machine(), "scenes": results}, indent=1) + "\n")
         return

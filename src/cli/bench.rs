@@ -1,14 +1,18 @@
-//! `beamcast bench`: times a job and writes nothing.
+//! `beamcast bench`: times a job and leaves no files.
 
 use std::num::NonZeroU16;
+use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use serde_json::json;
 
+use super::end_to_end;
 use super::job::{JobArgs, load_scene};
 use super::json;
+use super::parts;
 use super::terminal::Terminal;
 use super::threads;
 use crate::error::Error;
@@ -25,6 +29,16 @@ pub struct Args {
     /// Build and cast this many times; the times shown are medians
     #[arg(long, value_name = "N", default_value = "5")]
     repeat: NonZeroU16,
+    /// Write the frames too, to a scratch folder that is removed, and tell what each stage costs by itself, how fast they are
+    /// together and what bounds them; --repeat chooses the frames of which the stages are timed
+    #[arg(long)]
+    end_to_end: bool,
+    /// Cast and write only these frames, counted from 0: A..B (without B), A.., ..B, or one number
+    #[arg(long, value_name = "A..B", value_parser = parts::frames, requires = "end_to_end")]
+    frames: Option<Range<u64>>,
+    /// Make the scratch folder in this one [default: where the job writes, because disks differ]
+    #[arg(long, value_name = "DIR", requires = "end_to_end")]
+    scratch: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -37,12 +51,23 @@ impl Args {
     }
 }
 
-/// Times a job: loads it once, and builds its tracer and casts all its frames `--repeat` times.
+/// Times a job: loads it once, and builds its tracer and casts all its frames `--repeat` times; or runs it from end to end.
 ///
 /// # Errors
 /// The errors of the job and the scene; [`Error::Usage`] if they do not fit into the machine's memory.
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let mut job = args.job.load(terminal)?;
+    if args.end_to_end {
+        let frames = args.frames.clone().unwrap_or(Selection::ALL.frames);
+        let settings = end_to_end::Settings {
+            selection: Selection { frames, ..Selection::ALL },
+            scratch: args.scratch.as_deref(),
+            samples: args.repeat.get().into(),
+            scenes: &args.job.scenes,
+            json: args.json,
+        };
+        return end_to_end::run(job, settings, terminal);
+    }
     let plan = Plan::of(&job, &Selection::FIRST, Holding::Frame)?;
     let start = Instant::now();
     let scene = load_scene(&mut job, &args.job.scenes, terminal)?.scene;

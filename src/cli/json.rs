@@ -11,6 +11,8 @@ pub struct Document {
 
 /// `beamcast bench --json`.
 pub const BENCH: Document = Document { format: 1 };
+/// `beamcast bench --end-to-end --json`.
+pub const BENCH_END_TO_END: Document = Document { format: 1 };
 /// `beamcast check --json FILE`.
 pub const CHECK: Document = Document { format: 1 };
 /// `beamcast diff --json`.

@@ -7,6 +7,7 @@ mod datasheet;
 mod depth_quality;
 pub mod diagnostics;
 mod diff;
+mod end_to_end;
 mod explain;
 mod facts;
 mod film;
@@ -22,6 +23,7 @@ mod lint;
 mod merge;
 mod outline;
 mod parts;
+mod pipeline;
 mod presets;
 mod scan;
 mod schema;
@@ -69,7 +71,7 @@ enum Command {
     Convert(convert::Args),
     /// Tell the story of one pulse: where it goes, what it meets, what comes back, and why it is reported so
     Explain(explain::Args),
-    /// Time a job: loading, building and casting, each apart
+    /// Time a job: loading, building and casting, each apart, or all until the files are on the disk
     Bench(bench::Args),
     /// List the built-in sensors, or show one
     Presets(presets::Args),

@@ -1,6 +1,5 @@
 //! `beamcast scan`: runs a job.
 
-use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -8,24 +7,23 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::interrupt::Interrupt;
 use super::job::{JobArgs, heed, load_scene, strictly};
 use super::json;
 use super::parts;
+use super::pipeline::{self, Pipeline, timed};
 use super::terminal::{Terminal, Writing};
 use super::threads;
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::{Manifest, SensorFrame, WrittenFile};
-use crate::run::journal::{Beside, Done};
+use crate::output::{Manifest, WrittenFile};
+use crate::run::journal::Done;
 use crate::run::record::{Line, Loss};
 use crate::run::{
-    Bytes, Holding, Item, Journal, Output, Plan, Selection, Session, Shard, Start, Statistics, memory, paths,
+    Bytes, Holding, Item, Journal, Plan, Selection, Session, Shard, Start, Statistics, memory, paths,
 };
-use crate::scan::Frame;
 use crate::scene::Scene;
 use crate::source::Diagnostic;
 use crate::source::words::{counted, on_one_line};
@@ -169,15 +167,20 @@ fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal)
     let frames = plan.frames() - skipped;
     let rays_left = plan.rays.saturating_sub(tally.pixels());
     let writing = Writing::of(plan.files_of_frames().saturating_sub(tally.files) + 1, frames);
-    let run = Run { args, session: &session, plan: &plan, interrupt, terminal, writing: &writing };
-    let casting = || {
-        let times = run.cast_and_write(skipped, &mut journal, &mut tally)?;
-        interrupt.check()?;
+    let scene_folders = &args.job.scenes.allowed_folders;
+    let pipeline = Pipeline { session: &session, plan: &plan, scene_folders, interrupt, writing: &writing };
+    tally.rays_before = tally.rays();
+    let run = || {
+        let begun = Instant::now();
+        let mut teller = Teller { args, terminal, writing: &writing, begun, told: begun };
+        let tell = &mut |item: &Item, line| teller.tell(&mut tally, item, line);
+        let times = pipeline.run(skipped, &mut journal, tell)?;
         tally.add_files(writing.file(|| interrupt.uncut(|| journal.finish()))?);
         Ok::<_, Error>(times)
     };
-    let (cast, write) =
-        terminal.with_progress_and_files(rays_left, interrupt.progress(), &writing, casting)?;
+    let pipeline::Times { cast, encode, write, .. } =
+        terminal.with_progress_and_files(rays_left, interrupt.progress(), &writing, run)?;
+    let write = encode + write;
 
     for Loss { path, values } in &tally.losses {
         terminal.warn(format_args!("{path} has 0 for {values} values that its pixels can't hold"));
@@ -252,119 +255,25 @@ impl Tally {
     }
 }
 
-/// A run on its way.
-struct Run<'r> {
-    args: &'r Args,
-    session: &'r Session,
-    plan: &'r Plan,
-    interrupt: &'r Interrupt,
-    terminal: &'r Terminal,
-    writing: &'r Writing,
-}
-
 /// The time between two lines about a long run where there is no progress bar.
 const BETWEEN_LINES: Duration = Duration::from_secs(30);
 
-impl Run<'_> {
-    /// Casts the frames of the plan after the first `skipped`, and writes each while the next is cast. Two frames are in memory,
-    /// so a slow disk holds the casting up. Returns the times that casting and writing took; they overlap.
-    fn cast_and_write(
-        &self,
-        skipped: u64,
-        journal: &mut Journal,
-        tally: &mut Tally,
-    ) -> Result<(Duration, Duration), Error> {
-        let Self { session, interrupt, .. } = self;
-        tally.rays_before = tally.rays();
-        let mut items = self.plan.items(&session.job).skip(usize::try_from(skipped).unwrap_or(usize::MAX));
-        let (mut casting, mut writing) = (Duration::ZERO, Duration::ZERO);
-        let (mut ahead, mut cast) = (Frame::default(), Frame::default());
-        let (mut next, mut waiting) = (items.next(), None::<(Item, Cow<Session>)>);
-        let begun = Instant::now();
-        let mut told = begun;
-        while next.is_some() || waiting.is_some() {
-            let with_session = |item: Item| -> Result<_, Error> {
-                let of_frame = session.of_frame(item.frame, &self.args.job.scenes.allowed_folders)?;
-                Ok((item, of_frame))
-            };
-            let casting_now = next.take().map(with_session).transpose()?;
-            let cast_next = || match &casting_now {
-                Some((item, session)) => timed(|| session.cast_into(&mut ahead, item, interrupt.progress())),
-                None => (true, Duration::ZERO),
-            };
-            let write_last = || {
-                let (item, session) = waiting.as_ref()?;
-                Some(timed(|| self.write(session, item, &cast, journal)))
-            };
-            let ((is_whole, cast_time), written) = rayon::join(cast_next, write_last);
-            casting += cast_time;
-            if let (Some((item, _)), Some((line, write_time))) = (&waiting, written) {
-                writing += write_time;
-                self.tell(line?, tally, item)?;
-            }
-            interrupt.check()?;
-            if !is_whole {
-                break;
-            }
-            std::mem::swap(&mut ahead, &mut cast);
-            waiting = casting_now;
-            next = items.next();
-            if told.elapsed() >= BETWEEN_LINES && !self.terminal.has_bar() {
-                told = Instant::now();
-                self.terminal.say(self.writing.line(begun.elapsed()));
-            }
-        }
-        Ok((casting, writing))
-    }
+/// Tells of the frames of a run that are written.
+struct Teller<'r> {
+    args: &'r Args,
+    terminal: &'r Terminal,
+    writing: &'r Writing,
+    begun: Instant,
+    /// When a line about the run was last told.
+    told: Instant,
+}
 
-    /// Encodes a frame in all its formats at the same time, writes the files and records the frame.
-    fn write(
-        &self,
-        session: &Session,
-        item: &Item,
-        frame: &Frame,
-        journal: &mut Journal,
-    ) -> Result<Line, Error> {
-        let Self { interrupt, writing, .. } = self;
-        let Some(truth) = session.truth(item, frame, interrupt.progress()) else {
-            return Err(interrupt.check().err().unwrap_or(Error::Interrupted { signal: 0 }));
-        };
-        let seen = SensorFrame {
-            motions: &truth.motions,
-            colors: &truth.colors,
-            boxes: truth.boxes.as_deref(),
-            ..session.sensor_frame(item, frame)
-        };
-        let destination = journal.destination();
-        let write = |output: &Output| -> Result<(WrittenFile, u64), Error> {
-            let lost = output.format.lost(&seen);
-            let written = writing.file(|| {
-                let content = session.encode(output, &seen)?;
-                interrupt.check()?;
-                interrupt.uncut(|| destination.write(&output.name, &content))
-            })?;
-            Ok((written, lost))
-        };
-        // The first error in the order of the formats counts, whichever came first.
-        let written: Vec<Result<_, Error>> = item.outputs.par_iter().map(write).collect();
-        let (mut outputs, mut losses) = (Vec::new(), Vec::new());
-        for one in written {
-            let (file, values) = one?;
-            if values > 0 {
-                losses.push(Loss { path: file.path.clone(), values });
-            }
-            outputs.push(file);
-        }
-        let beside = Beside { lost: losses, rows: truth.rows.clone(), drawn: drawn_by(&session.job) };
-        interrupt.uncut(|| journal.record(item, &seen, outputs, beside))
-    }
-
+impl Teller<'_> {
     /// Tells of a frame that is written, and adds it to the tally.
-    fn tell(&self, mut line: Line, tally: &mut Tally, item: &Item) -> Result<(), Error> {
+    fn tell(&mut self, tally: &mut Tally, item: &Item, mut line: Line) -> Result<(), Error> {
         // The rows are in the tables, and what was drawn in the manifest.
         line.rows.clear();
         line.drawn.clear();
-        self.writing.frame();
         for output in &line.outputs {
             let WrittenFile { path, bytes, blake3 } = output;
             self.terminal.detail(format_args!("wrote {path} ({}, BLAKE3 {blake3})", Bytes(*bytes)));
@@ -373,14 +282,13 @@ impl Run<'_> {
             let content = serde_json::to_value(&line).unwrap_or_default();
             self.terminal.json_line(&json::SCAN_FRAME.of(content))?;
         }
+        if self.told.elapsed() >= BETWEEN_LINES && !self.terminal.has_bar() {
+            self.told = Instant::now();
+            self.terminal.say(self.writing.line(self.begun.elapsed()));
+        }
         tally.add(item, line);
         Ok(())
     }
-}
-
-/// What a job draws for its frame.
-fn drawn_by(job: &Job) -> Map<String, Value> {
-    if job.is_drawn_by_frame() { job.drawn.clone() } else { Map::new() }
 }
 
 #[derive(Default)]
@@ -615,10 +523,4 @@ fn print_plan(
     }
     terminal.print(&text)?;
     Ok(Value::Null)
-}
-
-fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
-    let start = Instant::now();
-    let result = work();
-    (result, start.elapsed())
 }

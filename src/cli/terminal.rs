@@ -256,16 +256,22 @@ impl Writing {
         Self { files, frames, begun, ended, frames_done }
     }
 
-    /// Writes the next file.
-    pub fn file<T>(&self, write: impl FnOnce() -> T) -> T {
+    /// Counts a file that is begun.
+    pub fn begin(&self) {
         self.begun.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Writes the next file, which is of no frame.
+    pub fn file<T>(&self, write: impl FnOnce() -> T) -> T {
+        self.begin();
         let written = write();
         self.ended.fetch_add(1, Ordering::Relaxed);
         written
     }
 
-    /// Counts a frame whose files are written. Returns how many there are.
-    pub fn frame(&self) -> u64 {
+    /// Counts a frame whose files, so many, are written. Returns how many frames there are.
+    pub fn frame(&self, files: u64) -> u64 {
+        self.ended.fetch_add(files, Ordering::Relaxed);
         self.frames_done.fetch_add(1, Ordering::Relaxed) + 1
     }
 
@@ -333,7 +339,7 @@ mod tests {
     fn of_several_frames_their_number_is_told() {
         let writing = Writing::of(36, 12);
         assert_eq!(writing.line(Duration::from_secs(2)), " 0 of 12 frames");
-        assert_eq!([writing.frame(), writing.frame(), writing.frame()], [1, 2, 3]);
+        assert_eq!([3, 3, 3].map(|files| writing.frame(files)), [1, 2, 3]);
         assert_eq!(writing.line(Duration::from_secs(2)), " 3 of 12 frames, 1.5 frames/s, 6 s left");
     }
 

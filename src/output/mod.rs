@@ -78,7 +78,7 @@ pub use channel::{
     Sensors, Shown, TERM_NAMES, UNASKED_CHANNEL_NAMES, Values, channel, is_of_all_pixels, no_return,
 };
 pub use cloud_file::CloudFormat;
-pub use files::{Destination, FileNames, GrowingFile, WrittenFile};
+pub use files::{Destination, FileNames, GrowingFile, StagedFile, WrittenFile};
 pub use film::{Palette, film};
 pub use format::{
     Asked, Content, EncodeError, Field, Folder, FormatSpec, FrameFile, FramePath, Kind, LEAST_DIGITS, Note,

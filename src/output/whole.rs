@@ -136,11 +136,17 @@ fn leads_through_open_files(path: &Path) -> bool {
 
 /// Writes a file completely or not at all. It is on the disk, and its name is there when [`flush_folder`] is done.
 pub(super) fn write_complete(path: &Path, content: &[u8]) -> io::Result<()> {
-    let mut file = temporary_in(path.parent().unwrap_or(Path::new("")))?;
-    file.write_all(content)?;
+    let file = staged(path, content)?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|e| e.error)?;
     Ok(())
+}
+
+/// Writes a temporary file that is to become the file at a path.
+pub(super) fn staged(path: &Path, content: &[u8]) -> io::Result<tempfile::NamedTempFile> {
+    let mut file = temporary_in(path.parent().unwrap_or(Path::new("")))?;
+    file.write_all(content)?;
+    Ok(file)
 }
 
 /// Flushes a temporary file to the disk and gives it its final name.

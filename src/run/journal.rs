@@ -4,16 +4,14 @@
 //! frames are finished, the manifest is made of it, and it is removed. So a folder has a manifest or a journal, and the
 //! folders of a run, of a run that was resumed, and of parts that were merged are the same byte for byte.
 
-use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::plan::{Item, Output, Plan, Shard};
-use super::record::{self, Header, Line, Loss, Merged, Reader, Writer};
+use super::record::{self, Header, Line, Merged, Reader, Writer};
 use super::session::Session;
-use super::statistics::Statistics;
 use super::table::Table;
 use crate::config::{InputFile, Job};
 use crate::error::Error;
@@ -44,8 +42,26 @@ pub struct Journal {
     writer: Option<Writer>,
     /// The frames that are finished.
     frames: u64,
-    streams: Vec<(Box<dyn Stream>, GrowingFile, Vec<String>)>,
+    /// The files into which all frames go. Frames are added to them while others are recorded.
+    pub streams: Streams,
     tables: Vec<Table>,
+}
+
+/// The files into which all frames of a run go, open.
+#[derive(Default)]
+pub struct Streams(Vec<(Box<dyn Stream>, GrowingFile, Vec<String>)>);
+
+impl Streams {
+    /// Adds a frame. Frames come in the order of the plan.
+    ///
+    /// # Errors
+    /// [`Error::Output`] about a file, such as when the frame does not fit its format.
+    pub fn add(&mut self, frame: &SensorFrame) -> Result<(), Error> {
+        for (stream, file, _) in &mut self.0 {
+            stream.add(frame, file).map_err(|e| Error::output(file.path(), e))?;
+        }
+        Ok(())
+    }
 }
 
 /// What an earlier run has done already.
@@ -55,17 +71,6 @@ pub enum Done {
     Frames(u64),
     /// The folder has its manifest, so that nothing is left to do.
     All,
-}
-
-/// What is recorded of a frame beside its files.
-#[derive(Clone, Debug, Default)]
-pub struct Beside {
-    /// The files that lost something.
-    pub lost: Vec<Loss>,
-    /// What the run's tables are made of.
-    pub rows: BTreeMap<String, Vec<String>>,
-    /// What the job draws for the frames of this number.
-    pub drawn: Map<String, Value>,
 }
 
 impl Journal {
@@ -126,7 +131,7 @@ impl Journal {
             }
         }
         let destination = Destination::check(folder, plan.clone(), start != Start::New)?;
-        let (header, writer, streams) = (None, None, Vec::new());
+        let (header, writer, streams) = (None, None, Streams::default());
         let tables = plan.tables.clone();
         Ok(Self { destination, start, shard, name, header, writer, frames: 0, streams, tables })
     }
@@ -199,7 +204,7 @@ impl Journal {
         for Output { format, name, .. } in &plan.streams {
             if let Some(stream) = format.stream(&sensors) {
                 let beside = format.stream_files().into_iter().skip(1).collect();
-                self.streams.push((stream, self.destination.open(name)?, beside));
+                self.streams.0.push((stream, self.destination.open(name)?, beside));
             }
         }
         Ok(Done::Frames(self.frames))
@@ -244,37 +249,17 @@ impl Journal {
         &self.destination
     }
 
-    /// Records a frame whose files are written, and adds it to the files into which all frames go. Frames come in the order of
-    /// the plan.
+    /// Records a frame whose files are written, and which was added to the files into which all frames go. Frames come in the order
+    /// of the plan.
     ///
     /// # Errors
-    /// [`Error::Output`] about the journal or a file, such as when the frame does not fit its format.
-    pub fn record(
-        &mut self,
-        item: &Item,
-        frame: &SensorFrame,
-        outputs: Vec<WrittenFile>,
-        beside: Beside,
-    ) -> Result<Line, Error> {
-        let Beside { lost, rows, drawn } = beside;
-        for (stream, file, _) in &mut self.streams {
-            stream.add(frame, file).map_err(|e| Error::output(file.path(), e))?;
-        }
-        let line = Line {
-            sensor: frame.name.to_owned(),
-            frame: item.frame,
-            start_s: frame.capture.start_s,
-            outputs,
-            lost,
-            statistics: Statistics::of(frame.frame),
-            rows,
-            drawn,
-        };
+    /// [`Error::Output`] about the journal.
+    pub fn record(&mut self, line: &Line) -> Result<(), Error> {
         if let Some(writer) = &mut self.writer {
-            writer.write(&line)?;
+            writer.write(line)?;
         }
         self.frames += 1;
-        Ok(line)
+        Ok(())
     }
 
     /// Finishes the files into which all frames went, writes the manifest, and removes the journal. A folder that has a manifest
@@ -284,7 +269,7 @@ impl Journal {
     /// [`Error::Output`] about the file.
     pub fn finish(&mut self) -> Result<Vec<WrittenFile>, Error> {
         let mut of_run = Vec::new();
-        for (mut stream, mut file, beside) in self.streams.drain(..) {
+        for (mut stream, mut file, beside) in std::mem::take(&mut self.streams).0 {
             stream.finish(&mut file).map_err(|e| Error::output(file.path(), e))?;
             let head = stream.head();
             if !head.is_empty() {

@@ -383,6 +383,37 @@ fn coordinates_that_a_cloud_cannot_resolve_are_warned_of() {
     assert!(!stderr(&work.scan(&["--set", far, "--overwrite"])).contains("steps"));
 }
 
+/// A run from end to end writes what `scan` writes, to a folder that is gone afterwards.
+#[test]
+fn bench_from_end_to_end_tells_of_each_stage_and_leaves_nothing() {
+    let work = Workplace::new();
+    let sequence = ["--set", "sequence.frames=7", "--set", "output.formats=[\"exr\", \"ply\", \"npy\"]"];
+    let flags = ["--end-to-end", "--json", "--repeat", "2", "--threads", "2", "--frames", "1..6"];
+    let before = files(&work.path(""));
+    let output = work.command("bench", &[&sequence[..], &flags].concat()).output().unwrap();
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(files(&work.path("")), before);
+    let report = json(&output.stdout);
+    let stages: Vec<_> =
+        report["stages"].as_array().unwrap().iter().map(|s| s["stage"].as_str().unwrap()).collect();
+    let expected = ["cast", "truth", "encode exr", "encode ply", "encode npy", "hash", "write", "flush"];
+    assert_eq!(stages, expected);
+    assert_eq!(report["frames"], 5);
+    let scan = work.scan(&[&sequence[..], &["--frames", "1..6", "--json"]].concat());
+    assert_eq!(code(&scan), 0, "{}", stderr(&scan));
+    let written: u64 = json(&scan.stdout)["outputs"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|file| file["path"].as_str().unwrap().starts_with("top/"))
+        .map(|file| file["bytes"].as_u64().unwrap())
+        .sum();
+    assert!(report["bytes"].as_u64().unwrap() >= written, "{report} {written}");
+    let nowhere = work.command("bench", &["--end-to-end", "--scratch", "nowhere"]).output().unwrap();
+    assert_eq!(code(&nowhere), 4);
+    assert!(stderr(&nowhere).contains("--scratch DIR names another"), "{}", stderr(&nowhere));
+}
+
 #[test]
 fn bench_tells_its_numbers() {
     let work = Workplace::new();

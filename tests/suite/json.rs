@@ -182,6 +182,19 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
             "bench",
             ["a.toml", "measured.toml"].map(|job| json(&["bench", job, "--repeat", "1", "--json"])).to_vec(),
         ),
+        (
+            "bench --end-to-end",
+            vec![json(&[
+                "bench",
+                "sequence.toml",
+                "--end-to-end",
+                "--repeat",
+                "1",
+                "--scratch",
+                ".",
+                "--json",
+            ])],
+        ),
         ("presets", vec![json(&["presets", "--json"])]),
         ("selftest", vec![json(&["selftest", "leaky.toml", "--json"])]),
         (

@@ -19,8 +19,8 @@ use crate::output::{CHANNEL_NAMES, CloudFrame, CloudTime, UNASKED_CHANNEL_NAMES}
 use crate::trace::methods::{METHODS, Method};
 use crate::truth;
 
-/// Most sensors of a rig.
-pub(crate) const MAX_SENSORS: usize = 64;
+/// Most sensors of a rig. What they take together is limited besides: their beams, and the bytes of their files.
+pub(crate) const MAX_SENSORS: usize = 10_000;
 
 /// Most expectations of a job: each looks at all rays.
 const MAX_EXPECTATIONS: usize = 1000;

@@ -1,0 +1,300 @@
+//! The pipeline of a run: while a frame is cast, the frames before it are encoded, and the files of those before them are written.
+//!
+//! The thread that calls casts the frames one after the other. It is none of the pool's threads, so it waits while these work. A
+//! frame that is cast is encoded by the pool, in all formats at the same time. A thread of its own writes the files, so that
+//! no thread of the pool waits for the disk, and records the frames in their order. While the disk flushes the files of one
+//! frame, more frames may come: their files are flushed together.
+//!
+//! [`InFlight`] bounds the frames that are in memory and the files that are not on the disk yet, so that a slow disk holds the
+//! casting up. The files are the same with any number of threads.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+use serde_json::Map;
+
+use super::interrupt::Interrupt;
+use super::terminal::Writing;
+use crate::config::Job;
+use crate::error::Error;
+use crate::output::{SensorFrame, StagedFile, WrittenFile};
+use crate::run::journal::Streams;
+use crate::run::memory::InFlight;
+use crate::run::record::{Line, Loss};
+use crate::run::{Item, Journal, Output, Plan, Session, Statistics};
+use crate::scan::Frame;
+
+/// What the frames of a run are cast with and written by.
+pub struct Pipeline<'r> {
+    pub session: &'r Session,
+    pub plan: &'r Plan,
+    /// The folders besides the scene's own in which files of drawn scenes may lie.
+    pub scene_folders: &'r [PathBuf],
+    pub interrupt: &'r Interrupt,
+    pub writing: &'r Writing,
+}
+
+/// The times that the stages of a run took. They overlap.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Times {
+    /// Casting, by the clock of the thread that waits for it.
+    pub cast: Duration,
+    /// Encoding, added up over the frames.
+    pub encode: Duration,
+    /// Writing files, flushing them, and recording frames.
+    pub write: Duration,
+    /// The part of `write` in which the disk flushed.
+    pub flush: Duration,
+    /// Waiting of the thread that casts, for a frame's memory and for the disk.
+    pub wait: Duration,
+}
+
+/// What is called with each frame whose files are on the disk, in the order of the plan.
+pub type Tell<'t> = dyn FnMut(&Item, Line) -> Result<(), Error> + Send + 't;
+
+/// A frame that is encoded.
+struct Encoded {
+    item: Item,
+    /// The contents of the files of `line`.
+    contents: Vec<Vec<u8>>,
+    line: Line,
+}
+
+/// The number of a frame among those that are cast, and its files.
+type Numbered = (u64, Result<Encoded, Error>);
+
+impl Pipeline<'_> {
+    /// Casts the frames of the plan after the first `skipped`, writes their files and records them in the journal.
+    ///
+    /// # Errors
+    /// The first error in the order of the frames, which ends the run: the frames before it are recorded.
+    pub fn run(&self, skipped: u64, journal: &mut Journal, tell: &mut Tell) -> Result<Times, Error> {
+        let (encoding, streams) = (Mutex::default(), Mutex::new(std::mem::take(&mut journal.streams)));
+        let InFlight { frames, files } =
+            InFlight::of(&self.session.job.sensors, &self.session.job.output.formats);
+        let (give_room, room) = sync_channel(files);
+        (0..files).try_for_each(|_| give_room.send(())).unwrap_or_default();
+        let (send, encoded) = channel();
+        let recorded = &mut *journal;
+        // What the writer owns ends with it, so that nobody waits for room in vain.
+        let write = move || self.write_all(encoded, give_room, recorded, tell);
+        let (cast, written) = thread::scope(|threads| {
+            let writer = thread::Builder::new().name("writer".into()).spawn_scoped(threads, write);
+            let writer = writer.map_err(|e| Error::Usage(format!("a thread can't be had: {e}")))?;
+            let encode =
+                |number: u64, session: &Session, item: Item, frame: &Frame, send: &Sender<Numbered>| {
+                    let (encoded, time) = timed(|| self.encode(session, item, frame, &streams));
+                    *encoding.lock().unwrap_or_else(PoisonError::into_inner) += time;
+                    // Nobody receives it after an error.
+                    let _ = send.send((number, encoded));
+                };
+            // The sender ends with the tasks that hold a clone of it, and then the writer ends.
+            let encode = &encode;
+            let cast = rayon::in_place_scope(move |pool| {
+                self.cast_all(skipped, frames, &room, |number, session, item, frame, give_back| {
+                    let send = send.clone();
+                    pool.spawn(move |_| {
+                        encode(number, &session, item, &frame, &send);
+                        let _ = give_back.send(frame);
+                    });
+                })
+            });
+            let written = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            Ok::<_, Error>((cast, written))
+        })?;
+        journal.streams = streams.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let Times { write, flush, .. } = written?;
+        self.interrupt.check()?;
+        let encode = encoding.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Ok(Times { encode, write, flush, ..cast? })
+    }
+
+    /// Casts the frames, each into memory that was given back, as soon as there is room for its files. `encode` is given each with its
+    /// number, its session and its item, and gives the memory back. Returns the times of casting and waiting.
+    fn cast_all<'s>(
+        &'s self,
+        skipped: u64,
+        frames: usize,
+        room: &Receiver<()>,
+        encode: impl Fn(u64, Cow<'s, Session>, Item, Frame, SyncSender<Frame>),
+    ) -> Result<Times, Error> {
+        let (give_back, free) = sync_channel(frames);
+        (1..frames).try_for_each(|_| give_back.send(Frame::default())).unwrap_or_default();
+        let (mut frame, mut times) = (Frame::default(), Times::default());
+        let skipped = usize::try_from(skipped).unwrap_or(usize::MAX);
+        for (number, item) in (0..).zip(self.plan.items(&self.session.job).skip(skipped)) {
+            let (has_room, wait) = timed(|| room.recv());
+            times.wait += wait;
+            if has_room.is_err() {
+                break;
+            }
+            let session = self.session.of_frame(item.frame, self.scene_folders)?;
+            let (is_whole, cast) = timed(|| session.cast_into(&mut frame, &item, self.interrupt.progress()));
+            times.cast += cast;
+            if !is_whole {
+                break;
+            }
+            // With two frames in memory the one before this is encoded when there is one free, so that frames are encoded in order.
+            let (next, wait) = timed(|| free.recv());
+            times.wait += wait;
+            let Ok(next) = next else { break };
+            encode(number, session, item, std::mem::replace(&mut frame, next), give_back.clone());
+        }
+        Ok(times)
+    }
+
+    /// Encodes a frame in all its formats at the same time, and adds it to the files of the run.
+    fn encode(
+        &self,
+        session: &Session,
+        item: Item,
+        frame: &Frame,
+        streams: &Mutex<Streams>,
+    ) -> Result<Encoded, Error> {
+        let Self { interrupt, writing, .. } = self;
+        let Some(truth) = session.truth(&item, frame, interrupt.progress()) else {
+            return Err(interrupt.check().err().unwrap_or(Error::Interrupted { signal: 0 }));
+        };
+        let seen = SensorFrame {
+            motions: &truth.motions,
+            colors: &truth.colors,
+            boxes: truth.boxes.as_deref(),
+            ..session.sensor_frame(&item, frame)
+        };
+        let encode = |output: &Output| -> Result<(WrittenFile, Vec<u8>, u64), Error> {
+            interrupt.check()?;
+            writing.begin();
+            let content = session.encode(output, &seen)?;
+            Ok((WrittenFile::of(&output.name, &content), content, output.format.lost(&seen)))
+        };
+        // The first error in the order of the formats counts, whichever came first.
+        let files: Vec<Result<_, Error>> = item.outputs.par_iter().map(encode).collect();
+        let (mut outputs, mut contents, mut lost) = (Vec::new(), Vec::new(), Vec::new());
+        for file in files {
+            let (output, content, values) = file?;
+            if values > 0 {
+                lost.push(Loss { path: output.path.clone(), values });
+            }
+            outputs.push(output);
+            contents.push(content);
+        }
+        streams.lock().unwrap_or_else(PoisonError::into_inner).add(&seen)?;
+        let line = Line {
+            sensor: seen.name.to_owned(),
+            frame: item.frame,
+            start_s: seen.capture.start_s,
+            outputs,
+            lost,
+            statistics: Statistics::of(frame),
+            rows: truth.rows.clone(),
+            drawn: drawn_by(&session.job),
+        };
+        Ok(Encoded { item, contents, line })
+    }
+
+    /// Writes the files of frames as they come, records the frames in their order, and makes room for as many. Returns the
+    /// times of that.
+    fn write_all(
+        &self,
+        encoded: Receiver<Numbered>,
+        give_room: SyncSender<()>,
+        journal: &mut Journal,
+        tell: &mut Tell,
+    ) -> Result<Times, Error> {
+        let (mut next, mut early, mut times) = (0, BTreeMap::new(), Times::default());
+        while let Ok(first) = encoded.recv() {
+            early.extend(std::iter::once(first).chain(encoded.try_iter()));
+            let mut batch = Vec::new();
+            while let Some(frame) = early.remove(&next) {
+                batch.push(frame);
+                next += 1;
+            }
+            let count = batch.len();
+            let (written, time) = timed(|| self.write_batch(batch, journal, tell, &mut times.flush));
+            times.write += time;
+            written?;
+            for _ in 0..count {
+                let _ = give_room.send(());
+            }
+        }
+        Ok(times)
+    }
+
+    /// Writes the files of frames, flushes all of them to the disk, and then gives them their names and records the frames. The
+    /// frames before one that fails are recorded.
+    fn write_batch(
+        &self,
+        batch: Vec<Result<Encoded, Error>>,
+        journal: &mut Journal,
+        tell: &mut Tell,
+        flush: &mut Duration,
+    ) -> Result<(), Error> {
+        self.interrupt.check()?;
+        let mut failure = None;
+        let recorded = self.interrupt.uncut(|| {
+            let mut frames = Vec::new();
+            for encoded in batch {
+                let staged = encoded.and_then(|encoded| Staged::of(encoded, journal));
+                match staged {
+                    Ok(staged) => frames.push(staged),
+                    Err(e) => {
+                        failure = Some(e);
+                        break;
+                    }
+                }
+            }
+            let sync = |frame: &Staged| frame.files.iter().try_for_each(StagedFile::sync);
+            let (unflushed, time) =
+                timed(|| frames.iter().position(|frame| sync(frame).map_err(|e| failure = Some(e)).is_err()));
+            *flush += time;
+            frames.truncate(unflushed.unwrap_or(frames.len()));
+            let mut recorded = Vec::new();
+            for Staged { item, files, line } in frames {
+                files.into_iter().try_for_each(StagedFile::commit)?;
+                journal.record(&line)?;
+                recorded.push((item, line));
+            }
+            Ok::<_, Error>(recorded)
+        })?;
+        for (item, line) in recorded {
+            self.writing.frame(line.outputs.len() as u64);
+            tell(&item, line)?;
+        }
+        failure.map_or(Ok(()), Err)
+    }
+}
+
+/// A frame whose files are written, but not flushed.
+struct Staged {
+    item: Item,
+    files: Vec<StagedFile>,
+    line: Line,
+}
+
+impl Staged {
+    fn of(encoded: Encoded, journal: &Journal) -> Result<Self, Error> {
+        let Encoded { item, contents, line } = encoded;
+        let files = line.outputs.iter().zip(contents);
+        let files = files.map(|(file, content)| journal.destination().stage(&file.path, &content));
+        let files = files.collect::<Result<_, _>>()?;
+        Ok(Self { item, files, line })
+    }
+}
+
+/// What a job draws for its frame.
+fn drawn_by(job: &Job) -> Map<String, serde_json::Value> {
+    if job.is_drawn_by_frame() { job.drawn.clone() } else { Map::new() }
+}
+
+/// Does work and tells how long it took.
+pub fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
+    let start = Instant::now();
+    let done = work();
+    (done, start.elapsed())
+}
