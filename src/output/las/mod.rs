@@ -3,7 +3,7 @@
 //! ```text
 //! mod       the declarations, and the points of frames as records
 //! header    the header with its records of variable length (ASPRS, "LAS Specification 1.4 – R15", 2019)
-//! chunks    the compression of LAZ
+//! chunks    the compression of LAZ; extra_bytes: that of the extra dimensions
 //! of_cloud  recorded clouds as such files
 //! ```
 //!
@@ -11,6 +11,7 @@
 //! header, which counts them, when the last one is there.
 
 mod chunks;
+mod extra_bytes;
 mod header;
 mod of_cloud;
 
