@@ -496,13 +496,7 @@ impl Slots {
     }
 
     /// Appends a value for each pixel: that of its return, or `none`.
-    fn add_values(
-        &self,
-        columns: usize,
-        none: u32,
-        of_return: impl Fn(Place) -> u32,
-        values: &mut Vec<u32>,
-    ) {
+    fn add_values(&self, columns: usize, none: u32, of_return: impl Fn(Place) -> u32, values: &mut Vec<u32>) {
         for (row, slots) in (self.first_row as u32..).zip(self.of_pixels.chunks(columns.max(1))) {
             values.extend((0..).zip(slots).map(|(column, slot)| match *slot {
                 Self::NONE => none,

@@ -38,8 +38,10 @@ const SLOWNESS: u32 = 6;
 /// A match at more than [`NEAR`] bytes must be as long as this, because its code is about as long as those of so many literals.
 const LEAST_FAR: usize = 8;
 const NEAR: usize = 512;
-/// The longest code of a literal, a length or a distance.
+/// The longest code of a distance.
 const MOST_BITS: usize = 15;
+/// The longest code of a literal or a length: four fit beside the 7 bits that can wait.
+const MOST_BITS_OF_LITERALS: usize = 14;
 const END: usize = 256;
 const LITERALS: usize = 286;
 const DISTANCES: usize = 30;
@@ -128,7 +130,7 @@ fn push(sequences: &mut Vec<Sequence>, literals: usize, length: usize, distance:
 
 #[inline(always)]
 fn word_at(bytes: &[u8], at: usize) -> u32 {
-    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+    bytes[at..].first_chunk().map_or(0, |word| u32::from_le_bytes(*word))
 }
 
 /// Bits, the lowest first.
@@ -139,38 +141,57 @@ struct Bits {
 }
 
 impl Bits {
-    #[inline(always)]
-    fn add(&mut self, bits: u64, count: u32) {
+    /// Adds up to 32 bits.
+    fn put(&mut self, bits: u64, count: u32) {
         self.waiting |= bits << self.count;
         self.count += count;
+        while self.count >= 8 {
+            self.bytes.push(self.waiting as u8);
+            self.waiting >>= 8;
+            self.count -= 8;
+        }
     }
 
+    fn fill_byte(&mut self) {
+        self.put(0, (8 - self.count) % 8);
+    }
+
+    fn finish(mut self) -> Vec<u8> {
+        self.fill_byte();
+        self.bytes
+    }
+
+    /// Room for so many bits, in which those that wait are the first.
+    fn room(&mut self, bits: u64) -> (usize, Room<'_>) {
+        let start = self.bytes.len();
+        self.bytes.resize(start + bits as usize / 8 + 2 * size_of::<u64>(), 0);
+        (start, Room { bytes: &mut self.bytes[start..], at: 0, waiting: self.waiting, count: self.count })
+    }
+}
+
+/// Bits in memory that is there already.
+struct Room<'b> {
+    bytes: &'b mut [u8],
+    at: usize,
+    waiting: u64,
+    count: u32,
+}
+
+impl Room<'_> {
     /// Adds a code and so many bits behind it.
     #[inline(always)]
-    fn add_code(&mut self, (code, length): Code, more: u64, extra: u32) {
-        self.add(u64::from(code) | more << length, u32::from(length) + extra);
+    fn add(&mut self, (code, length): Code, more: u64, extra: u32) {
+        self.waiting |= (u64::from(code) | more << length) << self.count;
+        self.count += u32::from(length) + extra;
     }
 
     /// Makes room for 56 bits.
     #[inline(always)]
     fn flush(&mut self) {
-        let whole = (self.count / 8) as usize;
-        let length = self.bytes.len();
-        self.bytes.extend_from_slice(&self.waiting.to_le_bytes());
-        self.bytes.truncate(length + whole);
-        self.waiting = self.waiting.unbounded_shr(8 * whole as u32);
+        self.bytes[self.at..self.at + size_of::<u64>()].copy_from_slice(&self.waiting.to_le_bytes());
+        self.at += (self.count / 8) as usize;
+        self.waiting >>= self.count & !7;
         self.count %= 8;
-    }
-
-    fn put(&mut self, bits: u64, count: u32) {
-        self.add(bits, count);
-        self.flush();
-    }
-
-    fn finish(mut self) -> Vec<u8> {
-        self.count += 7;
-        self.flush();
-        self.bytes
     }
 }
 
@@ -211,7 +232,7 @@ fn write_block(input: &[u8], sequences: &[Sequence], is_last: bool, bits: &mut B
     /// About the least that the lengths of codes take.
     const LEAST_BITS_OF_CODES: u64 = 160;
     let counts = Counts::of(input, sequences);
-    let literals = lengths_of_codes(&counts.literals, MOST_BITS);
+    let literals = lengths_of_codes(&counts.literals, MOST_BITS_OF_LITERALS);
     let distances = lengths_of_codes(&counts.distances, MOST_BITS);
     let size_bits = counts.bits(&literals, &distances);
     if size_bits + LEAST_BITS_OF_CODES > 8 * input.len() as u64 && !input.is_empty() {
@@ -219,8 +240,11 @@ fn write_block(input: &[u8], sequences: &[Sequence], is_last: bool, bits: &mut B
     }
     bits.put(u64::from(is_last) | 2 << 1, 3);
     write_lengths(&literals, &distances, bits);
-    bits.bytes.reserve(size_bits as usize / 8 + 16);
-    write_sequences(input, sequences, &codes(&literals), &codes(&distances), bits);
+    let (start, mut room) = bits.room(size_bits);
+    write_sequences(input, sequences, &codes(&literals), &codes(&distances), &mut room);
+    let Room { at, waiting, count, .. } = room;
+    (bits.waiting, bits.count) = (waiting, count);
+    bits.bytes.truncate(start + at);
 }
 
 /// The numbers of times that the symbols of a block occur.
@@ -262,7 +286,8 @@ impl Counts {
     fn bits(&self, literals: &[u8; LITERALS], distances: &[u8; DISTANCES]) -> u64 {
         let all = |counts: &[u32], lengths: &[u8], extra: fn(u64) -> u64| -> u64 {
             let each = (0..).zip(counts).zip(lengths);
-            each.map(|((symbol, count), length)| u64::from(*count) * (u64::from(*length) + extra(symbol))).sum()
+            each.map(|((symbol, count), length)| u64::from(*count) * (u64::from(*length) + extra(symbol)))
+                .sum()
         };
         let of_lengths = |symbol: u64| if (265..285).contains(&symbol) { (symbol - 257) / 4 - 1 } else { 0 };
         all(&self.literals, literals, of_lengths)
@@ -278,31 +303,31 @@ fn write_sequences(
     sequences: &[Sequence],
     literals: &[Code; LITERALS],
     distances: &[Code; DISTANCES],
-    bits: &mut Bits,
+    room: &mut Room,
 ) {
     // An array of 256 needs no check of a byte.
     let mut of_bytes = [(0, 0); END];
     of_bytes.copy_from_slice(&literals[..END]);
     let mut at = 0;
     for sequence in sequences {
-        let (threes, rest) = input[at..at + sequence.literals as usize].as_chunks::<3>();
-        for three in threes {
-            three.iter().for_each(|byte| bits.add_code(of_bytes[usize::from(*byte)], 0, 0));
-            bits.flush();
+        let (fours, rest) = input[at..at + sequence.literals as usize].as_chunks::<4>();
+        for four in fours {
+            four.iter().for_each(|byte| room.add(of_bytes[usize::from(*byte)], 0, 0));
+            room.flush();
         }
-        rest.iter().for_each(|byte| bits.add_code(of_bytes[usize::from(*byte)], 0, 0));
-        bits.flush();
+        rest.iter().for_each(|byte| room.add(of_bytes[usize::from(*byte)], 0, 0));
+        room.flush();
         at += sequence.literals as usize + usize::from(sequence.length);
         if sequence.length > 0 {
             let (symbol, extra, more) = OF_LENGTHS[usize::from(sequence.length)];
-            bits.add_code(literals[usize::from(symbol)], more.into(), extra.into());
+            room.add(literals[usize::from(symbol)], more.into(), extra.into());
             let (symbol, extra, more) = of_distance(sequence.distance);
-            bits.add_code(distances[symbol], more, extra);
-            bits.flush();
+            room.add(distances[symbol], more, extra);
+            room.flush();
         }
     }
-    bits.add_code(literals[END], 0, 0);
-    bits.flush();
+    room.add(literals[END], 0, 0);
+    room.flush();
 }
 
 /// Writes a block as it is, in pieces whose length 16 bits tell.
@@ -311,8 +336,7 @@ fn write_stored(input: &[u8], is_last: bool, bits: &mut Bits) {
     let last = pieces.len() - 1;
     for (index, piece) in pieces.enumerate() {
         bits.put(u64::from(is_last && index == last), 3);
-        bits.count = bits.count.next_multiple_of(8);
-        bits.flush();
+        bits.fill_byte();
         let length = piece.len() as u16;
         bits.put(u64::from(length) | u64::from(!length) << 16, 32);
         bits.bytes.extend_from_slice(piece);
@@ -367,8 +391,8 @@ fn write_lengths(literals: &[u8], distances: &[u8], bits: &mut Bits) {
         bits.put(u64::from(*length), 3);
     }
     for (symbol, more, extra) in symbols {
-        bits.add_code(codes[usize::from(symbol)], more.into(), extra.into());
-        bits.flush();
+        let (code, length) = codes[usize::from(symbol)];
+        bits.put(u64::from(code) | u64::from(more) << length, u32::from(length) + u32::from(extra));
     }
 }
 
@@ -376,7 +400,12 @@ fn write_lengths(literals: &[u8], distances: &[u8], bits: &mut Bits) {
 fn lengths_of_codes<const N: usize>(counts: &[u32; N], most: usize) -> [u8; N] {
     let mut lengths = [0; N];
     let mut leaves: Vec<u64> = Vec::with_capacity(N);
-    leaves.extend((0..).zip(counts).filter(|(_, count)| **count > 0).map(|(symbol, count)| u64::from(*count) << 16 | symbol));
+    leaves.extend(
+        (0..)
+            .zip(counts)
+            .filter(|(_, count)| **count > 0)
+            .map(|(symbol, count)| u64::from(*count) << 16 | symbol),
+    );
     for symbol in 0..2 {
         if leaves.len() < 2 && counts[symbol] == 0 {
             leaves.push(1 << 16 | symbol as u64);
@@ -458,7 +487,8 @@ mod tests {
 
     /// Nothing, runs of all lengths near those of tokens, noise that is longer than a stored piece, and mixtures.
     fn inputs() -> Vec<Vec<u8>> {
-        let mut all: Vec<Vec<u8>> = (0..20).chain(250..270).chain(510..530).map(|length| vec![7; length]).collect();
+        let mut all: Vec<Vec<u8>> =
+            (0..20).chain(250..270).chain(510..530).map(|length| vec![7; length]).collect();
         all.push(vec![0; 3 * BLOCK + 1]);
         all.push(noise(3 * BLOCK + 5).collect());
         all.push(noise(100_000).map(|byte| byte % 3).collect());
@@ -483,7 +513,11 @@ mod tests {
                 assert!(decompress_to_vec(&raw).unwrap() == input, "{} bytes at level {level}", input.len());
             }
             // It checks the sum, too.
-            assert!(decompress_to_vec_zlib(&zlib(&input, FASTEST)).unwrap() == input, "{} bytes", input.len());
+            assert!(
+                decompress_to_vec_zlib(&zlib(&input, FASTEST)).unwrap() == input,
+                "{} bytes",
+                input.len()
+            );
         }
     }
 
@@ -513,7 +547,8 @@ mod tests {
         for counts in [fibonacci, [1; LITERALS], one, [0; LITERALS]] {
             for most in [9, MOST_BITS] {
                 let lengths = lengths_of_codes(&counts, most);
-                let kraft: u32 = lengths.iter().filter(|l| **l > 0).map(|l| 1 << (most - usize::from(*l))).sum();
+                let kraft: u32 =
+                    lengths.iter().filter(|l| **l > 0).map(|l| 1 << (most - usize::from(*l))).sum();
                 assert_eq!(kraft, 1 << most);
                 assert!((0..LITERALS).all(|symbol| counts[symbol] == 0 || lengths[symbol] > 0));
                 let by_count = |a: usize, b: usize| counts[a] <= counts[b] || lengths[a] <= lengths[b];

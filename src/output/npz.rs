@@ -42,7 +42,9 @@ pub(super) const COMPRESSED: OptionSpec = OptionSpec {
 /// Checks that a level is given for arrays that are compressed.
 pub(super) fn check_options(options: &Options) -> Result<(), EncodeError> {
     match (options.given(&LEVEL), options.is_set(&COMPRESSED)) {
-        (Some(_), false) => Err(EncodeError::new("`level` is that of compressed arrays: set `compressed = true`")),
+        (Some(_), false) => {
+            Err(EncodeError::new("`level` is that of compressed arrays: set `compressed = true`"))
+        }
         _ => Ok(()),
     }
 }

@@ -104,7 +104,9 @@ fn add_text(points: &[u8], kinds: &[&str], file: &mut Vec<u8>) {
             match is_integer {
                 true => add_integer(i32::from_le_bytes(*bytes), file),
                 // The digits are the fewest that give the same number again, with an exponent where that is shorter.
-                false => file.extend_from_slice(zmij::Buffer::new().format(f32::from_le_bytes(*bytes)).as_bytes()),
+                false => {
+                    file.extend_from_slice(zmij::Buffer::new().format(f32::from_le_bytes(*bytes)).as_bytes())
+                }
             }
             file.push(b' ');
         }
@@ -211,9 +213,12 @@ fn int(field: &str, value: u64) -> Result<i32, EncodeError> {
 }
 
 fn nanoseconds(time_s: f64) -> Result<i32, EncodeError> {
-    let rounded = (time_s * 1e9).round();
-    if rounded.abs() <= f64::from(i32::MAX) {
-        Ok(rounded as i32)
+    let time_ns = time_s * 1e9;
+    if time_ns.abs() < f64::from(i32::MAX) + 0.5 {
+        // `round` would be a call of the C library for each point.
+        let whole = time_ns as i32;
+        let rest = time_ns - f64::from(whole);
+        Ok(whole + i32::from(rest >= 0.5) - i32::from(rest <= -0.5))
     } else {
         Err(EncodeError::new(format!(
             "a PLY's t counts nanoseconds up to {} (2.1 s), and can't hold {time_s} s: a frame must be shorter",
@@ -248,7 +253,17 @@ mod tests {
     #[test]
     fn text_has_the_numbers_of_the_bytes() {
         let integers = [0, 7, -10, 1_234_567_890, i32::MAX, i32::MIN];
-        let floats = [0.1_f32, -0.0, 16.0, 1.0 / 3.0, 1e-7, -123_456_780_000_000.0, -0.000_001_234_567_8, 1e30, f32::MAX];
+        let floats = [
+            0.1_f32,
+            -0.0,
+            16.0,
+            1.0 / 3.0,
+            1e-7,
+            -123_456_780_000_000.0,
+            -0.000_001_234_567_8,
+            1e30,
+            f32::MAX,
+        ];
         let points: Vec<u8> = integers
             .iter()
             .flat_map(|integer| floats.iter().map(move |float| [integer.to_le_bytes(), float.to_le_bytes()]))
@@ -275,6 +290,12 @@ mod tests {
         assert_eq!(nanoseconds(2.304e-6).unwrap(), 2304);
         assert_eq!(nanoseconds(-1.6e-9).unwrap(), -2);
         assert_eq!(nanoseconds(2.147483647).unwrap(), i32::MAX);
+        assert_eq!(nanoseconds(-2.147483647).unwrap(), -i32::MAX);
+        assert!(nanoseconds(2.147483648).is_err() && nanoseconds(f64::NAN).is_err());
+        assert_eq!(
+            [0.4e-9, 1.4e-9, 1.6e-9, -1.4e-9].map(|time_s| nanoseconds(time_s).unwrap()),
+            [0, 1, 2, -1]
+        );
     }
 
     #[test]

@@ -127,10 +127,11 @@ impl SensorFrame<'_> {
     ) -> Result<(), EncodeError> {
         let fixed = self.fixed_cloud_from_sensor();
         for row in 0..self.frame.rows() {
+            let ring = self.capture.sensor.ring(row);
             for column in 0..self.frame.columns() {
                 let slots = self.frame.slots(row * self.frame.columns() + column);
                 if !slots.is_empty() {
-                    self.points_of_pixel((row, column), slots, fixed, &mut write)?;
+                    self.points_of_beam((row, column, ring), slots, fixed.as_ref(), &mut write)?;
                 }
             }
         }
@@ -148,9 +149,27 @@ impl SensorFrame<'_> {
         fixed: Option<Pose>,
         write: &mut impl FnMut(&Point) -> Result<(), EncodeError>,
     ) -> Result<(), EncodeError> {
+        self.points_of_beam((row, column, self.capture.sensor.ring(row)), slots, fixed.as_ref(), write)
+    }
+
+    /// [`Self::points_of_pixel`], of a beam with a number.
+    #[inline(always)]
+    fn points_of_beam(
+        &self,
+        (row, column, ring): (usize, usize, usize),
+        slots: Range<usize>,
+        fixed: Option<&Pose>,
+        write: &mut impl FnMut(&Point) -> Result<(), EncodeError>,
+    ) -> Result<(), EncodeError> {
         let Some(pulse) = self.capture.pulse(row, column) else { return Ok(()) };
-        let cloud_from_sensor = fixed.unwrap_or_else(|| self.cloud_from_sensor(pulse.time_s));
-        let ring = self.capture.sensor.ring(row);
+        let own;
+        let cloud_from_sensor = match fixed {
+            Some(fixed) => fixed,
+            None => {
+                own = self.cloud_from_sensor(pulse.time_s);
+                &own
+            }
+        };
         let (first, of) = (slots.start, slots.len());
         for slot in slots {
             let hit = self.frame.returns().get(slot);

@@ -103,8 +103,10 @@ mod tests {
 
     #[test]
     fn the_directory_points_at_the_members() {
-        let members =
-            [Member::stored("a.npy".into(), b"abc".to_vec()), Member::deflated("b/c.npy".into(), &[7; 1000], 1)];
+        let members = [
+            Member::stored("a.npy".into(), b"abc".to_vec()),
+            Member::deflated("b/c.npy".into(), &[7; 1000], 1),
+        ];
         let file = zip(&members).unwrap();
         let u16_at = |at: usize| usize::from(u16::from_le_bytes([file[at], file[at + 1]]));
         let u32_at = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;

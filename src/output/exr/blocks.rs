@@ -72,7 +72,8 @@ pub(super) fn compress(parts: &[Part], compression: Compression, level: u8) -> R
                         compressed_pixels_le: zip.pack(&segments, level),
                     }),
                 }),
-                _ => UncompressedBlock { index: *index, data: native(&segments) }.compress_to_chunk(&meta.headers),
+                _ => UncompressedBlock { index: *index, data: native(&segments) }
+                    .compress_to_chunk(&meta.headers),
             }
         };
         let chunks: Vec<Result<Chunk>> = blocks.par_iter().map_init(Memory::default, chunk).collect();

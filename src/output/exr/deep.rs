@@ -32,7 +32,9 @@ pub(in crate::output) static FORMAT: FormatSpec = FormatSpec {
     read_by: "OpenEXR",
     options: &[COMPRESSION, LEVEL],
     check_options: |options| match (options.given(&LEVEL), is_compressed(options)) {
-        (Some(_), false) => Err(EncodeError::new("`level` is that of `zips`, and the compression is `none`: leave out one of them")),
+        (Some(_), false) => Err(EncodeError::new(
+            "`level` is that of `zips`, and the compression is `none`: leave out one of them",
+        )),
         _ => Ok(()),
     },
     check: |sensor, options| (super::FORMAT.check)(sensor, options),
@@ -118,25 +120,24 @@ fn line(
     let columns = frame.frame.columns();
     let pixels = row * columns..(row + 1) * columns;
     let mut counts = Vec::with_capacity(columns);
-    let mut samples = 0;
-    for pixel in pixels.clone() {
-        samples += frame.frame.slots(pixel).len() as u32;
-        counts.push(samples);
+    // Each sample: its pixel, the number of its return, and its place.
+    let mut samples = Vec::with_capacity(columns);
+    for (column, pixel) in (0..).zip(pixels) {
+        let slots = frame.frame.slots(pixel).enumerate();
+        samples.extend(slots.map(|(number, slot)| (pixel, number, Place { row: row as u32, column, slot })));
+        counts.push(samples.len() as u32);
     }
-    let mut values = Vec::with_capacity(channels.len() * samples as usize);
+    let mut values = Vec::with_capacity(channels.len() * samples.len());
     let of_number = |number: f64| (number as f32).to_bits();
     for (_, channel) in channels {
-        for (column, pixel) in (0..).zip(pixels.clone()) {
-            let slots = frame.frame.slots(pixel);
-            values.extend(slots.enumerate().map(|(number, slot)| {
-                let at = Place { row: row as u32, column, slot };
-                match channel.values {
-                    Values::F32(value) => of_number(value(frame, at)),
-                    Values::Image(value) => of_number(value(frame, pixel)),
-                    Values::U32(id) => id(frame, at),
-                    Values::OfPixel { number: of_return, .. } => of_return(frame, pixel, number),
-                }
-            }));
+        let samples = samples.iter();
+        match channel.values {
+            Values::F32(value) => values.extend(samples.map(|(_, _, at)| of_number(value(frame, *at)))),
+            Values::Image(value) => values.extend(samples.map(|(pixel, ..)| of_number(value(frame, *pixel)))),
+            Values::U32(id) => values.extend(samples.map(|(_, _, at)| id(frame, *at))),
+            Values::OfPixel { number: of_return, .. } => {
+                values.extend(samples.map(|(pixel, number, _)| of_return(frame, *pixel, *number)));
+            }
         }
     }
     let [of_counts, of_values] = [&counts, &values].map(|values| [Segment { values, is_half: false }]);

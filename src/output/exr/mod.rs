@@ -132,11 +132,8 @@ fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
 
 /// The image of the returns with a number, from 0.
 fn part<'f>(frame: &'f SensorFrame<'f>, number: usize, name: Option<Text>, options: &Options) -> Part<'f> {
-    let specs: Vec<(&ChannelSpec, bool)> = options
-        .channels
-        .of(frame.capture.sensor)
-        .map(|spec| (spec, is_half(spec.name, options)))
-        .collect();
+    let specs: Vec<(&ChannelSpec, bool)> =
+        options.channels.of(frame.capture.sensor).map(|spec| (spec, is_half(spec.name, options))).collect();
     let channel = |(column, (spec, is_half)): (usize, &(&ChannelSpec, bool))| PartChannel {
         name: Text::from(spec.name),
         kind: match (is_half, spec.is_measurement()) {
@@ -168,7 +165,8 @@ fn part<'f>(frame: &'f SensorFrame<'f>, number: usize, name: Option<Text>, optio
 /// The file of a recorded image, compressed without loss. Attributes that are numbers are those, and all others are texts.
 pub(super) fn of_parts(recorded: Vec<recorded::Part>) -> Result<Vec<u8>, EncodeError> {
     let count = recorded.len();
-    let parts: Vec<Part> = recorded.iter().enumerate().map(|(number, part)| recorded_part(part, number, count)).collect();
+    let parts: Vec<Part> =
+        recorded.iter().enumerate().map(|(number, part)| recorded_part(part, number, count)).collect();
     file(&parts, Compression::ZIP16, FASTEST)
 }
 
@@ -197,7 +195,9 @@ fn recorded_part<'r>(recorded: &'r recorded::Part, number: usize, count: usize) 
         let pixels = rows.start * image.columns..rows.end * image.columns;
         for (channel, values) in image.channels.iter().zip(columns) {
             match &channel.samples {
-                Samples::F32(samples) => values.extend(samples[pixels.clone()].iter().map(|value| value.to_bits())),
+                Samples::F32(samples) => {
+                    values.extend(samples[pixels.clone()].iter().map(|value| value.to_bits()))
+                }
                 Samples::U32(samples) => values.extend_from_slice(&samples[pixels.clone()]),
             }
         }

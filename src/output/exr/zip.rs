@@ -108,8 +108,10 @@ mod tests {
         let mut zip = Zip::default();
         for length in [0, 1, 2, 3, 100, 1001] {
             let smooth: Vec<u32> = (0..length).map(|i| (i as f32 / 7.0).to_bits()).collect();
-            let noise: Vec<u32> = (0..length).map(|i: u32| i.wrapping_mul(2_654_435_761).rotate_left(i)).collect();
-            let [words, halves] = [false, true].map(|is_half| [&smooth, &noise].map(|values| Segment { values, is_half }));
+            let noise: Vec<u32> =
+                (0..length).map(|i: u32| i.wrapping_mul(2_654_435_761).rotate_left(i)).collect();
+            let [words, halves] =
+                [false, true].map(|is_half| [&smooth, &noise].map(|values| Segment { values, is_half }));
             for segments in [&words[..1], &words, &halves, &[words[0], halves[1], words[1]]] {
                 let bytes = raw(segments);
                 for level in [1, 4] {

@@ -156,12 +156,21 @@ mod tests {
                 for points in [1, 2, 20_000] {
                     for channels in [1, 4] {
                         let record = |number: usize| {
-                            let mut record: Vec<u8> = random.by_ref().take(own_bytes).map(|r| r as u8).collect();
+                            let mut record: Vec<u8> =
+                                random.by_ref().take(own_bytes).map(|r| r as u8).collect();
                             // One return of one, and a channel.
                             (record[14], record[15]) = (0x11, ((number / 100 % channels) << 4) as u8);
                             // A constant, a counter, rare steps, noise, and small numbers.
                             let r = random.next().unwrap() as usize;
-                            let bytes = [5, number, usize::from(number > 9000) * 255, r, r % 3, number / 256, (r % 1000) / 999];
+                            let bytes = [
+                                5,
+                                number,
+                                usize::from(number > 9000) * 255,
+                                r,
+                                r % 3,
+                                number / 256,
+                                (r % 1000) / 999,
+                            ];
                             record.extend(bytes[..extra_bytes].iter().map(|byte| *byte as u8));
                             record
                         };
@@ -169,7 +178,10 @@ mod tests {
                         let chunks = Chunks::new(format, extra_bytes);
                         let whole = records.chunks_exact(own_bytes + extra_bytes);
                         let expected = chunk_of(chunks.laszip.items(), whole).unwrap();
-                        assert!(chunks.compress(&records).unwrap() == expected, "{format} {extra_bytes} {points} {channels}");
+                        assert!(
+                            chunks.compress(&records).unwrap() == expected,
+                            "{format} {extra_bytes} {points} {channels}"
+                        );
                     }
                 }
             }

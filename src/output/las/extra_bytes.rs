@@ -131,7 +131,8 @@ impl Coder {
     /// The bytes, with the last ones that tell a place in the interval, and those that decoders read ahead.
     fn finish(mut self) -> Vec<u8> {
         let is_long = self.length > 2 * LEAST_LENGTH;
-        let (by, length) = if is_long { (LEAST_LENGTH, LEAST_LENGTH >> 1) } else { (LEAST_LENGTH >> 1, LEAST_LENGTH >> 9) };
+        let (by, length) =
+            if is_long { (LEAST_LENGTH, LEAST_LENGTH >> 1) } else { (LEAST_LENGTH >> 1, LEAST_LENGTH >> 9) };
         self.move_base(by);
         self.length = length;
         self.widen();

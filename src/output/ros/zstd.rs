@@ -13,6 +13,8 @@ const WINDOW: usize = 1 << 20;
 const HASH_BITS: u32 = 15;
 /// The least length of a match. A shorter one takes as many bits as its bytes.
 const LEAST: usize = 6;
+/// The greatest length of a match. The format allows twice as much, of which ruzstd 0.8 writes wrong bits.
+const LONGEST: usize = 65_538;
 /// A step grows by 1 byte for each `1 << SLOWNESS` bytes since the last match.
 const SLOWNESS: u32 = 7;
 
@@ -79,10 +81,14 @@ impl Matcher for Matches {
             let offset = at.wrapping_sub(before);
             let is_same = |other: u64| hash_bytes(other) == hash_bytes(word);
             if offset <= WINDOW && word_at(bytes, before).is_some_and(is_same) {
-                let match_len = LEAST + common(bytes, before + LEAST, at + LEAST);
-                add(Sequence::Triple { literals: &bytes[from..at], offset, match_len });
-                at += match_len;
-                from = at;
+                let mut left = LEAST + common(bytes, before + LEAST, at + LEAST);
+                while left > 0 {
+                    // What is left is never too short for the format.
+                    let match_len = if left > LONGEST { LONGEST.min(left - 3) } else { left };
+                    add(Sequence::Triple { literals: &bytes[from..at], offset, match_len });
+                    at += match_len;
+                    (from, left) = (at, left - match_len);
+                }
             } else {
                 at += 1 + ((at - from) >> SLOWNESS);
             }
@@ -123,7 +129,19 @@ mod tests {
             .flat_map(|i| [(i as f32 * 0.01).to_le_bytes(), i.to_le_bytes(), [0; 4]].concat())
             .collect();
         let far = [noise(1000).collect(), vec![0; WINDOW + 5], noise(1000).collect()].concat();
-        let mut inputs = vec![Vec::new(), vec![1], vec![3; 3 * BLOCK + 7], noise(2 * BLOCK as u64 + 3).collect(), cloud, far];
+        let mut inputs = vec![
+            Vec::new(),
+            vec![1],
+            vec![3; 3 * BLOCK + 7],
+            noise(2 * BLOCK as u64 + 3).collect(),
+            cloud,
+            far,
+        ];
+        // Runs within a block, about as long as the longest match.
+        inputs.extend(
+            [LONGEST - 1, LONGEST, LONGEST + 1, LONGEST + 5, 2 * LONGEST - 30]
+                .map(|run| [vec![1, 2, 3], vec![0; run + 1], vec![4, 5, 6]].concat()),
+        );
         inputs.extend((1..20).map(|length| noise(length).chain(noise(length)).collect()));
         for input in inputs {
             let (frame, mut again) = (zstd(&input), Vec::new());
@@ -136,7 +154,8 @@ mod tests {
 
     #[test]
     fn what_repeats_gets_small() {
-        let noise: Vec<u8> = (0..100_000_u64).map(|i| (i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 37) as u8).collect();
+        let noise: Vec<u8> =
+            (0..100_000_u64).map(|i| (i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 37) as u8).collect();
         assert!(zstd(&[&noise[..], &noise].concat()).len() < 101_000);
         assert!(zstd(&vec![5; 1_000_000]).len() < 100);
     }
