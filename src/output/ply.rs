@@ -1,9 +1,11 @@
 //! Encoding of PLY point clouds.
 
+use std::ops::Range;
+
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::id::id_of;
 use super::options::{OptionSpec, OptionValues, Options};
-use super::points::{MOTION, Point, TERMS, more_bytes, more_fields};
+use super::points::{MOTION, Point, TERMS, more_bytes, more_fields, rounded};
 use super::sensor_frame::{SensorFrame, pose_as_toml};
 use crate::sensor::Sensor;
 
@@ -96,18 +98,24 @@ fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
 fn add_text(points: &[u8], kinds: &[&str], file: &mut Vec<u8>) {
     /// Most values are no longer, and a space follows each.
     const USUAL_WORD: usize = 10;
-    let is_integer: Vec<bool> = kinds.iter().map(|kind| *kind == "int").collect();
+    // Whether a column has integers, its last value, and the place of its word. Neighbours have much in common.
+    let mut columns: Vec<(bool, [u8; 4], Range<usize>)> =
+        kinds.iter().map(|kind| (*kind == "int", [0; 4], 0..0)).collect();
     let (values, _) = points.as_chunks::<4>();
     file.reserve(values.len() * USUAL_WORD);
     for point in values.chunks_exact(kinds.len().max(1)) {
-        for (bytes, is_integer) in point.iter().zip(&is_integer) {
-            match is_integer {
-                true => add_integer(i32::from_le_bytes(*bytes), file),
+        for (bytes, (is_integer, last, word)) in point.iter().zip(&mut columns) {
+            let start = file.len();
+            if bytes == last && !word.is_empty() {
+                file.extend_from_within(word.clone());
+            } else if *is_integer {
+                add_integer(i32::from_le_bytes(*bytes), file);
+            } else {
                 // The digits are the fewest that give the same number again, with an exponent where that is shorter.
-                false => {
-                    file.extend_from_slice(zmij::Buffer::new().format(f32::from_le_bytes(*bytes)).as_bytes())
-                }
+                let number = f32::from_le_bytes(*bytes);
+                file.extend_from_slice(zmij::Buffer::new().format(number).as_bytes());
             }
+            (*last, *word) = (*bytes, start..file.len());
             file.push(b' ');
         }
         if let Some(end) = file.last_mut() {
@@ -213,18 +221,12 @@ fn int(field: &str, value: u64) -> Result<i32, EncodeError> {
 }
 
 fn nanoseconds(time_s: f64) -> Result<i32, EncodeError> {
-    let time_ns = time_s * 1e9;
-    if time_ns.abs() < f64::from(i32::MAX) + 0.5 {
-        // `round` would be a call of the C library for each point.
-        let whole = time_ns as i32;
-        let rest = time_ns - f64::from(whole);
-        Ok(whole + i32::from(rest >= 0.5) - i32::from(rest <= -0.5))
-    } else {
-        Err(EncodeError::new(format!(
+    rounded(time_s * 1e9).ok_or_else(|| {
+        EncodeError::new(format!(
             "a PLY's t counts nanoseconds up to {} (2.1 s), and can't hold {time_s} s: a frame must be shorter",
             i32::MAX
-        )))
-    }
+        ))
+    })
 }
 
 #[cfg(test)]

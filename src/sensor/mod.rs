@@ -318,7 +318,6 @@ impl Pattern {
     /// The pulse of a pixel in the frame that starts `start_s` seconds after the sensor was switched on. The time of the
     /// pulse counts from the frame's start. Other rooms ask [`Capture::pulse`].
     #[inline]
-    #[inline]
     fn pulse(&self, row: usize, column: usize, start_s: f64) -> Option<Pulse> {
         match self {
             Self::Rotating(p) => p.pulse(row, column),
