@@ -398,29 +398,38 @@ fn write_lengths(literals: &[u8], distances: &[u8], bits: &mut Bits) {
 
 /// The lengths of Huffman's codes for symbols that occur so often, of at most so many bits. At least two symbols have codes.
 fn lengths_of_codes<const N: usize>(counts: &[u32; N], most: usize) -> [u8; N] {
-    let mut lengths = [0; N];
+    // Each with its count above its symbol.
     let mut leaves: Vec<u64> = Vec::with_capacity(N);
-    leaves.extend(
-        (0..)
-            .zip(counts)
-            .filter(|(_, count)| **count > 0)
-            .map(|(symbol, count)| u64::from(*count) << 16 | symbol),
-    );
-    for symbol in 0..2 {
-        if leaves.len() < 2 && counts[symbol] == 0 {
-            leaves.push(1 << 16 | symbol as u64);
+    let used = (0..).zip(counts).filter(|(_, count)| **count > 0);
+    leaves.extend(used.map(|(symbol, count)| u64::from(*count) << 16 | symbol));
+    for (symbol, count) in (0..2).zip(counts) {
+        if leaves.len() < 2 && *count == 0 {
+            leaves.push(1 << 16 | symbol);
         }
     }
     leaves.sort_unstable();
-    let n = leaves.len();
-    // The nodes in the order in which they are made have ascending counts: two queues are enough.
-    let mut parents = vec![0_u16; 2 * n - 1];
-    let mut weights: Vec<u32> = leaves.iter().map(|leaf| (leaf >> 16) as u32).collect();
-    let (mut leaf, mut node) = (0, n);
-    for made in n..2 * n - 1 {
+    let weights = leaves.iter().map(|leaf| (leaf >> 16) as u32).collect();
+    let numbers = numbers_of_codes(weights, most);
+    // The rarest symbols have the longest codes.
+    let mut lengths = [0; N];
+    let each = (1..=most).rev().flat_map(|length| (0..numbers[length]).map(move |_| length as u8));
+    for (leaf, length) in leaves.iter().zip(each) {
+        lengths[(leaf & 0xffff) as usize] = length;
+    }
+    lengths
+}
+
+/// How many of Huffman's codes have each length of at most so many bits, of weights in ascending order.
+fn numbers_of_codes(mut weights: Vec<u32>, most: usize) -> [u32; MOST_BITS + 1] {
+    let count = weights.len();
+    let nodes = 2 * count - 1;
+    let mut parents = vec![0_u16; nodes];
+    // Nodes have ascending weights in the order in which they are made: two queues are enough.
+    let (mut leaf, mut node) = (0, count);
+    for made in count..nodes {
         let mut weight = 0;
         for _ in 0..2 {
-            let is_leaf = leaf < n && (node >= made || weights[leaf] <= weights[node]);
+            let is_leaf = leaf < count && (node >= made || weights[leaf] <= weights[node]);
             let least = if is_leaf { &mut leaf } else { &mut node };
             weight += weights[*least];
             parents[*least] = made as u16;
@@ -428,31 +437,23 @@ fn lengths_of_codes<const N: usize>(counts: &[u32; N], most: usize) -> [u8; N] {
         }
         weights.push(weight);
     }
-    let mut depths = vec![0_u8; 2 * n - 1];
-    let mut numbers = [0_u32; 33];
-    for index in (0..2 * n - 2).rev() {
+    let mut depths = vec![0_u8; nodes];
+    let mut numbers = [0; MOST_BITS + 1];
+    for index in (0..nodes - 1).rev() {
         depths[index] = depths[usize::from(parents[index])] + 1;
-        if index < n {
+        if index < count {
             numbers[usize::from(depths[index]).min(most)] += 1;
         }
     }
-    // Codes that were too long are cut, which makes them too many: a shorter one gets longer for each two.
-    let mut excess: i64 = (1..=most).map(|l| i64::from(numbers[l]) << (most - l)).sum::<i64>() - (1 << most);
-    while excess > 0 {
-        let shorter = (1..most).rev().find(|l| numbers[*l] > 0).unwrap_or(1);
+    // Codes that were too long are cut, which makes them too many by these. A shorter one gets longer, and has one of them beside it.
+    let space: u32 = (1..=most).map(|length| numbers[length] << (most - length)).sum();
+    for _ in 1 << most..space {
+        let shorter = (1..most).rev().find(|length| numbers[*length] > 0).unwrap_or(1);
         numbers[shorter] -= 1;
         numbers[shorter + 1] += 2;
         numbers[most] -= 1;
-        excess -= 1;
     }
-    let mut index = 0;
-    for length in (1..=most).rev() {
-        for _ in 0..numbers[length] {
-            lengths[(leaves[index] & 0xffff) as usize] = length as u8;
-            index += 1;
-        }
-    }
-    lengths
+    numbers
 }
 
 /// The codes of these lengths.
@@ -461,9 +462,11 @@ fn codes<const N: usize>(lengths: &[u8; N]) -> [Code; N] {
     for length in lengths.iter().filter(|length| **length > 0) {
         numbers[usize::from(*length) + 1] += 1;
     }
-    let mut next = [0_u16; MOST_BITS + 2];
-    for length in 1..=MOST_BITS {
-        next[length] = (next[length - 1] + numbers[length]) << 1;
+    let mut next = [0_u16; MOST_BITS + 1];
+    let mut code = 0;
+    for (next, number) in next.iter_mut().zip(numbers).skip(1) {
+        code = (code + number) << 1;
+        *next = code;
     }
     lengths.map(|length| {
         if length == 0 {
