@@ -28,6 +28,7 @@ const LEAST_S: f64 = 0.03;
 /// them by name alone.
 const WITH_OPTIONS: &[&str] = &[
     r#"{ format = "exr", compression = "none" }"#,
+    r#"{ format = "exr", level = 4 }"#,
     r#"{ format = "exr", half = true }"#,
     r#"{ format = "ply", ascii = true }"#,
     r#"{ format = "npz", compressed = true }"#,

@@ -1,6 +1,8 @@
 //! The channels of frames, with one declaration each. A range image holds them, a baseline hashes them, and a page shows
 //! them.
 
+use std::ops::Range;
+
 use super::id::id_of;
 use super::sensor_frame::SensorFrame;
 use crate::frame::BODY_FROM_OPTICAL;
@@ -95,8 +97,10 @@ pub enum Values {
 /// A pixel, and the slot of one of its returns in the columns of [`Returns`].
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
-    /// The pixel's number, row by row.
-    pub pixel: usize,
+    /// The row of the pixel. Rows and columns have 32 bits so that a place is handed over in registers.
+    pub row: u32,
+    /// The column of the pixel.
+    pub column: u32,
     /// The slot of the return.
     pub slot: usize,
 }
@@ -174,7 +178,7 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         no_return: NO_RETURN_M,
         sensors: Sensors::Cameras,
         values: Values::F32(|f, at| {
-            let depth_over_range = f.capture.depth_over_range(at.row(f), at.column(f));
+            let depth_over_range = f.capture.depth_over_range(at.row(), at.column());
             depth_over_range.map_or(NO_RETURN_M, |ratio| f.returns().range_m[at.slot] * ratio)
         }),
         shown: Some(Shown { rank: 1, label: "depth", scale: Scale::Log }),
@@ -410,7 +414,7 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "The time of the pulse from the frame's start.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::F32(|f, at| f.capture.time_s(at.row(f), at.column(f)).unwrap_or(0.0)),
+        values: Values::F32(|f, at| f.capture.time_s(at.row(), at.column()).unwrap_or(0.0)),
         shown: Some(Shown { rank: 6, label: "time", scale: Scale::Linear }),
         ..PLAIN
     },
@@ -463,12 +467,42 @@ const fn names<const COUNT: usize>(with_chosen: bool) -> [&'static str; COUNT] {
 }
 
 impl Place {
-    fn row(self, f: &SensorFrame) -> usize {
-        self.pixel / f.frame.columns()
+    fn row(self) -> usize {
+        self.row as usize
     }
 
-    fn column(self, f: &SensorFrame) -> usize {
-        self.pixel % f.frame.columns()
+    fn column(self) -> usize {
+        self.column as usize
+    }
+}
+
+/// The slots of one return of each pixel in whole rows of a frame, which all channels of it ask for.
+pub(super) struct Slots {
+    /// The number of the return, from 0.
+    number: usize,
+    first_row: usize,
+    /// The slot of each pixel. Where it is [`Self::NONE`], the pixel has no such return.
+    of_pixels: Vec<usize>,
+}
+
+impl Slots {
+    const NONE: usize = usize::MAX;
+
+    pub fn of(frame: &SensorFrame, number: usize, rows: Range<usize>) -> Self {
+        let columns = frame.frame.columns();
+        let slot = |pixel| frame.frame.slot(pixel, number).unwrap_or(Self::NONE);
+        let of_pixels = (rows.start * columns..rows.end * columns).map(slot).collect();
+        Self { number, first_row: rows.start, of_pixels }
+    }
+
+    /// Appends a value for each pixel: that of its return, or `none`.
+    fn add_values(&self, columns: usize, none: u32, of_return: impl Fn(Place) -> u32, values: &mut Vec<u32>) {
+        for (row, slots) in (self.first_row as u32..).zip(self.of_pixels.chunks(columns.max(1))) {
+            values.extend((0..).zip(slots).map(|(column, slot)| match *slot {
+                Self::NONE => none,
+                slot => of_return(Place { row, column, slot }),
+            }));
+        }
     }
 }
 
@@ -495,7 +529,7 @@ fn normal(f: &SensorFrame, at: Place) -> DVec3 {
 
 /// A vector of the world in the frame to which the image refers, as it is when the pixel's pulse is cast.
 fn in_image(f: &SensorFrame, at: Place, in_world: DVec3) -> DVec3 {
-    let Some(time_s) = f.capture.time_s(at.row(f), at.column(f)) else { return DVec3::ZERO };
+    let Some(time_s) = f.capture.time_s(at.row(), at.column()) else { return DVec3::ZERO };
     from_sensor(f, f.capture.world_from_sensor(time_s).rotation.transpose() * in_world)
 }
 
@@ -518,6 +552,30 @@ impl ChannelSpec {
     /// Whether the channel tells the colours of surfaces.
     pub fn is_of_color(&self) -> bool {
         self.name.starts_with("color.")
+    }
+
+    /// Appends the channel's value at each pixel of some rows: the number, or the bits of the measurement as 32 bits.
+    pub(super) fn add_bits(&self, frame: &SensorFrame, slots: &Slots, bits: &mut Vec<u32>) {
+        let columns = frame.frame.columns();
+        let first = slots.first_row * columns;
+        let pixels = first..first + slots.of_pixels.len();
+        let none = self.no_return;
+        let of_number = |number: f64| (number as f32).to_bits();
+        match self.values {
+            Values::F32(value) => {
+                slots.add_values(columns, of_number(none), |at| of_number(value(frame, at)), bits);
+            }
+            Values::U32(id) => slots.add_values(columns, none as u32, |at| id(frame, at), bits),
+            Values::Image(value) => bits.extend(pixels.map(|pixel| of_number(value(frame, pixel)))),
+            Values::OfPixel { number, .. } => {
+                bits.extend(pixels.map(|pixel| number(frame, pixel, slots.number)));
+            }
+        }
+    }
+
+    /// Whether the values are measurements, and not numbers that count or name.
+    pub(super) fn is_measurement(&self) -> bool {
+        matches!(self.values, Values::F32(_) | Values::Image(_))
     }
 
     /// Whether a sensor has the channel.

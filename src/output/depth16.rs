@@ -2,7 +2,7 @@
 
 use super::channel::{CHANNELS, ChannelSpec, channel};
 use super::format::{Content, EncodeError, FormatSpec, Kind, field};
-use super::image::Image;
+use super::image::{Image, Samples};
 use super::options::{OptionSpec, OptionValues, Options};
 use super::picture::{Pixels, check_sides, encode_numbers};
 use super::sensor_frame::SensorFrame;
@@ -52,7 +52,11 @@ fn depth_channel(sensor: &Sensor) -> &'static ChannelSpec {
 /// The depth of each pixel in metres, as an EXR has it. It is infinite where nothing came back.
 fn depths(frame: &SensorFrame) -> Vec<f32> {
     let channel = depth_channel(frame.capture.sensor);
-    Image::with_channels(frame, 0, [channel]).f32(channel.name).unwrap_or_default().to_vec()
+    let samples = Image::with_channels(frame, 0, [channel]).channels.pop().map(|channel| channel.samples);
+    match samples {
+        Some(Samples::F32(depths)) => depths,
+        _ => Vec::new(),
+    }
 }
 
 /// The number in a pixel: 0 for a depth that has none. `None` where nothing came back.

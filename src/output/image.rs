@@ -1,8 +1,6 @@
 //! Range images: frames as named channels, whether they were just cast or read from a file.
 
-use super::channel::{
-    BYTES_A_VALUE, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, Place, Values, repeated_for_opencv,
-};
+use super::channel::{BYTES_A_VALUE, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, Slots, repeated_for_opencv};
 use super::options::Channels;
 use super::sensor_frame::SensorFrame;
 
@@ -49,7 +47,7 @@ impl Image {
     }
 
     /// Some channels of each pixel's return number `number`, with `Y` beside the main depth if that is among them.
-    pub(super) fn for_opencv(frame: &SensorFrame, number: usize, channels: Channels) -> Self {
+    fn for_opencv(frame: &SensorFrame, number: usize, channels: Channels) -> Self {
         let mut image = Self::with_channels(frame, number, channels.iter());
         if let Some(depth) = image.channel(repeated_for_opencv(frame.capture.sensor)).cloned() {
             image.channels.push(Channel { name: DEPTH_FOR_OPENCV.to_owned(), samples: depth });
@@ -64,22 +62,13 @@ impl Image {
         number: usize,
         channels: impl IntoIterator<Item = &'c ChannelSpec>,
     ) -> Self {
-        let of_return = number;
-        let pixels = 0..frame.frame.pixels();
-        let place = |pixel| frame.frame.slot(pixel, number).map(|slot| Place { pixel, slot });
-        let samples = |spec: &ChannelSpec| match spec.values {
-            Values::F32(value) => Samples::F32(
-                pixels
-                    .clone()
-                    .map(|i| place(i).map_or(spec.no_return, |at| value(frame, at)) as f32)
-                    .collect(),
-            ),
-            Values::U32(id) => Samples::U32(
-                pixels.clone().map(|i| place(i).map_or(spec.no_return as u32, |at| id(frame, at))).collect(),
-            ),
-            Values::Image(value) => Samples::F32(pixels.clone().map(|i| value(frame, i) as f32).collect()),
-            Values::OfPixel { number, .. } => {
-                Samples::U32(pixels.clone().map(|i| number(frame, i, of_return)).collect())
+        let slots = Slots::of(frame, number, 0..frame.frame.rows());
+        let samples = |spec: &ChannelSpec| {
+            let mut bits = Vec::with_capacity(frame.frame.pixels());
+            spec.add_bits(frame, &slots, &mut bits);
+            match spec.is_measurement() {
+                true => Samples::F32(bits.into_iter().map(f32::from_bits).collect()),
+                false => Samples::U32(bits),
             }
         };
         let of_sensor = channels.into_iter().filter(|spec| spec.is_of(frame.capture.sensor));

@@ -83,13 +83,13 @@ impl Named {
 /// The numbers that the returns of a frame have in a column.
 fn numbers(frame: &Frame, column: &[u32]) -> BTreeSet<u32> {
     let (mut numbers, mut last) = (BTreeSet::new(), None);
-    for slot in (0..frame.pixels()).flat_map(|pixel| frame.slots(pixel)) {
+    frame.each_slot(|slot| {
         // Neighbours mostly show the same.
         if last != Some(column[slot]) {
-            numbers.insert(column[slot]);
             last = Some(column[slot]);
+            numbers.insert(column[slot]);
         }
-    }
+    });
     numbers
 }
 

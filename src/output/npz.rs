@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use super::channel::{BYTES_A_VALUE, channel};
+use super::deflate::{LEVEL, level};
 use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::image::{Channel, Image, Samples};
 use super::json::json_ascii;
@@ -22,7 +23,8 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     about: "NumPy arrays of all channels",
     content: Content::Channels,
     read_by: "NumPy",
-    options: &[COMPRESSED],
+    options: &[COMPRESSED, LEVEL],
+    check_options,
     check,
     // This counts the channels, the members and the file.
     encoding_bytes_a_ray: |sensor, options| 3 * file_bytes_a_ray(sensor, options),
@@ -36,6 +38,21 @@ pub(super) const COMPRESSED: OptionSpec = OptionSpec {
     about: "Whether the arrays are compressed, which takes longer.",
     values: OptionValues::Flag { default: false },
 };
+
+/// Checks that a level is given for arrays that are compressed.
+pub(super) fn check_options(options: &Options) -> Result<(), EncodeError> {
+    match (options.given(&LEVEL), options.is_set(&COMPRESSED)) {
+        (Some(_), false) => {
+            Err(EncodeError::new("`level` is that of compressed arrays: set `compressed = true`"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The level of compressed arrays. `None` if they are not to be compressed.
+pub(super) fn compression(options: &Options) -> Option<u8> {
+    options.is_set(&COMPRESSED).then(|| level(options))
+}
 
 /// The channels that one array holds together, and its name.
 const AXES: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
@@ -77,13 +94,16 @@ impl Array {
     }
 }
 
-/// The file that holds arrays, in their order.
-pub(super) fn archive(arrays: Vec<Array>, is_compressed: bool) -> Result<Vec<u8>, EncodeError> {
+/// The file that holds arrays, in their order, compressed at a level or not at all.
+pub(super) fn archive(arrays: Vec<Array>, compression: Option<u8>) -> Result<Vec<u8>, EncodeError> {
     let member = |array: Array| {
         let mut content = npy::header(&format!("'{}'", array.kind), &array.shape)?;
         content.extend(array.bytes);
         let name = format!("{}.npy", array.name);
-        Ok(if is_compressed { Member::deflated(name, &content) } else { Member::stored(name, content) })
+        Ok(match compression {
+            Some(level) => Member::deflated(name, &content, level),
+            None => Member::stored(name, content),
+        })
     };
     let members: Vec<Result<Member, EncodeError>> = arrays.into_par_iter().map(member).collect();
     zip(&members.into_iter().collect::<Result<Vec<_>, _>>()?)
@@ -96,7 +116,7 @@ fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
         arrays.extend(arrays_of(Image::with_channels(frame, number, options.channels.iter()), &folder));
     }
     arrays.push(about(frame, &arrays));
-    archive(arrays, options.is_set(&COMPRESSED))
+    archive(arrays, compression(options))
 }
 
 /// The file of a recorded image. Its attributes are in `about` under their own names, besides those that a scan writes there.
@@ -128,7 +148,7 @@ pub(super) fn of_parts(parts: Vec<Part>) -> Result<Vec<u8>, EncodeError> {
     let unit = |array: &Array| (array.name.clone(), array.facts(unit_of(&array.name)));
     about.insert("arrays".to_owned(), Value::Object(arrays.iter().map(unit).collect()));
     arrays.push(Array::text("about", &Value::Object(about)));
-    archive(arrays, false)
+    archive(arrays, None)
 }
 
 /// The keys of `about` that are attributes of an EXR, too.

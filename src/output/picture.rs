@@ -214,6 +214,8 @@ fn write(
     let mut encoder = png::Encoder::new(&mut file, side(width), side(height));
     encoder.set_color(layout.colour);
     encoder.set_depth(layout.depth);
+    // It takes a tenth of the time of the usual compression, for files of depths and colours that are 10 to 30 % larger.
+    encoder.set_compression(png::Compression::Fast);
     if let Some(palette) = layout.palette {
         encoder.set_palette(palette);
     }

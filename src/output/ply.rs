@@ -1,11 +1,11 @@
 //! Encoding of PLY point clouds.
 
-use std::io::Write as _;
+use std::ops::Range;
 
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::id::id_of;
 use super::options::{OptionSpec, OptionValues, Options};
-use super::points::{MOTION, Point, TERMS, more_bytes, more_fields};
+use super::points::{MOTION, Point, TERMS, more_bytes, more_fields, rounded};
 use super::sensor_frame::{SensorFrame, pose_as_toml};
 use crate::sensor::Sensor;
 
@@ -60,7 +60,7 @@ const ASCII: OptionSpec = OptionSpec {
 };
 
 fn file_bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
-    /// The longest values are -0.000012345678 and 1234567800000000.0, before a space.
+    /// The longest values are -123456780000000.0 and -0.0000012345678, before a space.
     const LONGEST_WORD: u64 = 19;
     const BYTES_A_VALUE: u64 = 4;
     let bytes = bytes_a_ray(sensor, options);
@@ -87,7 +87,7 @@ fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
         let mut points = Vec::new();
         add_points(cloud, options, &mut points)?;
         let kinds: Vec<&str> = properties.iter().map(|(kind, _)| *kind).collect();
-        add_text(&points, &kinds, &mut file)?;
+        add_text(&points, &kinds, &mut file);
     } else {
         add_points(cloud, options, &mut file)?;
     }
@@ -95,20 +95,51 @@ fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
 }
 
 /// Adds points as text, of their bytes: values of 4 bytes and of these kinds.
-fn add_text(points: &[u8], kinds: &[&str], file: &mut Vec<u8>) -> Result<(), EncodeError> {
+fn add_text(points: &[u8], kinds: &[&str], file: &mut Vec<u8>) {
+    /// Most values are no longer, and a space follows each.
+    const USUAL_WORD: usize = 10;
+    // Whether a column has integers, its last value, and the place of its word. Neighbours have much in common.
+    let mut columns: Vec<(bool, [u8; 4], Range<usize>)> =
+        kinds.iter().map(|kind| (*kind == "int", [0; 4], 0..0)).collect();
     let (values, _) = points.as_chunks::<4>();
+    file.reserve(values.len() * USUAL_WORD);
     for point in values.chunks_exact(kinds.len().max(1)) {
-        for (index, (bytes, kind)) in point.iter().zip(kinds).enumerate() {
-            let before = if index == 0 { "" } else { " " };
-            match *kind {
-                "int" => write!(file, "{before}{}", i32::from_le_bytes(*bytes))?,
-                // Debug's digits are the fewest that give the same number again, with an exponent where that is shorter.
-                _ => write!(file, "{before}{:?}", f32::from_le_bytes(*bytes))?,
+        for (bytes, (is_integer, last, word)) in point.iter().zip(&mut columns) {
+            let start = file.len();
+            if bytes == last && !word.is_empty() {
+                file.extend_from_within(word.clone());
+            } else if *is_integer {
+                add_integer(i32::from_le_bytes(*bytes), file);
+            } else {
+                // The digits are the fewest that give the same number again, with an exponent where that is shorter.
+                let number = f32::from_le_bytes(*bytes);
+                file.extend_from_slice(zmij::Buffer::new().format(number).as_bytes());
             }
+            (*last, *word) = (*bytes, start..file.len());
+            file.push(b' ');
         }
-        file.push(b'\n');
+        if let Some(end) = file.last_mut() {
+            *end = b'\n';
+        }
     }
-    Ok(())
+}
+
+/// Adds the digits of a whole number.
+fn add_integer(number: i32, file: &mut Vec<u8>) {
+    const MOST_DIGITS: usize = 10;
+    let (mut digits, mut first, mut left) = ([0; MOST_DIGITS], MOST_DIGITS, number.unsigned_abs());
+    loop {
+        first -= 1;
+        digits[first] = b'0' + (left % 10) as u8;
+        left /= 10;
+        if left == 0 {
+            break;
+        }
+    }
+    if number < 0 {
+        file.push(b'-');
+    }
+    file.extend_from_slice(&digits[first..]);
 }
 
 /// The kinds and the names of the fields, in their order.
@@ -190,15 +221,12 @@ fn int(field: &str, value: u64) -> Result<i32, EncodeError> {
 }
 
 fn nanoseconds(time_s: f64) -> Result<i32, EncodeError> {
-    let rounded = (time_s * 1e9).round();
-    if rounded.abs() <= f64::from(i32::MAX) {
-        Ok(rounded as i32)
-    } else {
-        Err(EncodeError::new(format!(
+    rounded(time_s * 1e9).ok_or_else(|| {
+        EncodeError::new(format!(
             "a PLY's t counts nanoseconds up to {} (2.1 s), and can't hold {time_s} s: a frame must be shorter",
             i32::MAX
-        )))
-    }
+        ))
+    })
 }
 
 #[cfg(test)]
@@ -225,10 +253,51 @@ mod tests {
     }
 
     #[test]
+    fn text_has_the_numbers_of_the_bytes() {
+        let integers = [0, 7, -10, 1_234_567_890, i32::MAX, i32::MIN];
+        let floats = [
+            0.1_f32,
+            -0.0,
+            16.0,
+            1.0 / 3.0,
+            1e-7,
+            -123_456_780_000_000.0,
+            -0.000_001_234_567_8,
+            1e30,
+            f32::MAX,
+        ];
+        let points: Vec<u8> = integers
+            .iter()
+            .flat_map(|integer| floats.iter().map(move |float| [integer.to_le_bytes(), float.to_le_bytes()]))
+            .flatten()
+            .flatten()
+            .collect();
+        let mut file = Vec::new();
+        add_text(&points, &["int", "float"], &mut file);
+        let text = String::from_utf8(file).unwrap();
+        let mut lines = text.lines();
+        for integer in integers {
+            for float in floats {
+                let (first, second) = lines.next().unwrap().split_once(' ').unwrap();
+                assert_eq!(first, integer.to_string());
+                assert_eq!(second.parse::<f32>().unwrap().to_bits(), float.to_bits(), "{second}");
+                assert!(first.len().max(second.len()) < 19, "{second}");
+            }
+        }
+        assert_eq!((lines.next(), text.ends_with('\n')), (None, true));
+    }
+
+    #[test]
     fn times_are_rounded_to_nanoseconds() {
         assert_eq!(nanoseconds(2.304e-6).unwrap(), 2304);
         assert_eq!(nanoseconds(-1.6e-9).unwrap(), -2);
         assert_eq!(nanoseconds(2.147483647).unwrap(), i32::MAX);
+        assert_eq!(nanoseconds(-2.147483647).unwrap(), -i32::MAX);
+        assert!(nanoseconds(2.147483648).is_err() && nanoseconds(f64::NAN).is_err());
+        assert_eq!(
+            [0.4e-9, 1.4e-9, 1.6e-9, -1.4e-9].map(|time_s| nanoseconds(time_s).unwrap()),
+            [0, 1, 2, -1]
+        );
     }
 
     #[test]

@@ -75,17 +75,19 @@ fn encode(preview: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeErr
     }
     let stretch = stretch(&capture.sensor.pattern);
     let scale = Scale::of_frame(preview, options);
-    let mut pixels = Vec::with_capacity(3 * frame.pixels() * stretch);
-    let mut colours = first_ranges(preview).zip(frame.causes()).map(|(range_m, cause)| {
-        range_m.map_or(miss_colour(*cause, NO_RETURN_COLOUR), |range_m| scale.colour(range_m))
-    });
-    for _ in 0..frame.rows() {
-        let start = pixels.len();
-        pixels.extend(colours.by_ref().take(frame.columns()).flatten());
-        let end = pixels.len();
-        for _ in 1..stretch {
-            pixels.extend_from_within(start..end);
+    let colours = Colours::of(&scale, frame.pixels());
+    let row_bytes = 3 * frame.columns();
+    let mut pixels = vec![0; row_bytes * frame.rows() * stretch];
+    let mut ranges = first_ranges(preview).zip(frame.causes());
+    for rows in pixels.chunks_exact_mut((row_bytes * stretch).max(1)) {
+        let (row, copies) = rows.split_at_mut(row_bytes);
+        for (pixel, (range_m, cause)) in row.as_chunks_mut::<3>().0.iter_mut().zip(ranges.by_ref()) {
+            *pixel = match range_m {
+                Some(range_m) => colours.colour(range_m),
+                None => miss_colour(*cause, NO_RETURN_COLOUR),
+            };
         }
+        copies.chunks_exact_mut(row_bytes.max(1)).for_each(|copy| copy.copy_from_slice(row));
     }
     let picture = Picture { width: frame.columns(), height: frame.rows() * stretch, pixels };
     finished(preview, picture, &scale, NO_RETURN_COLOUR)
@@ -193,13 +195,9 @@ impl Scale {
     /// A scale that spans the ranges except for 1 % at either end, so that an outlier does not flatten the rest.
     fn of(ranges: impl Iterator<Item = f64>) -> Self {
         // Ranges below a millimetre are raised to it, because the logarithm needs a positive least range.
-        let mut ranges: Vec<f32> = ranges.map(|r| (r as f32).max(1e-3)).collect();
-        let mut percentile = |percent: usize| {
-            let index = ranges.len().saturating_sub(1) * percent / 100;
-            let nth = (!ranges.is_empty()).then(|| *ranges.select_nth_unstable_by(index, f32::total_cmp).1);
-            f64::from(nth.unwrap_or(1.0))
-        };
-        let (near, far) = (percentile(1), percentile(99));
+        let ranges: Vec<f32> = ranges.map(|r| (r as f32).max(1e-3)).collect();
+        let last = ranges.len().saturating_sub(1);
+        let [near, far] = smallest(&ranges, [last / 100, last * 99 / 100]).map(f64::from);
         Self { near, log_far_over_near: libm::log(far / near), steps: 0 }
     }
 
@@ -216,6 +214,70 @@ impl Scale {
         // The ends of Turbo are nearly black, and would look like a miss.
         let colour = colorous::TURBO.eval_continuous(0.95 - 0.87 * t);
         [colour.r, colour.g, colour.b]
+    }
+}
+
+/// The numbers with these places in the order of size of positive ones. They are 1 if there are none.
+fn smallest(numbers: &[f32], places: [usize; 2]) -> [f32; 2] {
+    // Positive floats are in the order of their bits. Those that share the upper bits are counted, so that few have to be sorted.
+    let upper = |number: &f32| (number.to_bits() >> 16) as usize;
+    let mut counts = vec![0_usize; 1 << 16];
+    numbers.iter().for_each(|number| counts[upper(number)] += 1);
+    places.map(|place| {
+        let mut before = 0;
+        let at = counts.iter().position(|count| {
+            before += count;
+            before > place
+        });
+        let Some(at) = at else { return 1.0 };
+        let mut near: Vec<f32> = numbers.iter().copied().filter(|number| upper(number) == at).collect();
+        *near.select_nth_unstable_by(place - (before - counts[at]), f32::total_cmp).1
+    })
+}
+
+/// The colours of a scale by the upper bits of ranges.
+///
+/// Within a cell of ranges with equal upper bits, the colour is that of both ends if these have the same. Else it is computed. A
+/// colour of Turbo that goes another way and comes back needs 0.8 % of the scale for it, and a cell is shorter; what is closer than
+/// that are thresholds at which the last bits decide, a millionth of the scale.
+struct Colours<'s> {
+    scale: &'s Scale,
+    /// The bits of a range that are below those of its cell.
+    shift: u32,
+    /// The number of the first cell.
+    first: u64,
+    /// The colours at the least ranges of the cells, and at the end of the last. It is empty if cells would not pay.
+    ends: Vec<Rgb>,
+}
+
+impl<'s> Colours<'s> {
+    /// The colours for so many pixels.
+    fn of(scale: &'s Scale, pixels: usize) -> Self {
+        const MANTISSA_BITS: u32 = f64::MANTISSA_DIGITS - 1;
+        const MOST_CELLS: u64 = 1 << 14;
+        // A cell is at most this part of an octave long.
+        const FEWEST_BITS: u32 = 7;
+        let far = scale.near * libm::exp(scale.log_far_over_near);
+        let cells = |bits: u32| {
+            let number = |range: f64| range.to_bits() >> (MANTISSA_BITS - bits);
+            (number(scale.near), number(far) + 1 - number(scale.near))
+        };
+        let bits = (FEWEST_BITS..=12).rev().find(|bits| cells(*bits).1 <= MOST_CELLS).unwrap_or(FEWEST_BITS);
+        let ((first, count), shift) = (cells(bits), MANTISSA_BITS - bits);
+        // The length of a cell as a part of the scale.
+        let part = 1.0 / (f64::from(1 << bits) * scale.log_far_over_near);
+        let pays = part < 0.008 && count as usize * 4 < pixels;
+        let end = |cell: u64| scale.colour(f64::from_bits((first + cell) << shift));
+        let ends = if pays { (0..=count).map(end).collect() } else { Vec::new() };
+        Self { scale, shift, first, ends }
+    }
+
+    fn colour(&self, range: f64) -> Rgb {
+        let cell = (range.to_bits() >> self.shift).wrapping_sub(self.first) as usize;
+        match self.ends.get(cell..cell.saturating_add(2)) {
+            Some([start, end]) if start == end => *start,
+            _ => self.scale.colour(range),
+        }
     }
 }
 
@@ -248,6 +310,35 @@ mod tests {
         assert_eq!(rows_a_beam(&lidar(&[-80.0, 80.0], 360)), 90);
         assert_eq!(rows_a_beam(&lidar(&[0.0], 1)), 1);
         assert_eq!(rows_a_beam(&lidar(&[1.0, 1.0], 1)), 1);
+    }
+
+    #[test]
+    fn numbers_are_found_by_their_place() {
+        let numbers: Vec<f32> = (0..5000_u32).map(|i| 1e-3 + (i * 7919 % 5000) as f32 * 0.01).collect();
+        let mut sorted = numbers.clone();
+        sorted.sort_by(f32::total_cmp);
+        for places in [[0, 4999], [49, 4949], [1234, 1235]] {
+            assert_eq!(smallest(&numbers, places), places.map(|place| sorted[place]));
+        }
+        assert_eq!(smallest(&[], [0, 0]), [1.0; 2]);
+    }
+
+    #[test]
+    fn colours_of_cells_are_those_of_the_scale() {
+        for (near, far) in [(1.0, 1.04), (3.5, 63.0), (0.001, 100_000.0), (7.0, 7.0), (0.5, 4.0)] {
+            for steps in [0, 16] {
+                let scale = Scale { near, log_far_over_near: libm::log(far / near), steps };
+                let colours = Colours::of(&scale, 1 << 21);
+                assert_eq!(colours.ends.is_empty(), near == far, "{near} to {far}");
+                // Below the scale and above it, and nothing at all, too.
+                for i in -50..20_050 {
+                    let range = near * libm::exp(libm::log(far / near) * f64::from(i) / 20_000.0);
+                    assert_eq!(colours.colour(range), scale.colour(range), "{range} of {near} to {far}");
+                }
+                assert_eq!([0.0, -1.0].map(|r| colours.colour(r)), [0.0, -1.0].map(|r| scale.colour(r)));
+                assert!(Colours::of(&scale, 100).ends.is_empty(), "so few pixels need no table");
+            }
+        }
     }
 
     #[test]

@@ -84,6 +84,17 @@ pub(super) const MOTION: OptionSpec = OptionSpec {
 pub(super) const MOTION_FIELDS: [&str; 7] =
     ["track", "velocity_x", "velocity_y", "velocity_z", "flow_x", "flow_y", "flow_z"];
 
+/// The whole number nearest to a value, the one farther from 0 of two. `None` if it is not within ±(2³¹ − 1).
+///
+/// `f64::round` would be a call of the C library, for each point and field.
+#[inline(always)]
+pub(super) fn rounded(value: f64) -> Option<i32> {
+    let whole = value as i32;
+    let rest = value - f64::from(whole);
+    let fits = value.abs() < f64::from(i32::MAX) + 0.5;
+    fits.then(|| whole + i32::from(rest >= 0.5) - i32::from(rest <= -0.5))
+}
+
 impl SensorFrame<'_> {
     /// Appends the values of [`more_fields`] of a point.
     pub(super) fn add_more(&self, point: &Point, options: &Options, file: &mut Vec<u8>) {
@@ -127,10 +138,11 @@ impl SensorFrame<'_> {
     ) -> Result<(), EncodeError> {
         let fixed = self.fixed_cloud_from_sensor();
         for row in 0..self.frame.rows() {
+            let ring = self.capture.sensor.ring(row);
             for column in 0..self.frame.columns() {
                 let slots = self.frame.slots(row * self.frame.columns() + column);
                 if !slots.is_empty() {
-                    self.points_of_pixel((row, column), slots, fixed, &mut write)?;
+                    self.points_of_beam((row, column, ring), slots, fixed.as_ref(), &mut write)?;
                 }
             }
         }
@@ -148,9 +160,27 @@ impl SensorFrame<'_> {
         fixed: Option<Pose>,
         write: &mut impl FnMut(&Point) -> Result<(), EncodeError>,
     ) -> Result<(), EncodeError> {
+        self.points_of_beam((row, column, self.capture.sensor.ring(row)), slots, fixed.as_ref(), write)
+    }
+
+    /// [`Self::points_of_pixel`], of a beam with a number.
+    #[inline(always)]
+    fn points_of_beam(
+        &self,
+        (row, column, ring): (usize, usize, usize),
+        slots: Range<usize>,
+        fixed: Option<&Pose>,
+        write: &mut impl FnMut(&Point) -> Result<(), EncodeError>,
+    ) -> Result<(), EncodeError> {
         let Some(pulse) = self.capture.pulse(row, column) else { return Ok(()) };
-        let cloud_from_sensor = fixed.unwrap_or_else(|| self.cloud_from_sensor(pulse.time_s));
-        let ring = self.capture.sensor.ring(row);
+        let own;
+        let cloud_from_sensor = match fixed {
+            Some(fixed) => fixed,
+            None => {
+                own = self.cloud_from_sensor(pulse.time_s);
+                &own
+            }
+        };
         let (first, of) = (slots.start, slots.len());
         for slot in slots {
             let hit = self.frame.returns().get(slot);
@@ -169,5 +199,23 @@ impl SensorFrame<'_> {
             })?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_rounded_as_round_does() {
+        let most = f64::from(i32::MAX);
+        let below_half = 0.499_999_999_999_999_94;
+        for value in [0.0, 0.5, below_half, 1.4, 1.5, 2.5, 1e6 + 0.5, most, most + 0.25, most - 0.5] {
+            for value in [value, -value] {
+                assert_eq!(rounded(value).map(f64::from), Some(value.round() + 0.0), "{value}");
+            }
+        }
+        let others = [most + 0.5, -most - 0.5, 1e300, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
+        assert_eq!(others.map(rounded), [None; 6]);
     }
 }

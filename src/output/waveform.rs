@@ -4,8 +4,9 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use super::channel::BYTES_A_VALUE;
+use super::deflate::LEVEL;
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
-use super::npz::{Array, COMPRESSED, archive, bytes};
+use super::npz::{self, Array, COMPRESSED, archive, bytes};
 use super::options::{OptionSpec, OptionValues, Options};
 use super::sensor_frame::{SensorFrame, pose_as_json};
 use crate::physics::SPEED_OF_LIGHT_M_S;
@@ -38,7 +39,7 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     about: "the waveform of every pulse of a sensor that is not ideal",
     content: Content::Arrays(&ARRAYS),
     read_by: "NumPy",
-    options: &[BIN, FROM, TO, COMPRESSED],
+    options: &[BIN, FROM, TO, COMPRESSED, LEVEL],
     check_options,
     check,
     // This counts the arrays, the members and the file.
@@ -94,6 +95,7 @@ impl Grid {
 }
 
 fn check_options(options: &Options) -> Result<(), EncodeError> {
+    npz::check_options(options)?;
     let [bin_m, from_m, to_m] = [&BIN, &FROM, &TO].map(|option| options.number(option));
     let window = [&FROM, &TO].into_iter().find(|option| options.given(option).is_some());
     match window {
@@ -170,7 +172,7 @@ fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
         arrays.push(array("samples", "<f4", &shape, samples(waveforms, frame.frame.pixels(), grid)));
     }
     arrays.push(Array::text("about", &about(frame, waveforms, grid.as_ref(), &arrays)));
-    archive(arrays, options.is_set(&COMPRESSED))
+    archive(arrays, npz::compression(options))
 }
 
 /// The heights of all waveforms on a grid, pixel by pixel.

@@ -1,6 +1,7 @@
 //! ZIP files, as far as an NPZ is one. The date of every member is the first that a ZIP can tell, so that the same content gives
 //! the same bytes.
 
+use super::deflate::deflate;
 use super::format::EncodeError;
 
 /// A member of a ZIP file.
@@ -31,11 +32,9 @@ impl Member {
         Self { name, method: STORED, crc32, length: content.len(), content }
     }
 
-    /// A member that is compressed.
-    pub fn deflated(name: String, content: &[u8]) -> Self {
-        /// It takes half the time of the usual 6, for some hundredths more of size.
-        const LEVEL: u8 = 3;
-        let compressed = miniz_oxide::deflate::compress_to_vec(content, LEVEL);
+    /// A member that is compressed at a level.
+    pub fn deflated(name: String, content: &[u8], level: u8) -> Self {
+        let compressed = deflate(content, level);
         let crc32 = crc32fast::hash(content);
         Self { name, method: DEFLATED, crc32, length: content.len(), content: compressed }
     }
@@ -104,8 +103,10 @@ mod tests {
 
     #[test]
     fn the_directory_points_at_the_members() {
-        let members =
-            [Member::stored("a.npy".into(), b"abc".to_vec()), Member::deflated("b/c.npy".into(), &[7; 1000])];
+        let members = [
+            Member::stored("a.npy".into(), b"abc".to_vec()),
+            Member::deflated("b/c.npy".into(), &[7; 1000], 1),
+        ];
         let file = zip(&members).unwrap();
         let u16_at = |at: usize| usize::from(u16::from_le_bytes([file[at], file[at + 1]]));
         let u32_at = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;

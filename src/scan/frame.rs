@@ -465,6 +465,21 @@ impl Frame {
         }
     }
 
+    /// Calls `each` with the slot of each return, row by row.
+    #[inline]
+    pub fn each_slot(&self, mut each: impl FnMut(usize)) {
+        match &self.layout {
+            Layout::OneEach => {
+                for (slot, cause) in self.causes.iter().enumerate() {
+                    if *cause == Cause::Surface {
+                        each(slot);
+                    }
+                }
+            }
+            Layout::From(_) => (0..self.pixels()).for_each(|pixel| self.slots(pixel).for_each(&mut each)),
+        }
+    }
+
     /// The surface that blocks a pixel's beam nearer than the sensor's least range, in the form of the return that it would
     /// have given.
     pub fn blocker(&self, pixel: usize) -> Option<Return> {

@@ -110,6 +110,7 @@ impl<'a> Capture<'a> {
     }
 
     /// The time of a pixel's pulse, in seconds from the frame's start. `None` as for [`Self::pulse`].
+    #[inline]
     pub fn time_s(&self, row: usize, column: usize) -> Option<f64> {
         match &self.sensor.pattern {
             // A row of a camera is exposed at once, and most lenses have a ray for each pixel, so the lens is not inverted.
@@ -120,6 +121,7 @@ impl<'a> Capture<'a> {
 
     /// The factor that turns a range along a pixel's ray into depth along the camera's optical axis. `None` if the sensor
     /// is no camera, or if the pixel has no ray.
+    #[inline]
     pub fn depth_over_range(&self, row: usize, column: usize) -> Option<f64> {
         match &self.sensor.pattern {
             Pattern::Camera(camera) => camera.optical_direction(row, column).map(|direction| direction.z),

@@ -235,11 +235,16 @@ impl Pulse {
     pub fn along_m(&self, range_m: f64) -> f64 {
         match self.ranging {
             Ranging::Along(before) => range_m - before,
-            Ranging::FromOrigin => {
-                let nearest = self.origin.cross(self.direction).length();
-                ((range_m - nearest).max(0.0) * (range_m + nearest)).sqrt() - self.origin.dot(self.direction)
-            }
+            Ranging::FromOrigin => self.along_from_origin_m(range_m),
         }
+    }
+
+    /// It is a call of its own, because the compiler would have its square roots taken for every pulse, and choose behind that.
+    #[cold]
+    #[inline(never)]
+    fn along_from_origin_m(&self, range_m: f64) -> f64 {
+        let nearest = self.origin.cross(self.direction).length();
+        ((range_m - nearest).max(0.0) * (range_m + nearest)).sqrt() - self.origin.dot(self.direction)
     }
 
     /// The range that the sensor reports of a point so many metres along the ray from the pulse's origin.

@@ -32,7 +32,7 @@ RUNS = [
     'formats = ["exr", "png", "ply", "npy", "npz", "pcd", "las", "laz", "e57", "depth16", "labels", "instances"]',
     """formats = [
     "exr",
-    { format = "npz", compressed = true },
+    { format = "npz", compressed = true, level = 6 },
     { format = "pcd", organised = true },
     { format = "las", scale = 0.001 },
     { format = "e57", returns = true },

@@ -39,13 +39,14 @@ def check_options(beamcast, folder):
         ["exr compression zips", "deep compression none", "ply ascii true"],
         ["exr compression rle", "ply flavour cloudcompare"],
         ["exr compression piz", "ply flavour cloudcompare ascii true"],
-        ["exr compression none"],
+        ["exr compression none", "deep level 9"],
+        ["exr level 9"],
         ["exr half true"],
     ]
 
     def table(words):
         name, *options = words.split(" ")
-        pairs = [f"{key} = {value if value == 'true' else json.dumps(value)}" for key, value in zip(options[::2], options[1::2])]
+        pairs = [f"{key} = {value if value == 'true' or value.isdigit() else json.dumps(value)}" for key, value in zip(options[::2], options[1::2])]
         return f"{{ {', '.join([f'format = {json.dumps(name)}', *pairs])} }}"
 
     folder = folder / "options"
@@ -59,6 +60,7 @@ def check_options(beamcast, folder):
             sys.exit("no pulse has two returns, and deep images test nothing")
         check_deep(files[0] / "000000.deep.exr", parts, "Z" if sensor == "camera" else "range")
         check_deep(files[1] / "000000.deep.exr", parts, "Z" if sensor == "camera" else "range")
+        check_deep(files[4] / "000000.deep.exr", parts, "Z" if sensor == "camera" else "range")
         sizes = {path.stat().st_size for path in (file / "000000.exr" for file in files)}
         equal(f"{sensor}: sizes of the compressions", len(sizes), len(runs))
         for file in files[1:]:

@@ -20,10 +20,13 @@ fn compression_changes_the_bytes_and_no_value() {
     let plain = encode(&seen, "exr", "");
     assert_eq!(plain, encode(&seen, "exr", ", compression = \"zip\", half = false"));
     let parts = read_exr(&plain, u64::MAX).unwrap();
-    for word in ["zips", "piz", "rle", "none"] {
-        let file = encode(&seen, "exr", &format!(", compression = {word:?}"));
-        assert_ne!(file, plain, "{word}");
-        assert_eq!(read_exr(&file, u64::MAX).unwrap(), parts, "{word}");
+    assert_eq!(plain, encode(&seen, "exr", ", level = 1"));
+    let words = ["zips", "piz", "rle", "none"].map(|word| format!(", compression = {word:?}"));
+    let levels = [2, 9].map(|level| format!(", level = {level}"));
+    for options in words.iter().chain(&levels) {
+        let file = encode(&seen, "exr", options);
+        assert_ne!(file, plain, "{options}");
+        assert_eq!(read_exr(&file, u64::MAX).unwrap(), parts, "{options}");
     }
 }
 
@@ -222,7 +225,7 @@ fn an_npz_is_the_image_of_the_exr() {
         let frame = frame();
         let seen = seen(&sensor, &frame);
         let exr = read_exr(&encode(&seen, "exr", ""), u64::MAX).unwrap();
-        for options in ["", ", compressed = true"] {
+        for options in ["", ", compressed = true", ", compressed = true, level = 6"] {
             let npz = read_npz(&encode(&seen, "npz", options), u64::MAX).unwrap();
             assert_eq!(npz.len(), exr.len());
             for (npz, exr) in npz.iter().zip(&exr) {

@@ -4,12 +4,12 @@
 //! attributes, a table of the places of the lines, and a chunk a line: the line's number, three lengths, the numbers of samples up
 //! to and with each pixel, and the samples, channel by channel.
 
-use std::borrow::Cow;
-
 use rayon::prelude::*;
 
 use super::attributes::{Value, attributes};
+use super::zip::{Segment, Zip, raw};
 use crate::output::channel::{BYTES_A_VALUE, ChannelSpec, Place, Values, channel, repeated_for_opencv};
+use crate::output::deflate::{LEVEL, level};
 use crate::output::format::{Content, EncodeError, FormatSpec, Kind};
 use crate::output::options::{OptionSpec, OptionValues, Options};
 use crate::output::sensor_frame::SensorFrame;
@@ -30,7 +30,13 @@ pub(in crate::output) static FORMAT: FormatSpec = FormatSpec {
     about: "deep OpenEXR images, a sample a return",
     content: Content::Channels,
     read_by: "OpenEXR",
-    options: &[COMPRESSION],
+    options: &[COMPRESSION, LEVEL],
+    check_options: |options| match (options.given(&LEVEL), is_compressed(options)) {
+        (Some(_), false) => Err(EncodeError::new(
+            "`level` is that of `zips`, and the compression is `none`: leave out one of them",
+        )),
+        _ => Ok(()),
+    },
     check: |sensor, options| (super::FORMAT.check)(sensor, options),
     loses,
     // This counts the raw lines, the compressed lines and the file.
@@ -46,6 +52,10 @@ const COMPRESSION: OptionSpec = OptionSpec {
             for deep images that is as small.",
     values: OptionValues::Word { words: &["zips", "none"], default: "zips" },
 };
+
+fn is_compressed(options: &Options) -> bool {
+    options.text(&COMPRESSION) == "zips"
+}
 
 fn file_bytes_a_ray(sensor: &Sensor, options: &Options) -> u64 {
     // The table of samples has a number for each pixel.
@@ -82,11 +92,13 @@ fn channels(sensor: &Sensor, options: &Options) -> Vec<(&'static str, &'static C
 
 fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
     let channels = channels(frame.capture.sensor, options);
-    let is_compressed = options.text(&COMPRESSION) == "zips";
-    let mut file = header(frame, &channels, is_compressed)?;
+    let level = is_compressed(options).then(|| level(options));
+    let mut file = header(frame, &channels, level.is_some())?;
     let rows = 0..frame.frame.rows();
-    let lines: Vec<Result<Vec<u8>, EncodeError>> =
-        rows.into_par_iter().map(|row| line(frame, row, &channels, is_compressed)).collect();
+    let lines: Vec<Result<Vec<u8>, EncodeError>> = rows
+        .into_par_iter()
+        .map_init(Zip::default, |zip, row| line(frame, row, &channels, level.map(|level| (zip, level))))
+        .collect();
     let lines = lines.into_iter().collect::<Result<Vec<_>, _>>()?;
     let mut place = file.len() + size_of::<u64>() * lines.len();
     file.reserve_exact(place - file.len() + lines.iter().map(Vec::len).sum::<usize>());
@@ -98,65 +110,48 @@ fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
     Ok(file)
 }
 
-/// The chunk of a line.
+/// The chunk of a line, which a compressor compresses at a level.
 fn line(
     frame: &SensorFrame,
     row: usize,
     channels: &[(&str, &ChannelSpec)],
-    is_compressed: bool,
+    compressor: Option<(&mut Zip, u8)>,
 ) -> Result<Vec<u8>, EncodeError> {
     let columns = frame.frame.columns();
     let pixels = row * columns..(row + 1) * columns;
-    let mut counts = Vec::with_capacity(size_of::<u32>() * columns);
-    let mut samples = 0_u32;
-    for pixel in pixels.clone() {
-        samples += frame.frame.slots(pixel).len() as u32;
-        counts.extend(samples.to_le_bytes());
+    let mut counts = Vec::with_capacity(columns);
+    // Each sample: its pixel, the number of its return, and its place.
+    let mut samples = Vec::with_capacity(columns);
+    for (column, pixel) in (0..).zip(pixels) {
+        let slots = frame.frame.slots(pixel).enumerate();
+        samples.extend(slots.map(|(number, slot)| (pixel, number, Place { row: row as u32, column, slot })));
+        counts.push(samples.len() as u32);
     }
-    let mut values = Vec::with_capacity(channels.len() * samples as usize * BYTES_A_VALUE as usize);
+    let mut values = Vec::with_capacity(channels.len() * samples.len());
+    let of_number = |number: f64| (number as f32).to_bits();
     for (_, channel) in channels {
-        for pixel in pixels.clone() {
-            for (number, slot) in frame.frame.slots(pixel).enumerate() {
-                let at = Place { pixel, slot };
-                let bytes = match channel.values {
-                    Values::F32(value) => (value(frame, at) as f32).to_le_bytes(),
-                    Values::Image(value) => (value(frame, pixel) as f32).to_le_bytes(),
-                    Values::U32(id) => id(frame, at).to_le_bytes(),
-                    Values::OfPixel { number: of_return, .. } => {
-                        of_return(frame, pixel, number).to_le_bytes()
-                    }
-                };
-                values.extend(bytes);
+        let samples = samples.iter();
+        match channel.values {
+            Values::F32(value) => values.extend(samples.map(|(_, _, at)| of_number(value(frame, *at)))),
+            Values::Image(value) => values.extend(samples.map(|(pixel, ..)| of_number(value(frame, *pixel)))),
+            Values::U32(id) => values.extend(samples.map(|(_, _, at)| id(frame, *at))),
+            Values::OfPixel { number: of_return, .. } => {
+                values.extend(samples.map(|(pixel, number, _)| of_return(frame, *pixel, *number)));
             }
         }
     }
-    let compressed = |bytes| if is_compressed { zip(bytes) } else { Cow::Borrowed(bytes) };
-    let (packed_counts, packed_values) = (compressed(&counts), compressed(&values));
+    let [of_counts, of_values] = [&counts, &values].map(|values| [Segment { values, is_half: false }]);
+    let [packed_counts, packed_values] = match compressor {
+        Some((zip, level)) => [of_counts, of_values].map(|segments| zip.pack(&segments, level)),
+        None => [of_counts, of_values].map(|segments| raw(&segments)),
+    };
     let mut chunk = int(row)?.to_le_bytes().to_vec();
-    for length in [packed_counts.len(), packed_values.len(), values.len()] {
+    for length in [packed_counts.len(), packed_values.len(), of_values[0].bytes()] {
         chunk.extend((length as u64).to_le_bytes());
     }
     chunk.extend_from_slice(&packed_counts);
     chunk.extend_from_slice(&packed_values);
     Ok(chunk)
-}
-
-/// Compresses bytes as OpenEXR's ZIPS does: the bytes at even places come before those at odd places, each becomes its difference
-/// from the one before it, plus 128, and deflate follows. What would not get smaller stays as it is, which readers tell by its
-/// length.
-fn zip(bytes: &[u8]) -> Cow<'_, [u8]> {
-    /// It takes half the time of the usual 6, for some hundredths more of size.
-    const LEVEL: u8 = 3;
-    let even_then_odd = bytes.iter().step_by(2).chain(bytes.iter().skip(1).step_by(2));
-    let mut before = None;
-    let differences: Vec<u8> = even_then_odd
-        .map(|&byte| match before.replace(byte) {
-            Some(before) => byte.wrapping_sub(before).wrapping_add(128),
-            None => byte,
-        })
-        .collect();
-    let compressed = miniz_oxide::deflate::compress_to_vec_zlib(&differences, LEVEL);
-    if compressed.len() < bytes.len() { Cow::Owned(compressed) } else { Cow::Borrowed(bytes) }
 }
 
 /// Everything before the table of lines.
@@ -224,37 +219,4 @@ fn channel_list(channels: &[(&str, &ChannelSpec)]) -> Vec<u8> {
 fn int(number: usize) -> Result<i32, EncodeError> {
     i32::try_from(number)
         .map_err(|_| EncodeError::new(format!("a deep EXR holds numbers up to {}, not {number}", i32::MAX)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Undoes [`zip`] by the definition.
-    fn unzip(packed: &[u8], length: usize) -> Vec<u8> {
-        if packed.len() == length {
-            return packed.to_vec();
-        }
-        let mut bytes = miniz_oxide::inflate::decompress_to_vec_zlib(packed).unwrap();
-        for i in 1..bytes.len() {
-            bytes[i] = bytes[i - 1].wrapping_add(bytes[i]).wrapping_sub(128);
-        }
-        let (even, odd) = bytes.split_at(length.div_ceil(2));
-        (0..length).map(|i| if i % 2 == 0 { even[i / 2] } else { odd[i / 2] }).collect()
-    }
-
-    #[test]
-    fn compression_changes_nothing_and_never_makes_larger() {
-        for length in [0, 1, 2, 3, 100, 1001] {
-            let smooth: Vec<u8> = (0..length).map(|i| (i / 7) as u8).collect();
-            let noise: Vec<u8> =
-                (0..length as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
-            for bytes in [smooth, noise] {
-                let packed = zip(&bytes);
-                assert!(packed.len() <= bytes.len());
-                assert_eq!(unzip(&packed, bytes.len()), bytes);
-            }
-        }
-        assert!(zip(&[7; 1000]).len() < 50);
-    }
 }

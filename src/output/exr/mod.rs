@@ -1,27 +1,25 @@
 //! Encoding of OpenEXR range images; [`deep`] has a sample a return instead of a part a return.
 
 mod attributes;
+mod blocks;
 pub(super) mod deep;
+mod zip;
 
-use std::io::Cursor;
+use std::ops::Range;
 
-use exr::block::chunk::Chunk;
-use exr::block::writer::ChunksWriter;
-use exr::block::{UncompressedBlock, enumerate_ordered_header_block_indices};
 use exr::compression::Compression;
-use exr::image::write::layers::{LayersWriter, WritableLayers};
-use exr::image::{AnyChannel, AnyChannels, Encoding, FlatSamples, Layer, Layers};
-use exr::meta::attribute::{AttributeValue, Text};
-use exr::meta::header::{ImageAttributes, LayerAttributes};
+use exr::meta::attribute::{AttributeValue, SampleType, Text};
+use exr::meta::header::LayerAttributes;
 use exr::prelude::f16;
-use rayon::prelude::*;
 
 use self::attributes::{Value, attributes};
-use super::channel::{BYTES_A_VALUE, DEPTH_FOR_OPENCV, repeated_for_opencv};
+use self::blocks::{Part, PartChannel, compress};
+use super::channel::{BYTES_A_VALUE, ChannelSpec, DEPTH_FOR_OPENCV, Slots, repeated_for_opencv};
+use super::deflate::{FASTEST, LEVEL, level};
 use super::format::{Content, EncodeError, FormatSpec, Kind};
-use super::image::{Channel, Image, Samples};
+use super::image::Samples;
 use super::options::{OptionSpec, OptionValues, Options};
-use super::recorded::Part;
+use super::recorded;
 use super::sensor_frame::SensorFrame;
 use crate::sensor::Sensor;
 use crate::source::words::joined;
@@ -37,13 +35,19 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     about: "OpenEXR range images of all channels",
     content: Content::Channels,
     read_by: "OpenEXR",
-    options: &[COMPRESSION, HALF],
+    options: &[COMPRESSION, LEVEL, HALF],
+    check_options: |options| match (options.given(&LEVEL), options.text(&COMPRESSION)) {
+        (None, _) | (_, "zip" | "zips") => Ok(()),
+        (_, other) => Err(EncodeError::new(format!(
+            "`level` is that of `zip` and `zips`, and the compression is `{other}`: leave out one of them"
+        ))),
+    },
     check,
     loses,
     encoding_bytes_a_ray: |sensor, options| {
-        // This counts the channels, the compressed blocks and the file, under the assumption that compression saves
-        // nothing.
-        3 * file_bytes_a_ray(sensor, options)
+        // This counts the compressed blocks and the file, under the assumption that compression saves nothing. The
+        // channels of a few blocks are there at a time.
+        2 * file_bytes_a_ray(sensor, options)
     },
     file_bytes_a_ray,
     kind: Kind::File(encode),
@@ -112,7 +116,6 @@ fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
 }
 
 fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
-    let size = (frame.frame.columns(), frame.frame.rows());
     let compression = match options.text(&COMPRESSION) {
         "zips" => Compression::ZIP1,
         "piz" => Compression::PIZ,
@@ -120,73 +123,111 @@ fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
         "none" => Compression::Uncompressed,
         _ => Compression::ZIP16,
     };
-    let encoding = Encoding { compression, ..Encoding::SMALL_LOSSLESS };
-    let layer = |number, name: Option<Text>| {
-        let image = Image::for_opencv(frame, number, options.channels);
-        Layer::new(size, layer_attributes(frame, name), encoding, channels(image, options))
-    };
     // The parts of a multi-part file need names.
-    let parts = frame.frame.most_returns().max(1);
-    let file = if parts == 1 {
-        compress(&exr::image::Image::from_layer(layer(0, None)))
-    } else {
-        let named = |number| layer(number, Some(Text::from(format!("return{number}").as_str())));
-        let layers: Layers<_> = (0..parts).map(named).collect();
-        compress(&exr::image::Image::from_layers(ImageAttributes::with_size(size), layers))
+    let count = frame.frame.most_returns().max(1);
+    let name = |number| (count > 1).then(|| Text::from(format!("return{number}").as_str()));
+    let parts: Vec<Part> = (0..count).map(|number| part(frame, number, name(number), options)).collect();
+    file(&parts, compression, level(options))
+}
+
+/// The image of the returns with a number, from 0.
+fn part<'f>(frame: &'f SensorFrame<'f>, number: usize, name: Option<Text>, options: &Options) -> Part<'f> {
+    let specs: Vec<(&ChannelSpec, bool)> =
+        options.channels.of(frame.capture.sensor).map(|spec| (spec, is_half(spec.name, options))).collect();
+    let channel = |(column, (spec, is_half)): (usize, &(&ChannelSpec, bool))| PartChannel {
+        name: Text::from(spec.name),
+        kind: match (is_half, spec.is_measurement()) {
+            (true, _) => SampleType::F16,
+            (_, true) => SampleType::F32,
+            (_, false) => SampleType::U32,
+        },
+        column,
     };
-    let mut file = file.map_err(|e| EncodeError::new(format!("the EXR can't be encoded: {e}")))?;
-    sort_attributes(&mut file, parts);
-    Ok(file)
+    let channels = specs.iter().enumerate().map(channel).collect();
+    let values = move |rows: Range<usize>, columns: &mut [Vec<u32>]| {
+        let slots = Slots::of(frame, number, rows);
+        for ((spec, is_half), values) in specs.iter().zip(columns) {
+            spec.add_bits(frame, &slots, values);
+            if *is_half {
+                values.iter_mut().for_each(|value| *value = half(f32::from_bits(*value)).to_bits().into());
+            }
+        }
+    };
+    Part {
+        rows: frame.frame.rows(),
+        columns: frame.frame.columns(),
+        attributes: layer_attributes(frame, name),
+        channels: with_depth_for_opencv(channels, &[repeated_for_opencv(frame.capture.sensor)]),
+        values: Box::new(values),
+    }
 }
 
 /// The file of a recorded image, compressed without loss. Attributes that are numbers are those, and all others are texts.
-pub(super) fn of_parts(parts: Vec<Part>) -> Result<Vec<u8>, EncodeError> {
-    let (count, mut layers) = (parts.len(), Layers::new());
-    for (number, part) in parts.into_iter().enumerate() {
-        let Part { name, mut image, attributes } = part;
-        add_depth_for_opencv(&mut image);
-        let size = (image.columns, image.rows);
-        let attributes = attributes.iter().map(|(name, value)| (ascii(name), recorded_value(value)));
-        let name = match (count, name.as_str()) {
-            (1, _) => None,
-            (_, "") => Some(format!("return{number}")),
-            (_, name) => Some(name.to_owned()),
-        };
-        let attributes = LayerAttributes {
-            layer_name: name.map(|name| ascii(&name)),
-            other: attributes.collect(),
-            ..LayerAttributes::default()
-        };
-        let channels = image.channels.into_iter().map(|channel| {
-            let samples = match channel.samples {
-                Samples::F32(values) => FlatSamples::F32(values),
-                Samples::U32(values) => FlatSamples::U32(values),
-            };
-            AnyChannel::new(ascii(&channel.name), samples)
-        });
-        let channels = AnyChannels::sort(channels.collect());
-        let encoding = Encoding { compression: Compression::ZIP16, ..Encoding::SMALL_LOSSLESS };
-        layers.push(Layer::new(size, attributes, encoding, channels));
-    }
-    let file = match layers.len() {
-        1 => compress(&exr::image::Image::from_layer(layers.remove(0))),
-        _ => {
-            let size = layers.first().map_or((1, 1), |layer| (layer.size.width(), layer.size.height()));
-            compress(&exr::image::Image::from_layers(ImageAttributes::with_size(size), layers))
-        }
-    };
-    let mut file = file.map_err(|e| EncodeError::new(format!("the EXR can't be encoded: {e}")))?;
-    sort_attributes(&mut file, count);
-    Ok(file)
+pub(super) fn of_parts(recorded: Vec<recorded::Part>) -> Result<Vec<u8>, EncodeError> {
+    let count = recorded.len();
+    let parts: Vec<Part> =
+        recorded.iter().enumerate().map(|(number, part)| recorded_part(part, number, count)).collect();
+    file(&parts, Compression::ZIP16, FASTEST)
 }
 
-/// Repeats the depth under the name that OpenCV reads, as every image of a scan does.
-fn add_depth_for_opencv(image: &mut Image) {
-    let depth = ["Z", "range"].into_iter().find_map(|name| image.channel(name).cloned());
-    if let (Some(samples), None) = (depth, image.channel(DEPTH_FOR_OPENCV)) {
-        image.channels.push(Channel { name: DEPTH_FOR_OPENCV.to_owned(), samples });
-        image.channels.sort_by(|a, b| a.name.cmp(&b.name));
+fn recorded_part<'r>(recorded: &'r recorded::Part, number: usize, count: usize) -> Part<'r> {
+    let recorded::Part { name, image, attributes } = recorded;
+    let attributes = attributes.iter().map(|(name, value)| (ascii(name), recorded_value(value)));
+    let name = match (count, name.as_str()) {
+        (1, _) => None,
+        (_, "") => Some(format!("return{number}")),
+        (_, name) => Some(name.to_owned()),
+    };
+    let attributes = LayerAttributes {
+        layer_name: name.map(|name| ascii(&name)),
+        other: attributes.collect(),
+        ..LayerAttributes::default()
+    };
+    let channels = image.channels.iter().enumerate().map(|(column, channel)| PartChannel {
+        name: ascii(&channel.name),
+        kind: match channel.samples {
+            Samples::F32(_) => SampleType::F32,
+            Samples::U32(_) => SampleType::U32,
+        },
+        column,
+    });
+    let values = |rows: Range<usize>, columns: &mut [Vec<u32>]| {
+        let pixels = rows.start * image.columns..rows.end * image.columns;
+        for (channel, values) in image.channels.iter().zip(columns) {
+            match &channel.samples {
+                Samples::F32(samples) => {
+                    values.extend(samples[pixels.clone()].iter().map(|value| value.to_bits()))
+                }
+                Samples::U32(samples) => values.extend_from_slice(&samples[pixels.clone()]),
+            }
+        }
+    };
+    Part {
+        rows: image.rows,
+        columns: image.columns,
+        attributes,
+        channels: with_depth_for_opencv(channels.collect(), &["Z", "range"]),
+        values: Box::new(values),
     }
+}
+
+/// The channels sorted by name, with the first of some depths that is among them once more under the name that OpenCV reads.
+fn with_depth_for_opencv(mut channels: Vec<PartChannel>, depths: &[&str]) -> Vec<PartChannel> {
+    let find = |name: &str| channels.iter().find(|channel| channel.name == Text::from(name));
+    let depth = depths.iter().find_map(|name| find(name)).cloned();
+    if let (Some(depth), None) = (depth, find(DEPTH_FOR_OPENCV)) {
+        channels.push(PartChannel { name: Text::from(DEPTH_FOR_OPENCV), ..depth });
+    }
+    channels.sort_by(|a, b| a.name.cmp(&b.name));
+    channels
+}
+
+/// The file of parts, with attributes in the order of their names.
+fn file(parts: &[Part], compression: Compression, level: u8) -> Result<Vec<u8>, EncodeError> {
+    let file = compress(parts, compression, level);
+    let mut file = file.map_err(|e| EncodeError::new(format!("the EXR can't be encoded: {e}")))?;
+    sort_attributes(&mut file, parts.len());
+    Ok(file)
 }
 
 /// A recorded attribute: the number whose digits it is, or the text.
@@ -204,42 +245,6 @@ fn ascii(text: &str) -> Text {
         .map(|c| if c.is_ascii() && c != '\0' { c.to_string() } else { c.escape_default().to_string() })
         .collect();
     Text::from(escaped.as_str())
-}
-
-/// Compresses the blocks in rayon's current thread pool, and not in a pool of the library, so that `--threads` holds.
-fn compress<'i, L: WritableLayers<'i>>(image: &'i exr::image::Image<L>) -> exr::error::Result<Vec<u8>> {
-    let headers = image.layer_data.infer_headers(&image.attributes);
-    let layers = image.layer_data.create_writer(&headers);
-    let mut file = Vec::new();
-    exr::block::write(Cursor::new(&mut file), headers, true, |meta, writer| {
-        let blocks: Vec<_> = enumerate_ordered_header_block_indices(&meta.headers).collect();
-        let chunks: Vec<exr::error::Result<Chunk>> = blocks
-            .par_iter()
-            .map(|&(_, index)| {
-                let data = layers.extract_uncompressed_block(&meta.headers, index);
-                UncompressedBlock { index, data }.compress_to_chunk(&meta.headers)
-            })
-            .collect();
-        for ((place, _), chunk) in blocks.iter().zip(chunks) {
-            writer.write_chunk(*place, chunk?)?;
-        }
-        Ok(())
-    })?;
-    Ok(file)
-}
-
-fn channels(image: Image, options: &Options) -> AnyChannels<FlatSamples> {
-    let channels = image.channels.into_iter().map(|channel| {
-        let samples = match channel.samples {
-            Samples::F32(values) if is_half(&channel.name, options) => {
-                FlatSamples::F16(values.into_iter().map(half).collect())
-            }
-            Samples::F32(values) => FlatSamples::F32(values),
-            Samples::U32(values) => FlatSamples::U32(values),
-        };
-        AnyChannel::new(channel.name.as_str(), samples)
-    });
-    AnyChannels::sort(channels.collect())
 }
 
 fn layer_attributes(frame: &SensorFrame, name: Option<Text>) -> LayerAttributes {
@@ -291,6 +296,7 @@ fn attribute_length(header: &[u8]) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::options::OptionValue;
     use super::*;
 
     /// An attribute of type `int`, as bytes.
@@ -315,6 +321,43 @@ mod tests {
         let mut file = two([&b, &a], [&ab, &a]);
         sort_attributes(&mut file, 2);
         assert_eq!(file, two([&a, &b], [&a, &ab]));
+    }
+
+    #[test]
+    fn a_level_is_that_of_deflate() {
+        let mut options = Options::none(FORMAT.options);
+        options.set(&LEVEL, 4.0);
+        for word in ["zip", "zips"] {
+            options.set(&COMPRESSION, OptionValue::Text(word));
+            (FORMAT.check_options)(&options).unwrap();
+        }
+        options.set(&COMPRESSION, OptionValue::Text("rle"));
+        let told = (FORMAT.check_options)(&options).unwrap_err().to_string();
+        assert!(told.contains("`level`") && told.contains("`rle`"), "{told}");
+        let mut deep = Options::none(deep::FORMAT.options);
+        deep.set(&LEVEL, 4.0);
+        (deep::FORMAT.check_options)(&deep).unwrap();
+    }
+
+    #[test]
+    fn depth_is_repeated_for_opencv_and_channels_are_sorted() {
+        let channels = |names: &[&str]| -> Vec<(String, usize)> {
+            let channel = |(column, name): (usize, &&str)| PartChannel {
+                name: Text::from(*name),
+                kind: SampleType::F32,
+                column,
+            };
+            let channels = names.iter().enumerate().map(channel).collect();
+            let all = with_depth_for_opencv(channels, &["Z", "range"]).into_iter();
+            all.map(|channel| (channel.name.to_string(), channel.column)).collect()
+        };
+        let named = |all: &[(&str, usize)]| -> Vec<(String, usize)> {
+            all.iter().map(|(name, column)| ((*name).to_owned(), *column)).collect()
+        };
+        assert_eq!(channels(&["range", "a"]), named(&[("Y", 0), ("a", 1), ("range", 0)]));
+        assert_eq!(channels(&["range", "Z"]), named(&[("Y", 1), ("Z", 1), ("range", 0)]));
+        assert_eq!(channels(&["range", "Y"]), named(&[("Y", 1), ("range", 0)]));
+        assert_eq!(channels(&["a"]), named(&[("a", 0)]));
     }
 
     #[test]

@@ -6,10 +6,11 @@ use std::io::{self, Write};
 
 use laz::laszip::{ChunkTable, ChunkTableEntry};
 use laz::record::{LayeredPointRecordCompressor, RecordCompressor};
-use laz::{LasZipError, LazItemRecordBuilder, LazItemType, LazVlr, LazVlrBuilder};
+use laz::{LasZipError, LazItem, LazItemRecordBuilder, LazItemType, LazVlr, LazVlrBuilder};
 use rayon::prelude::*;
 
 use super::super::format::EncodeError;
+use super::extra_bytes::layers;
 
 /// The points of a chunk: as many as LASzip itself takes.
 const POINTS: u32 = 50_000;
@@ -17,6 +18,9 @@ const POINTS: u32 = 50_000;
 /// The chunks that are written.
 pub(super) struct Chunks {
     laszip: LazVlr,
+    extra_bytes: usize,
+    /// The number of layers of all but the extra bytes.
+    own_layers: usize,
     table: ChunkTable,
     /// The bytes of all chunks.
     bytes: u64,
@@ -39,7 +43,9 @@ impl Chunks {
             items.add_item(LazItemType::Byte14(extra_bytes as u16));
         }
         let laszip = LazVlrBuilder::new(items.build()).with_fixed_chunk_size(POINTS).build();
-        Self { laszip, table: ChunkTable::default(), bytes: 0 }
+        // LASzip parts the point of format 6 into 9 layers. Colours are one, and near infrared is one.
+        let own_layers = 9 + usize::from(format >= 7) + usize::from(format == 8);
+        Self { laszip, extra_bytes, own_layers, table: ChunkTable::default(), bytes: 0 }
     }
 
     /// The record that describes the compression.
@@ -74,14 +80,7 @@ impl Chunks {
 
     fn write(&mut self, records: &[u8], file: &mut dyn Write) -> Result<(), EncodeError> {
         let bytes = POINTS as usize * self.laszip.items_size() as usize;
-        let compress = |chunk: &[u8]| -> Result<Vec<u8>, LasZipError> {
-            let mut compressor = LayeredPointRecordCompressor::new(Vec::new());
-            compressor.set_fields_from(self.laszip.items())?;
-            compressor.compress_many(chunk)?;
-            compressor.done()?;
-            Ok(std::mem::take(compressor.get_mut()))
-        };
-        let chunks: Result<Vec<_>, _> = records.par_chunks(bytes).map(compress).collect();
+        let chunks: Result<Vec<_>, _> = records.par_chunks(bytes).map(|chunk| self.compress(chunk)).collect();
         for chunk in chunks.map_err(io::Error::other)? {
             file.write_all(&chunk)?;
             let byte_count = chunk.len() as u64;
@@ -90,6 +89,44 @@ impl Chunks {
         }
         Ok(())
     }
+
+    /// A chunk: the first record, the number of records, the lengths of the layers, and the layers. Those of the extra bytes come last.
+    fn compress(&self, records: &[u8]) -> Result<Vec<u8>, LasZipError> {
+        /// The place of the bits of the scanner's channel.
+        const CHANNEL: usize = 15;
+        let record_bytes = self.laszip.items_size() as usize;
+        let own_bytes = record_bytes - self.extra_bytes;
+        let channels = || records.iter().skip(CHANNEL).step_by(record_bytes).map(|flags| flags >> 4 & 3);
+        // Each channel has contexts of its own, which the library knows.
+        if self.extra_bytes == 0 || channels().any(|channel| Some(channel) != channels().next()) {
+            return chunk_of(self.laszip.items(), records.chunks_exact(record_bytes));
+        }
+        let own: Vec<LazItem> = self
+            .laszip
+            .items()
+            .iter()
+            .filter(|item| !matches!(item.item_type(), LazItemType::Byte14(_)))
+            .copied()
+            .collect();
+        let points = chunk_of(&own, records.chunks_exact(record_bytes).map(|record| &record[..own_bytes]))?;
+        let (first, rest) = points.split_at(own_bytes);
+        let (counts, of_points) = rest.split_at(size_of::<u32>() * (1 + self.own_layers));
+        let layers = layers(records, record_bytes, own_bytes);
+        let lengths: Vec<_> = layers.iter().map(|layer| (layer.len() as u32).to_le_bytes()).collect();
+        let extra = &records[own_bytes..record_bytes];
+        Ok([first, extra, counts, lengths.as_flattened(), of_points, &layers.concat()].concat())
+    }
+}
+
+/// The chunk of some records of these items.
+fn chunk_of<'r>(items: &[LazItem], records: impl Iterator<Item = &'r [u8]>) -> Result<Vec<u8>, LasZipError> {
+    let mut compressor = LayeredPointRecordCompressor::new(Vec::new());
+    compressor.set_fields_from(&items.to_vec())?;
+    for record in records {
+        compressor.compress_next(record)?;
+    }
+    compressor.done()?;
+    Ok(std::mem::take(compressor.get_mut()))
 }
 
 #[cfg(test)]
@@ -109,6 +146,46 @@ mod tests {
         }
         chunks.finish(&mut waiting, &mut file).unwrap();
         (chunks, file)
+    }
+
+    #[test]
+    fn chunks_are_those_of_the_library() {
+        let mut random = (0_u64..).map(|i| i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33);
+        for (format, own_bytes) in [(6, 30), (7, 36), (8, 38)] {
+            for extra_bytes in [0, 1, 7] {
+                for points in [1, 2, 20_000] {
+                    for channels in [1, 4] {
+                        let record = |number: usize| {
+                            let mut record: Vec<u8> =
+                                random.by_ref().take(own_bytes).map(|r| r as u8).collect();
+                            // One return of one, and a channel.
+                            (record[14], record[15]) = (0x11, ((number / 100 % channels) << 4) as u8);
+                            // A constant, a counter, rare steps, noise, and small numbers.
+                            let r = random.next().unwrap() as usize;
+                            let bytes = [
+                                5,
+                                number,
+                                usize::from(number > 9000) * 255,
+                                r,
+                                r % 3,
+                                number / 256,
+                                (r % 1000) / 999,
+                            ];
+                            record.extend(bytes[..extra_bytes].iter().map(|byte| *byte as u8));
+                            record
+                        };
+                        let records: Vec<u8> = (0..points).flat_map(record).collect();
+                        let chunks = Chunks::new(format, extra_bytes);
+                        let whole = records.chunks_exact(own_bytes + extra_bytes);
+                        let expected = chunk_of(chunks.laszip.items(), whole).unwrap();
+                        assert!(
+                            chunks.compress(&records).unwrap() == expected,
+                            "{format} {extra_bytes} {points} {channels}"
+                        );
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -8,6 +8,7 @@ use std::borrow::Cow;
 use glam::DVec3;
 
 use super::super::format::EncodeError;
+use super::super::points::rounded;
 use super::chunks::Chunks;
 
 /// The length of the header.
@@ -114,9 +115,9 @@ impl Contents {
     /// # Errors
     /// An error that says which scale would fit if the point is too far from the offset.
     pub fn steps_of(&self, position_m: DVec3) -> Result<[i32; 3], EncodeError> {
-        let steps = ((position_m - self.offset_m) / self.scale_m).round();
-        if steps.abs().max_element() <= f64::from(i32::MAX) {
-            return Ok(steps.to_array().map(|step| step as i32));
+        let steps = ((position_m - self.offset_m) / self.scale_m).to_array().map(rounded);
+        if let [Some(x), Some(y), Some(z)] = steps {
+            return Ok([x, y, z]);
         }
         let far_m = (position_m - self.offset_m).abs().max_element();
         let digits = libm::ceil(libm::log10(far_m / f64::from(i32::MAX)));

@@ -3,7 +3,7 @@
 //! ```text
 //! mod       the declarations, and the points of frames as records
 //! header    the header with its records of variable length (ASPRS, "LAS Specification 1.4 – R15", 2019)
-//! chunks    the compression of LAZ
+//! chunks    the compression of LAZ; extra_bytes: that of the extra dimensions
 //! of_cloud  recorded clouds as such files
 //! ```
 //!
@@ -11,6 +11,7 @@
 //! header, which counts them, when the last one is there.
 
 mod chunks;
+mod extra_bytes;
 mod header;
 mod of_cloud;
 
@@ -233,13 +234,29 @@ impl Cloud {
         Ok(file.write_all(&self.head())?)
     }
 
-    /// Adds the records of a frame's points to those that are not written yet.
-    fn add_records(&mut self, frame: &SensorFrame) -> Result<(), EncodeError> {
-        let Self { options, contents, records, .. } = self;
+    /// Writes the records of a frame's points, but for those of a chunk that is not whole.
+    fn add_records(&mut self, frame: &SensorFrame, file: &mut dyn Write) -> Result<(), EncodeError> {
+        /// So many records stay near a core until they are written; of a file that is compressed they are enough for a
+        /// few chunks beside each other.
+        const RECORDS: usize = 1 << 14;
+        const RECORDS_OF_CHUNKS: usize = 1 << 19;
+        let Self { options, contents, records, chunks, .. } = self;
         let of_frame = OfFrame::of(frame, contents)?;
         let (record_bytes, own) = (contents.record_bytes, more_bytes(frame.capture.sensor, options) as usize);
-        records.reserve(frame.frame.return_count() * record_bytes);
+        let most = record_bytes * if chunks.is_some() { RECORDS_OF_CHUNKS } else { RECORDS };
+        records.reserve(most.min(frame.frame.return_count() * record_bytes + records.len()));
+        let mut write = |records: &mut Vec<u8>| match chunks {
+            Some(chunks) => chunks.write_whole(records, file),
+            None => {
+                file.write_all(records)?;
+                records.clear();
+                Ok(())
+            }
+        };
         frame.each_point(|point| {
+            if records.len() >= most {
+                write(records)?;
+            }
             let end = records.len() + record_bytes;
             let steps = contents.steps_of(point.exact_m)?;
             contents.count(steps, return_number(point.number + 1));
@@ -250,7 +267,8 @@ impl Cloud {
                 frame.add_more(point, options, records);
             }
             Ok(())
-        })
+        })?;
+        write(records)
     }
 }
 
@@ -261,15 +279,7 @@ impl Stream for Cloud {
             self.contents.offset_m = frame.cloud_from_sensor(0.0).translation.round() + DVec3::ZERO;
             self.begin(file)?;
         }
-        self.add_records(frame)?;
-        match &mut self.chunks {
-            Some(chunks) => chunks.write_whole(&mut self.records, file),
-            None => {
-                file.write_all(&self.records)?;
-                self.records.clear();
-                Ok(())
-            }
-        }
+        self.add_records(frame, file)
     }
 
     fn finish(&mut self, file: &mut dyn Write) -> Result<(), EncodeError> {

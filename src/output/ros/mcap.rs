@@ -8,7 +8,8 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use crc32fast::Hasher;
-use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+
+use super::zstd::zstd;
 
 const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', 0x30, b'\r', b'\n'];
 
@@ -37,7 +38,7 @@ enum Op {
 pub(super) enum Compression {
     /// None.
     None,
-    /// Zstandard, at its fastest.
+    /// Zstandard.
     Zstd,
 }
 
@@ -203,7 +204,7 @@ impl Mcap {
         let (size, crc) = (records.len() as u64, crc32fast::hash(&records));
         let stored = match self.compression {
             Compression::None => records,
-            Compression::Zstd => compress_to_vec(&records[..], CompressionLevel::Fastest),
+            Compression::Zstd => zstd(&records),
         };
         let name = self.compression.name();
         let mut head = vec![Op::Chunk as u8];

@@ -3,7 +3,7 @@
 //! ```text
 //! cdr        the encoding of messages
 //! schemas    the types of messages, with their definitions
-//! mcap       the container; metadata: the file beside it, by which rosbag2 knows it
+//! mcap       the container; zstd: its compression; metadata: the file beside it, by which rosbag2 knows it
 //! layouts    the layouts of points
 //! settings   the options
 //! messages   transforms, motion, inertial measurements, images
@@ -22,6 +22,7 @@ mod messages;
 mod metadata;
 mod schemas;
 mod settings;
+mod zstd;
 
 use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::options::Options;

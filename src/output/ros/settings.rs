@@ -141,7 +141,7 @@ const fn noise(name: &'static str, about: &'static str) -> OptionSpec {
 
 const COMPRESSION: OptionSpec = OptionSpec {
     name: "compression",
-    about: "The compression of the file's chunks. Zstandard takes about a third off clouds, and its time.",
+    about: "The compression of the file's chunks. Zstandard takes about a third off clouds, and more off images.",
     values: OptionValues::Word { words: &["none", "zstd"], default: "none" },
 };
 
