@@ -106,7 +106,7 @@ fn add_text(points: &[u8], kinds: &[&str], file: &mut Vec<u8>) {
     for point in values.chunks_exact(kinds.len().max(1)) {
         for (bytes, (is_integer, last, word)) in point.iter().zip(&mut columns) {
             let start = file.len();
-            if bytes == last && !word.is_empty() {
+            if bytes == last && word.start < word.end {
                 file.extend_from_within(word.clone());
             } else if *is_integer {
                 add_integer(i32::from_le_bytes(*bytes), file);
