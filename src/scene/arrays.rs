@@ -228,7 +228,7 @@ mod tests {
         let hit = down(&scene, 500_000.7, 5_400_000.2, 310.0).unwrap();
         // The half extent is 0.5 m, and the middle is off by less than a step of its own, so no coordinate exceeds 1 m: half an ulp
         // is 2⁻²⁵ m.
-        assert!((hit.t - 9.999_9).abs() <= 2.0_f64.powi(-25) + 1e-12, "{}", hit.t);
+        assert!((hit.t - 9.999_9).abs() <= f64::from(f32::EPSILON) / 4.0 + 1e-12, "{}", hit.t);
     }
 
     #[test]

@@ -23,7 +23,7 @@
 //! Rays come in batches of neighbours, such as a tile of an image or the beams of a firing. They are fast if they share an origin.
 //! Where things move, each ray has a time ([`Rays::times_s`]), and finds them where they are then.
 //! Where one ray has several hits to give (cut-outs, glass, further returns), [`Rays::after`] asks for the next one, and
-//! [`all_hits`] for all.
+//! [`all_hits()`] for all.
 
 #[cfg(test)]
 mod adversary;
