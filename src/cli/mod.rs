@@ -34,6 +34,7 @@ mod threads;
 mod verify;
 mod view;
 
+use std::ffi::OsString;
 use std::io::{self, Write as _};
 use std::process::ExitCode;
 
@@ -99,31 +100,37 @@ enum Command {
 
 /// Runs the tool on the process's arguments.
 pub fn main() -> ExitCode {
+    ExitCode::from(main_with(std::env::args_os()))
+}
+
+/// Runs the tool on arguments, of which the first is the program's name, and returns the exit code. A process can do so once,
+/// because the tool sets up the threads of the process and watches its signals.
+pub fn main_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     interrupt::outlive_file_limits();
-    let cli = match Cli::try_parse() {
+    let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(shown) => return show(&shown),
     };
     let terminal = Terminal::new(&cli.terminal);
     match run(&cli.command, &terminal) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(error) => {
             terminal.error(&error);
-            ExitCode::from(error.exit_code())
+            error.exit_code()
         }
     }
 }
 
 /// Shows help, the version, or what is wrong with the arguments.
-fn show(shown: &clap::Error) -> ExitCode {
+fn show(shown: &clap::Error) -> u8 {
     match shown.print().and_then(|()| io::stdout().flush()) {
         // A reader that has gone away has read enough.
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             let error = Error::output("stdout", error);
             let _ = writeln!(io::stderr(), "error: {error}");
-            ExitCode::from(error.exit_code())
+            error.exit_code()
         }
-        _ => ExitCode::from(u8::try_from(shown.exit_code()).unwrap_or(2)),
+        _ => u8::try_from(shown.exit_code()).unwrap_or(2),
     }
 }
 

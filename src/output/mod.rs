@@ -97,6 +97,7 @@ pub use objects::{BOXES, VISIBLE, box_row, visible_row};
 pub use options::{Channels, OptionSpec, OptionValue, OptionValues, Options};
 pub use page::formats_page;
 pub use picture::{LINE_COLOUR, NO_RETURN_COLOUR, Picture, Rgb, TEXT_COLOUR, text_width};
+pub use points::Point;
 pub use poses::{POSES, pose_row};
 pub use registry::{FORMATS, Format};
 pub use sensor_frame::{CloudFrame, CloudTime, SensorFrame};

@@ -15,7 +15,7 @@ use crate::truth::SurfaceMotion;
 
 /// A return as a point of a cloud.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Point {
+pub struct Point {
     /// The position in the cloud's frame in metres. The computation is in f64, so each coordinate is rounded once.
     pub position_m: [f32; 3],
     /// The same position before it is rounded.
@@ -132,7 +132,7 @@ impl SensorFrame<'_> {
     ///
     /// # Errors
     /// The first error of `write`.
-    pub(super) fn each_point(
+    pub fn each_point(
         &self,
         mut write: impl FnMut(&Point) -> Result<(), EncodeError>,
     ) -> Result<(), EncodeError> {

@@ -279,10 +279,16 @@ impl Survey {
             }
             // What moves is stored in spaces of its own, so it does not count unless there is nothing else.
             let counts = if all.is_empty() { moving } else { all };
-            survey.centre = counts.middle(power_of_two_below(counts.half_extent()) / 16.0);
+            survey.centre = centre_of(&counts);
         }
         Ok(survey)
     }
+}
+
+/// The middle of bounds that are not empty, rounded to a multiple of a power of two that is at most a sixteenth of their largest half
+/// extent.
+pub(super) fn centre_of(bounds: &Bounds) -> DVec3 {
+    bounds.middle(power_of_two_below(bounds.half_extent()) / 16.0)
 }
 
 /// The largest power of two that is at most `x`; 0 for 0.

@@ -17,6 +17,7 @@
 //! ```text
 //! source       what a scene is made of before it is one: meshes, and where they are placed
 //! build        from these to a scene: one space, one numbering
+//! arrays       the same of meshes that a program has in memory
 //! flatten      the meshes that are placed once; regions and steps: how large scenes are split, and why they agree
 //! rounding     what it costs that vertices have 32 bits
 //! geometry     the half that no time changes
@@ -34,6 +35,7 @@
 
 mod appearance;
 mod arrangement;
+mod arrays;
 mod bending;
 pub(crate) mod bounds;
 mod build;
@@ -57,6 +59,7 @@ mod steps;
 mod texture;
 
 pub use arrangement::{Arrangement, Placement, Scene, Surface};
+pub use arrays::{MeshArrays, SourceTriangles, Vertices};
 pub use bending::Slicing;
 pub use corners::{Corners, MeshCorners};
 pub use environment::{Environment, Haze, Sun, Weather};

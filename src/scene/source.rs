@@ -81,6 +81,20 @@ pub enum SceneBuildError {
         /// The number of triangles.
         count: u64,
     },
+    /// A corner of a triangle is no vertex of its mesh.
+    #[error(
+        "triangle {triangle} of mesh {mesh} has the corner {vertex}, and the mesh has {vertices} vertices"
+    )]
+    NoVertex {
+        /// The number of the mesh.
+        mesh: usize,
+        /// The number of the triangle in the mesh.
+        triangle: usize,
+        /// The index that is the triangle's corner.
+        vertex: u32,
+        /// The number of the mesh's vertices.
+        vertices: usize,
+    },
     /// A vertex lies at infinity, or further out than [`SceneBuilder::MAX_COORDINATE_M`].
     #[error(
         "a vertex lies at ({:e}, {:e}, {:e}) m, further than {:e} m from the middle",

@@ -15,16 +15,19 @@
 //! simd/        eight lanes: portable, AVX2, AVX-512; rounding: the constants of f32 bounds
 //! rays batch   rays and hits as callers and as traversals have them; hit_attributes: what a hit's triangle tells
 //! methods/     the published methods; any: the tracer that a job casts with
+//! all_hits     all hits of rays, one after the other
 //! moving       packets among what moves; maps: where that is at the times of rays
 //! scratch      the memory of casting; stats: counters of its work
 //! ```
 //!
 //! Rays come in batches of neighbours, such as a tile of an image or the beams of a firing. They are fast if they share an origin.
 //! Where things move, each ray has a time ([`Rays::times_s`]), and finds them where they are then.
-//! Where one ray has several hits to give (cut-outs, glass, further returns), [`Rays::after`] asks for the next one.
+//! Where one ray has several hits to give (cut-outs, glass, further returns), [`Rays::after`] asks for the next one, and
+//! [`all_hits()`] for all.
 
 #[cfg(test)]
 mod adversary;
+mod all_hits;
 mod any;
 mod batch;
 mod brute;
@@ -48,6 +51,7 @@ mod stream;
 mod top;
 mod tracer;
 
+pub use all_hits::all_hits;
 pub use any::AnyTracer;
 pub use batch::PACKET_RAYS;
 pub use brute::BruteForce;

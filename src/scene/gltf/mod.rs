@@ -200,7 +200,9 @@ fn read_and_build(path: &Path, display_name: &str, options: &Options) -> Result<
             Fault::new("", format!("the scene has nothing to hit: it has {triangles}, of no area"))
                 .help("are vertices all in one place, or nodes scaled to zero?")
         }
-        SceneBuildError::TooManyTriangles { .. } => Fault::new("", error.to_string()),
+        SceneBuildError::TooManyTriangles { .. } | SceneBuildError::NoVertex { .. } => {
+            Fault::new("", error.to_string())
+        }
     })?;
     if !options.optics.is_empty() {
         let geometry = Arc::make_mut(&mut scene.geometry);
