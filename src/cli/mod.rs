@@ -23,6 +23,7 @@ mod merge;
 mod outline;
 mod parts;
 mod presets;
+mod recording;
 mod scan;
 mod schema;
 mod selftest;

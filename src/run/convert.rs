@@ -1,16 +1,19 @@
 //! Recorded files in other formats: single ones, and every frame of a folder that a scan wrote.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
+use std::fs::{self, File};
 use std::path::Path;
 
 use serde_json::{Value, json};
 
+use super::journal::is_of_a_run;
+use super::table::Table;
 use crate::error::Error;
 use crate::output::recorded::{
-    CLOUD_ENDINGS, Folder, FrameKey, IMAGE_ENDINGS, Output, Recorded, read_manifest,
+    Bag, CLOUD_ENDINGS, Folder, FrameKey, IMAGE_ENDINGS, Output, ReadError, Recorded, Wanted, read_manifest,
 };
-use crate::output::{CloudFormat, Destination, EncodeError, FileNames, ImageFormat, Manifest};
+use crate::output::{CloudFormat, Destination, EncodeError, FileNames, ImageFormat, Manifest, WrittenFile};
+use crate::source::words::quoted;
 
 /// A format that recorded files are written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,73 +68,166 @@ impl Target {
     }
 }
 
+/// What is made of recordings, and where it goes.
+#[derive(Clone, Copy, Debug)]
+pub struct Order<'a> {
+    /// The format.
+    pub target: Target,
+    /// The steps of the coordinates of a LAS, in metres.
+    pub step_m: f64,
+    /// The file or the folder.
+    pub out: &'a Path,
+    /// Whether files that are there may be replaced. What an earlier conversion or run has left in the folder is removed then.
+    pub overwrite: bool,
+    /// The bytes that the numbers of a frame may take.
+    pub memory: u64,
+}
+
 /// The result of a conversion.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Converted {
-    /// The files that were written, without the manifest.
-    pub files: u64,
-    /// Their bytes.
-    pub bytes: u64,
+    /// The files that were written, without the manifest, sorted by path.
+    pub files: Vec<WrittenFile>,
     /// Notes about them, each sentence once.
     pub notes: Vec<String>,
 }
 
+impl Converted {
+    /// The bytes of all files.
+    pub fn bytes(&self) -> u64 {
+        self.files.iter().map(|file| file.bytes).sum()
+    }
+}
+
 /// Converts the frames of a folder into files of the same names in another folder, which has the tables of the run and a manifest,
-/// too. One frame is in memory at a time, whose numbers may take `memory` bytes. `goes_on` is asked before each frame, and
-/// ends the work by an error.
+/// too. One frame is in memory at a time. `goes_on` is asked before each frame, and ends the work by an error.
 ///
 /// # Errors
 /// [`Error::Input`] if the folder has no frames for the target, or one can't be read or held by the format; [`Error::Output`]
 /// if a file can't be written, or is there already and may not be replaced; the errors of `goes_on`.
 pub fn convert_folder(
     folder: &Folder,
-    (out, overwrite): (&Path, bool),
-    (target, step_m): (Target, f64),
-    memory: u64,
+    order: &Order,
     goes_on: &mut dyn FnMut() -> Result<(), Error>,
 ) -> Result<Converted, Error> {
     let real = |path: &Path| fs::canonicalize(path).ok();
-    if real(folder.path()).is_some_and(|source| real(out) == Some(source)) {
+    if real(folder.path()).is_some_and(|source| real(order.out) == Some(source)) {
         return Err(Error::output(
-            out,
+            order.out,
             "is the folder that is converted: its files are kept, so name another one",
         ));
     }
-    let frames = frames(folder, target)?;
+    let frames = frames(folder, order.target)?;
     let tables: Vec<&str> = folder.outputs().filter(|output| is_table(output)).collect();
-    let mut names: BTreeSet<String> = frames.values().map(|(_, name)| name.clone()).collect();
-    names.extend(tables.iter().map(|name| (*name).to_owned()));
-    names.insert(Manifest::NAME.to_owned());
-    let mut destination = Destination::check(out, Names(names), overwrite)?;
-    destination.prepare(Manifest::NAME)?;
-    let mut converted = Converted::default();
-    let mut written = Vec::new();
+    let names = frames.values().map(|(_, name)| name.clone());
+    let mut writing = Writing::begin(order, names.chain(tables.iter().map(|name| (*name).to_owned())))?;
     for (source, name) in frames.values() {
         goes_on()?;
-        let recorded = folder.read(source, memory)?;
-        let (file, notes) =
-            target.encode(recorded, step_m).map_err(|e| Error::input(folder.path().join(source), e))?;
-        for note in notes {
-            if !converted.notes.contains(&note) {
-                converted.notes.push(note);
-            }
-        }
-        written.push(destination.write(name, &file)?);
+        let recorded = folder.read(source, order.memory)?;
+        let encoded = order.target.encode(recorded, order.step_m);
+        writing.add(name, encoded.map_err(|e| Error::input(folder.path().join(source), e))?)?;
     }
     for name in tables {
-        written.push(destination.write(name, &folder.read_bytes(name, memory)?)?);
+        writing.add(name, (folder.read_bytes(name, order.memory)?, Vec::new()))?;
     }
-    destination.flush();
-    converted.files = written.len() as u64;
-    converted.bytes = written.iter().map(|file| file.bytes).sum();
-    written.sort_by(|a, b| a.path.cmp(&b.path));
-    let head = head(folder, target)?;
-    let mut manifest = Vec::new();
-    Manifest::write(&head, written.into_iter(), std::iter::empty(), &mut manifest)
-        .map_err(|e| Error::output(out.join(Manifest::NAME), e))?;
-    destination.write(Manifest::NAME, &manifest)?;
-    destination.flush();
-    Ok(converted)
+    writing.finish(&head(folder, order.target)?)
+}
+
+/// Converts messages of a recording, which was opened by its path, into files of a folder, one for each: `roof/000012.pcd` is the message
+/// 12 of `/roof/points`. The folder has a manifest, too. One message is in memory at a time. `goes_on` is asked before each, and ends
+/// the work by an error.
+///
+/// # Errors
+/// [`Error::Input`] if the recording has no such messages, has them of several topics and none is chosen, or if one can't be read or held
+/// by the format; [`Error::Output`] as [`convert_folder`]; the errors of `goes_on`.
+pub fn convert_bag(
+    (bag, path): (&mut Bag, &Path),
+    wanted: &Wanted,
+    order: &Order,
+    goes_on: &mut dyn FnMut() -> Result<(), Error>,
+) -> Result<Converted, Error> {
+    let unreadable = |e: ReadError| Error::input(path, e);
+    let unfit = |e: EncodeError| Error::input(path, e);
+    let (topic, numbers) = bag.wanted(wanted).map_err(unreadable)?;
+    // What can't be converted at all is told before an older folder is replaced.
+    let first = bag.read(topic, numbers.start).map_err(unreadable)?;
+    order.target.encode(first.content.into(), order.step_m).map_err(unfit)?;
+    let name = |bag: &Bag, number| format!("{}.{}", bag.key(topic, number), order.target.ending());
+    let mut writing = Writing::begin(order, numbers.clone().map(|number| name(bag, number)))?;
+    for number in numbers.clone() {
+        goes_on()?;
+        let message = bag.read(topic, number).map_err(unreadable)?;
+        let encoded = order.target.encode(message.content.into(), order.step_m);
+        writing.add(&name(bag, number), encoded.map_err(unfit)?)?;
+    }
+    let source = path.file_name().unwrap_or_default().to_string_lossy();
+    let of = json!({ "recording": source, "topic": bag.topics()[topic].name, "messages": [numbers.start, numbers.end] });
+    writing.finish(&json!({ "converted": of }))
+}
+
+/// Reads the only message of a recording that is wanted.
+///
+/// # Errors
+/// [`Error::Input`] if there are several, or none, or it can't be read.
+pub fn one_of_bag((bag, path): (&mut Bag, &Path), wanted: &Wanted) -> Result<Recorded, Error> {
+    let unreadable = |e: ReadError| Error::input(path, e);
+    let (topic, numbers) = bag.wanted(wanted).map_err(unreadable)?;
+    let count = numbers.end - numbers.start;
+    if count > 1 {
+        let name = &bag.topics()[topic].name;
+        return Err(unreadable(ReadError::new(format!(
+            "has {count} messages of {}, and a file holds one: --frames N chooses it, and a folder as OUT with --format NAME takes all",
+            quoted(name)
+        ))));
+    }
+    Ok(bag.read(topic, numbers.start).map_err(unreadable)?.content.into())
+}
+
+/// The files of a folder that are written one by one.
+struct Writing {
+    destination: Destination,
+    converted: Converted,
+}
+
+impl Writing {
+    /// Begins a folder with files of these names.
+    fn begin(order: &Order, names: impl Iterator<Item = String>) -> Result<Self, Error> {
+        let names = names.chain([Manifest::NAME.to_owned()]).collect();
+        let mut destination = Destination::check(order.out, Names(names), order.overwrite)?;
+        let mut old = Vec::new();
+        if let (true, Ok(manifest)) = (order.overwrite, File::open(order.out.join(Manifest::NAME))) {
+            // A manifest that can't be read lists nothing more that could be removed.
+            let _ = read_manifest(manifest, |output| old.push(output.path));
+        }
+        destination.prepare(Manifest::NAME)?;
+        // A manifest is a file that anybody may have written, and no other file goes because of it.
+        old.iter().filter(|name| is_of_a_run(name)).try_for_each(|name| destination.remove_old(name))?;
+        Ok(Self { destination, converted: Converted::default() })
+    }
+
+    /// Writes a file, and keeps what is to be known about it.
+    fn add(&mut self, name: &str, (file, notes): (Vec<u8>, Vec<String>)) -> Result<(), Error> {
+        self.converted.files.push(self.destination.write(name, &file)?);
+        for note in notes {
+            if !self.converted.notes.contains(&note) {
+                self.converted.notes.push(note);
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the manifest, which makes the folder complete.
+    fn finish(self, head: &Value) -> Result<Converted, Error> {
+        let Self { destination, mut converted } = self;
+        destination.flush();
+        converted.files.sort_by(|a, b| a.path.cmp(&b.path));
+        let mut manifest = Vec::new();
+        Manifest::write(head, converted.files.iter().cloned(), std::iter::empty(), &mut manifest)
+            .map_err(|e| Error::output(destination.folder().join(Manifest::NAME), e))?;
+        destination.write(Manifest::NAME, &manifest)?;
+        destination.flush();
+        Ok(converted)
+    }
 }
 
 /// The file of each frame that is converted, and its new name.
@@ -154,7 +250,7 @@ fn frames(folder: &Folder, target: Target) -> Result<BTreeMap<FrameKey, (String,
     if frames.is_empty() {
         let problem = match target {
             Target::Cloud(_) => {
-                "has no clouds (PLY, PCD, NPY, LAS, LAZ), of which alone clouds can be made: images do not tell where their beams \
+                "has no clouds (PLY, PCD, NPY, LAS, LAZ, E57), of which alone clouds can be made: images do not tell where their beams \
                  went, but `beamcast scan` writes clouds of the job again"
             }
             Target::Images(_) => "has no range images (EXR, NPZ), of which alone others can be made",
@@ -164,9 +260,9 @@ fn frames(folder: &Folder, target: Target) -> Result<BTreeMap<FrameKey, (String,
     Ok(frames)
 }
 
-/// Whether an output is a table of the run, such as `poses.csv`.
+/// Whether an output is a table of the run that has rows of its frames, such as `poses.csv`. Those of formats belong to the files of these.
 fn is_table(output: &str) -> bool {
-    !output.contains('/') && [".csv", ".jsonl"].iter().any(|ending| output.ends_with(ending))
+    Table::named(output).is_some_and(|table| table.has_rows())
 }
 
 /// The manifest without its outputs: that of the folder, whose job names the format that the frames have now.

@@ -101,7 +101,7 @@ fn a_folder_is_converted_frame_by_frame_and_is_one_that_verifies() {
     let (code, said) = room.run(&["convert", "npy", "exr", "--format", "exr"]);
     assert!(code == 3 && said.contains("has no range images (EXR, NPZ)"), "{said}");
     let (code, said) = room.run(&["convert", "npz", "las", "--format", "las"]);
-    assert!(code == 3 && said.contains("has no clouds (PLY, PCD, NPY, LAS, LAZ)"), "{said}");
+    assert!(code == 3 && said.contains("has no clouds (PLY, PCD, NPY, LAS, LAZ, E57)"), "{said}");
     let (code, said) = room.run(&["convert", "out", "out", "--format", "npy", "--overwrite"]);
     assert!(code == 4 && said.contains("is the folder that is converted"), "{said}");
     assert!(room.0.path().join("out/manifest.json").is_file());
