@@ -11,7 +11,7 @@ use super::terminal::Terminal;
 use crate::error::Error;
 use crate::output::recorded::Recorded;
 use crate::output::{WrittenFile, check_file, write_file};
-use crate::run::convert::{Converted, Order, Target, convert_bag, convert_folder, one_of_bag};
+use crate::run::convert::{Converted, Order, Target, convert_bag, convert_file, convert_folder, one_of_bag};
 use crate::run::{Bytes, memory};
 use crate::source::is_config;
 use crate::source::words::{counted, list, quoted};
@@ -26,7 +26,8 @@ pub struct Args {
     /// each message
     #[arg(value_name = "OUT")]
     target: PathBuf,
-    /// Write this format: ply, pcd, npy, las or laz of clouds, exr or npz of images [default: the ending of OUT]
+    /// Write this format: ply, pcd, npy, las or laz of clouds, exr or npz of images, and of the images of a run also those of clouds, e57, png
+    /// (a preview) or depth16 [default: the ending of OUT]
     #[arg(long, value_name = "NAME")]
     format: Option<String>,
     /// Make the coordinates of a LAS or LAZ steps of so many metres
@@ -63,12 +64,16 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         return Err(Error::input(&args.path, problem));
     }
     let wanted = args.frames.wanted();
-    let order = |target| Order { target, step_m: args.scale, out: &args.target, overwrite: args.overwrite, memory };
+    let order =
+        |target| Order { target, step_m: args.scale, out: &args.target, overwrite: args.overwrite, memory };
     let mut goes_on = || interrupt.check();
     let recorded = match Recorded::open(&args.path, memory)? {
         Recorded::Folder(folder) => {
             let name = args.format.as_deref().ok_or_else(|| {
-                Error::Usage(format!("a folder needs --format NAME, one of {}", list(Target::endings(), "or")))
+                Error::Usage(format!(
+                    "a folder needs --format NAME, one of {}",
+                    list(Target::endings(), "or")
+                ))
             })?;
             let converted = convert_folder(&folder, &order(target_of(name)?), &mut goes_on)?;
             return tell(args, &converted, terminal);
@@ -90,7 +95,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     };
     check_file(&args.target, args.overwrite)?;
     interrupt.check()?;
-    let (file, notes) = target.encode(recorded, args.scale).map_err(|e| Error::input(&args.path, e))?;
+    let (file, notes) = convert_file(&args.path, recorded, &order(target))?;
     interrupt.check()?;
     interrupt.uncut(|| write_file(&args.target, &file))?;
     let written = WrittenFile {
@@ -105,7 +110,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 fn tell(args: &Args, converted: &Converted, terminal: &Terminal) -> Result<(), Error> {
     let Converted { files, notes } = converted;
     if args.json {
-        return terminal.json(&json::CONVERT.of(json!({ "out": args.target, "outputs": files, "notes": notes })));
+        return terminal
+            .json(&json::CONVERT.of(json!({ "out": args.target, "outputs": files, "notes": notes })));
     }
     notes.iter().for_each(|note| terminal.warn(note));
     let bytes = Bytes(converted.bytes());

@@ -10,7 +10,7 @@ use crate::source::words::{counted, on_one_line};
 
 /// The facts of a recording as JSON and as lines.
 pub fn facts(bag: &mut Bag) -> (Value, String) {
-    let frames: Vec<Option<TopicFrames>> = (0..bag.topics().len()).map(|topic| bag.frames(topic)).collect();
+    let frames = bag.frames();
     let longest = bag.topics().iter().map(|topic| topic.name.chars().count()).max().unwrap_or(0);
     let width = longest.min(40);
     let (mut rows, mut text) = (Vec::new(), String::new());
@@ -39,7 +39,9 @@ fn seconds(ns: u64) -> f64 {
 fn fields_of(content: &Content) -> Vec<(&str, &str)> {
     match content {
         Content::Cloud(cloud) => cloud.fields.iter().map(|field| (field.name.as_str(), field.kind)).collect(),
-        Content::Depth(part) => part.image.channels.iter().map(|channel| (channel.name.as_str(), "float")).collect(),
+        Content::Depth(part) => {
+            part.image.channels.iter().map(|channel| (channel.name.as_str(), "float")).collect()
+        }
     }
 }
 
@@ -57,7 +59,8 @@ fn line_of(frames: &TopicFrames) -> String {
     };
     let [first, last] = stamps_s(frames);
     let fields = fields_of(&frames.first.content);
-    let fields: Vec<String> = fields.iter().map(|(name, kind)| format!("{} {kind}", on_one_line(name))).collect();
+    let fields: Vec<String> =
+        fields.iter().map(|(name, kind)| format!("{} {kind}", on_one_line(name))).collect();
     let frame = on_one_line(&frames.first.frame_id);
     format!("        {size} in {frame}, stamps {first:.3} s to {last:.3} s: {}\n", fields.join(", "))
 }

@@ -7,12 +7,15 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::journal::is_of_a_run;
+use super::remade::Remade;
 use super::table::Table;
 use crate::error::Error;
 use crate::output::recorded::{
     Bag, CLOUD_ENDINGS, Folder, FrameKey, IMAGE_ENDINGS, Output, ReadError, Recorded, Wanted, read_manifest,
 };
-use crate::output::{CloudFormat, Destination, EncodeError, FileNames, ImageFormat, Manifest, WrittenFile};
+use crate::output::{
+    CloudFormat, Destination, EncodeError, FileNames, Format, ImageFormat, LAS_SCALE, Manifest, WrittenFile,
+};
 use crate::source::words::quoted;
 
 /// A format that recorded files are written in.
@@ -22,24 +25,58 @@ pub enum Target {
     Cloud(CloudFormat),
     /// One of range images.
     Images(ImageFormat),
+    /// One that frames are written in, and nothing else.
+    Frame(Format),
 }
+
+/// The formats of frames that recorded images are written in, if the run's manifest tells the sensor, besides those of clouds.
+const OF_FRAMES: [&str; 3] = ["e57", "png", "depth16"];
 
 impl Target {
     /// The endings of all targets.
     pub fn endings() -> impl Iterator<Item = &'static str> {
         let clouds = CloudFormat::ALL.into_iter().map(|(_, ending)| ending);
-        clouds.chain(ImageFormat::ALL.into_iter().map(|(_, ending)| ending))
+        clouds.chain(ImageFormat::ALL.into_iter().map(|(_, ending)| ending)).chain(OF_FRAMES)
     }
 
     /// The target of an ending, which is the name of the format, too.
     pub fn of_ending(ending: &str) -> Option<Self> {
         let ending = ending.to_ascii_lowercase();
         let cloud = CloudFormat::of_ending(&ending).map(Self::Cloud);
-        cloud.or_else(|| ImageFormat::of_ending(&ending).map(Self::Images))
+        let images = || ImageFormat::of_ending(&ending).map(Self::Images);
+        let frame = || {
+            OF_FRAMES
+                .iter()
+                .find(|known| **known == ending)
+                .and_then(|known| Format::named(known))
+                .map(Self::Frame)
+        };
+        cloud.or_else(images).or_else(frame)
     }
 
+    /// The name of the format.
+    fn name(self) -> &'static str {
+        Self::endings().find(|name| Self::of_ending(name) == Some(self)).unwrap_or_default()
+    }
+
+    /// The ending of files.
     fn ending(self) -> &'static str {
-        Self::endings().find(|ending| Self::of_ending(ending) == Some(self)).unwrap_or_default()
+        match self {
+            Self::Frame(format) => format.ending(),
+            _ => self.name(),
+        }
+    }
+
+    /// The format of frames that are made anew of images. A LAS has coordinates in steps of `step_m` metres.
+    fn of_frame(self, step_m: f64) -> Option<Format> {
+        match self {
+            Self::Cloud(CloudFormat::Las | CloudFormat::Laz) => {
+                Some(Format::named(self.name())?.with(&LAS_SCALE, step_m))
+            }
+            Self::Cloud(_) => Format::named(self.name()),
+            Self::Frame(format) => Some(format),
+            Self::Images(_) => None,
+        }
     }
 
     /// The file of a recording, and what is to be known about it, in sentences. The coordinates of a LAS are steps of `step_m` metres.
@@ -47,25 +84,62 @@ impl Target {
     /// # Errors
     /// An [`EncodeError`] if the recording is of another kind than the format, or has what the format can't hold.
     pub fn encode(self, recorded: Recorded, step_m: f64) -> Result<(Vec<u8>, Vec<String>), EncodeError> {
+        let name = self.name();
         match (self, recorded) {
             (Self::Cloud(format), Recorded::Cloud(cloud)) => format.encode(&cloud, step_m),
             (Self::Images(format), Recorded::Images(parts)) => Ok((format.encode(parts)?, Vec::new())),
-            (Self::Cloud(_), _) => {
-                let ending = self.ending();
-                Err(EncodeError::new(format!(
-                    "is no cloud, and does not tell where its beams went: `beamcast scan` writes clouds of its job with \
-                     `--set 'output.formats=[\"{ending}\"]'`"
-                )))
-            }
-            (Self::Images(_), _) => {
-                let ending = self.ending();
-                Err(EncodeError::new(format!(
-                    "is no range image, and does not tell which beams had no return: `beamcast scan` writes images of its job \
-                     with `--set 'output.formats=[\"{ending}\"]'`"
-                )))
-            }
+            (Self::Images(_), _) => Err(EncodeError::new(format!(
+                "is no range image, and does not tell which beams had no return: `beamcast scan` writes images of its job with \
+                 `--set 'output.formats=[\"{name}\"]'`"
+            ))),
+            (_, Recorded::Images(_)) => Err(EncodeError::new(
+                "is an image without a run's manifest, and does not tell where its beams went: in the folder that the scan wrote, it \
+                 is converted by the sensor that the manifest there tells of",
+            )),
+            _ => Err(EncodeError::new(format!(
+                "is no range image, and {name} is made of such alone: `beamcast scan` writes it of its job with \
+                 `--set 'output.formats=[\"{name}\"]'`"
+            ))),
         }
     }
+}
+
+/// What is in a file or a message, or in a frame of a folder, in another format. Of images, frames are made anew, if there is a manifest
+/// that tells the sensors.
+fn encode(
+    order: &Order,
+    recorded: Recorded,
+    of_run: Option<(&Remade, &FrameKey)>,
+) -> Result<(Vec<u8>, Vec<String>), EncodeError> {
+    match (order.target.of_frame(order.step_m), of_run, recorded) {
+        (Some(format), Some((remade, key)), Recorded::Images(parts)) => remade.encode(key, &parts, format),
+        (_, _, recorded) => order.target.encode(recorded, order.step_m),
+    }
+}
+
+/// Converts a file that was read. An image in the folder of its run is converted by the run's manifest.
+///
+/// # Errors
+/// [`Error::Input`] if it has what the format can't hold, or if the manifest can't be read or does not tell the image's sensor.
+pub fn convert_file(path: &Path, recorded: Recorded, order: &Order) -> Result<(Vec<u8>, Vec<String>), Error> {
+    let needs_sensor =
+        matches!(recorded, Recorded::Images(_)) && order.target.of_frame(order.step_m).is_some();
+    let of_run = if needs_sensor { run_of(path)? } else { None };
+    let of_run = of_run.as_ref().map(|(remade, key)| (remade, key));
+    encode(order, recorded, of_run).map_err(|e| Error::input(path, e))
+}
+
+/// The run that a file is an output of, and its frame: its manifest is in the folder of the file, or in the one above.
+fn run_of(path: &Path) -> Result<Option<(Remade, FrameKey)>, Error> {
+    let Ok(path) = fs::canonicalize(path) else { return Ok(None) };
+    for folder in path.ancestors().skip(1).take(2).filter(|folder| folder.join(Manifest::NAME).is_file()) {
+        let folder = Folder::open(folder)?;
+        let is_this = |output: &&str| folder.path().join(output) == path;
+        if let Some((key, _)) = folder.outputs().find(is_this).and_then(FrameKey::of_file) {
+            return Ok(Some((Remade::of(&folder)?, key)));
+        }
+    }
+    Ok(None)
 }
 
 /// What is made of recordings, and where it goes.
@@ -119,12 +193,19 @@ pub fn convert_folder(
     }
     let frames = frames(folder, order.target)?;
     let tables: Vec<&str> = folder.outputs().filter(|output| is_table(output)).collect();
+    let remade = order.target.of_frame(order.step_m).map(|_| Remade::of(folder)).transpose()?;
+    if let Some((key, (source, _))) = frames.first_key_value() {
+        // What can't be converted at all is told before an older folder is replaced.
+        let first =
+            encode(order, folder.read(source, order.memory)?, remade.as_ref().map(|remade| (remade, key)));
+        first.map_err(|e| Error::input(folder.path().join(source), e))?;
+    }
     let names = frames.values().map(|(_, name)| name.clone());
     let mut writing = Writing::begin(order, names.chain(tables.iter().map(|name| (*name).to_owned())))?;
-    for (source, name) in frames.values() {
+    for (key, (source, name)) in &frames {
         goes_on()?;
         let recorded = folder.read(source, order.memory)?;
-        let encoded = order.target.encode(recorded, order.step_m);
+        let encoded = encode(order, recorded, remade.as_ref().map(|remade| (remade, key)));
         writing.add(name, encoded.map_err(|e| Error::input(folder.path().join(source), e))?)?;
     }
     for name in tables {
@@ -232,13 +313,13 @@ impl Writing {
 
 /// The file of each frame that is converted, and its new name.
 fn frames(folder: &Folder, target: Target) -> Result<BTreeMap<FrameKey, (String, String)>, Error> {
-    // The last of them tells the most.
-    let endings: &[&str] = match target {
-        Target::Cloud(_) => &CLOUD_ENDINGS,
-        Target::Images(_) => &IMAGE_ENDINGS,
+    // The last of them tells the most. A cloud that was written is as it was asked for; one that is made of an image follows the rest.
+    let endings: Vec<&str> = match target {
+        Target::Cloud(_) => IMAGE_ENDINGS.into_iter().chain(CLOUD_ENDINGS).collect(),
+        Target::Images(_) | Target::Frame(_) => IMAGE_ENDINGS.to_vec(),
     };
     let mut frames = BTreeMap::new();
-    for ending in endings {
+    for ending in &endings {
         for output in folder.outputs() {
             let Some((key, end)) = FrameKey::of_file(output) else { continue };
             if end == *ending {
@@ -250,10 +331,9 @@ fn frames(folder: &Folder, target: Target) -> Result<BTreeMap<FrameKey, (String,
     if frames.is_empty() {
         let problem = match target {
             Target::Cloud(_) => {
-                "has no clouds (PLY, PCD, NPY, LAS, LAZ, E57), of which alone clouds can be made: images do not tell where their beams \
-                 went, but `beamcast scan` writes clouds of the job again"
+                "has neither clouds (PLY, PCD, NPY, LAS, LAZ, E57) nor range images (EXR, NPZ), of which clouds can be made"
             }
-            Target::Images(_) => "has no range images (EXR, NPZ), of which alone others can be made",
+            _ => "has no range images (EXR, NPZ), of which alone others can be made",
         };
         return Err(Error::input(folder.path(), problem));
     }
@@ -274,7 +354,7 @@ fn head(folder: &Folder, target: Target) -> Result<Value, Error> {
     if let Some(output) =
         head.get_mut("job").and_then(|job| job.get_mut("output")).and_then(Value::as_object_mut)
     {
-        output.insert("formats".to_owned(), json!([target.ending()]));
+        output.insert("formats".to_owned(), json!([target.name()]));
     }
     head["converted"] = json!({ "manifest": blake3::hash(&bytes).to_hex().to_string() });
     Ok(head)

@@ -10,8 +10,8 @@ use super::rig::{Mounted, Rig};
 use crate::error::Error;
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::output::recorded::{
-    Bag, BoxRow, CLOUD_ENDINGS, Cloud, Content, Folder, FrameKey, IMAGE_ENDINGS, InstanceNames, Message, Part,
-    ReadError, Recorded, Wanted, read_boxes, read_poses,
+    Bag, BoxRow, CLOUD_ENDINGS, Cloud, Content, Folder, FrameKey, IMAGE_ENDINGS, InstanceNames, Message,
+    Part, ReadError, Recorded, Wanted, read_boxes, read_poses,
 };
 use crate::output::{Channel, Image, Samples};
 use crate::sensor::{Camera, Capture, Orthographic, Pattern, Sensor};

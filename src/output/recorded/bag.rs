@@ -66,28 +66,33 @@ impl Bag {
     /// # Errors
     /// A [`ReadError`] that says which topics there are.
     pub fn choose(&mut self, name: Option<&str>) -> Result<usize, ReadError> {
-        let readable: Vec<usize> = (0..self.topics().len()).filter(|topic| self.is_shown(*topic)).collect();
+        if let Some(topic) = self.topics().iter().position(|topic| Some(topic.name.as_str()) == name)
+            && self.is_shown(topic)
+        {
+            return Ok(topic);
+        }
+        let readable = self.first_readable();
+        let readable: Vec<usize> = readable.into_iter().filter(|topic| self.is_shown(*topic)).collect();
         let names = list(readable.iter().map(|topic| self.topics()[*topic].name.as_str()), "and");
         if let Some(name) = name {
-            let found = readable.iter().find(|topic| self.topics()[**topic].name == name);
-            return found.copied().ok_or_else(|| {
-                let is = match self.topics().iter().find(|topic| topic.name == name) {
-                    Some(topic) if topic.messages == 0 => "has no messages".to_owned(),
-                    Some(topic) => format!("is of {}", quoted(&topic.kind)),
-                    None => "is not in it".to_owned(),
-                };
-                let others = if readable.is_empty() {
-                    NOTHING.to_owned()
-                } else {
-                    format!("its clouds and depth images are {names}")
-                };
-                ReadError::new(format!("the topic {} {is}; {others}", quoted(name)))
-            });
+            let is = match self.topics().iter().find(|topic| topic.name == name) {
+                Some(topic) if topic.messages == 0 => "has no messages".to_owned(),
+                Some(topic) => format!("is of {}", quoted(&topic.kind)),
+                None => "is not in it".to_owned(),
+            };
+            let others = if readable.is_empty() {
+                NOTHING.to_owned()
+            } else {
+                format!("its clouds and depth images are of {names}")
+            };
+            return Err(ReadError::new(format!("the topic {} {is}; {others}", quoted(name))));
         }
         match readable.as_slice() {
             [one] => Ok(*one),
             [] => Err(ReadError::new(NOTHING)),
-            _ => Err(ReadError::new(format!("has clouds or depth images of {names}: --topic NAME chooses one"))),
+            _ => Err(ReadError::new(format!(
+                "has clouds or depth images of {names}: --topic NAME chooses one"
+            ))),
         }
     }
 
@@ -101,9 +106,19 @@ impl Bag {
         let numbers = wanted.frames.start..wanted.frames.end.min(all);
         if numbers.is_empty() {
             let name = quoted(&self.topics()[topic].name);
-            return Err(ReadError::new(format!("the topic {name} has no message {}: it has 0 to {}", numbers.start, all - 1)));
+            return Err(ReadError::new(format!(
+                "the topic {name} has no message {}: it has 0 to {}",
+                numbers.start,
+                all - 1
+            )));
         }
         Ok((topic, numbers))
+    }
+
+    /// The first topics with messages that may be clouds or depth images. Of each, a message and its chunk are read, and a file may have
+    /// tens of thousands.
+    fn first_readable(&self) -> Vec<usize> {
+        (0..self.topics().len()).filter(|topic| self.messages(*topic) > 0).take(MOST_TOPICS).collect()
     }
 
     /// Whether the messages of a topic are clouds or depth images. Of an image, its encoding says what it shows.
@@ -120,7 +135,7 @@ impl Bag {
         self.mcap.readable(topic)
     }
 
-    /// Reads a message of a topic, by its number in the order of time.
+    /// Reads a message of a topic, by its number in the order of recording.
     ///
     /// # Errors
     /// A [`ReadError`] that names the message, if there is none or it can't be read.
@@ -133,8 +148,17 @@ impl Bag {
         read_message(kind, encoding, &bytes, self.memory).map_err(of)
     }
 
-    /// What the messages of a topic show. `None` if they are no clouds and no depth images, or can't be read.
-    pub fn frames(&mut self, topic: usize) -> Option<TopicFrames> {
+    /// What the messages of each topic show. `None` of those that are no clouds and no depth images, or can't be read, and of all behind
+    /// the first of very many.
+    pub fn frames(&mut self) -> Vec<Option<TopicFrames>> {
+        let mut frames: Vec<Option<TopicFrames>> = vec![None; self.topics().len()];
+        for topic in self.first_readable() {
+            frames[topic] = self.frames_of(topic);
+        }
+        frames
+    }
+
+    fn frames_of(&mut self, topic: usize) -> Option<TopicFrames> {
         let last = self.messages(topic).checked_sub(1)?;
         let first = self.read(topic, 0).ok()?;
         let last_stamp_ns = if last == 0 { first.stamp_ns } else { self.read(topic, last).ok()?.stamp_ns };
@@ -149,5 +173,8 @@ impl Bag {
         FrameKey::new(if sensor.is_empty() { "bag" } else { sensor }, number)
     }
 }
+
+/// The most topics that are looked into.
+const MOST_TOPICS: usize = 64;
 
 const NOTHING: &str = "it has neither clouds (PointCloud2, CustomMsg) nor depth images (32FC1, 16UC1)";

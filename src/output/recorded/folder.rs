@@ -106,7 +106,8 @@ fn only_mcap(folder: &Path) -> Option<PathBuf> {
         return None;
     }
     let entries = fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
-    let mut files = entries.filter(|path| path.is_file() && path.extension().is_some_and(|end| end == "mcap"));
+    let mut files =
+        entries.filter(|path| path.is_file() && path.extension().is_some_and(|end| end == "mcap"));
     files.next().filter(|_| files.next().is_none())
 }
 

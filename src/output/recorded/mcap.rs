@@ -26,7 +26,8 @@ pub(super) struct Mcap {
     memory: u64,
     /// The topics, by their names.
     pub topics: Vec<Topic>,
-    /// The places of the messages of each topic, by time. Those that are not read have none.
+    /// The places of the messages of each topic, in the order of the file, so that those who read one after the other unpack each chunk
+    /// once. Those that are not read have none.
     places: Vec<Vec<Place>>,
     /// Whether the file ends as MCAP demands. A recording that was cut off has what comes before.
     pub is_whole: bool,
@@ -60,7 +61,6 @@ pub struct Topic {
 /// The place of a message.
 #[derive(Clone, Copy, Debug)]
 struct Place {
-    time_ns: u64,
     /// The first byte of the content of the record, in the file: of the message, or of the chunk that it is in.
     at: u64,
     /// The bytes of that content.
@@ -92,7 +92,11 @@ impl Mcap {
     /// # Errors
     /// A [`ReadError`] if the file can't be read or is no MCAP, if a record is broken or takes more memory, or if a chunk is compressed by something
     /// else.
-    pub fn open(mut file: Box<dyn Source>, memory: u64, is_read: fn(&str) -> bool) -> Result<Self, ReadError> {
+    pub fn open(
+        mut file: Box<dyn Source>,
+        memory: u64,
+        is_read: fn(&str) -> bool,
+    ) -> Result<Self, ReadError> {
         let mut magic = [0; MAGIC.len()];
         let mut buffered = io::BufReader::new(&mut file);
         if !read_whole(&mut buffered, &mut magic)? || magic != *MAGIC {
@@ -105,7 +109,6 @@ impl Mcap {
         let mut channels: Vec<Channel> = found.channels.into_values().collect();
         for channel in &mut channels {
             channel.topic.kind = found.schemas.get(&channel.schema).cloned().unwrap_or_default();
-            channel.places.sort_by_key(|place| place.time_ns);
         }
         channels.sort_by(|a, b| a.topic.name.cmp(&b.topic.name));
         let (topics, places) = channels.into_iter().map(|channel| (channel.topic, channel.places)).unzip();
@@ -117,7 +120,7 @@ impl Mcap {
         self.places.get(topic).map_or(0, |places| places.len() as u64)
     }
 
-    /// The bytes of a message by its number in the order of time.
+    /// The bytes of a message by its number in the order of the file, which is that of recording.
     ///
     /// # Errors
     /// A [`ReadError`] if there is none, if it takes more memory, or if the file has changed since it was opened.
@@ -136,7 +139,8 @@ impl Mcap {
             self.chunk = Some((place.at, unpacked_chunk(&mut Fields(&packed), self.memory)?.into_owned()));
         }
         let (_, chunk) = self.chunk.as_ref().ok_or_else(changed)?;
-        let range = usize::try_from(inside).ok().zip(usize::try_from(inside.saturating_add(place.bytes)).ok());
+        let range =
+            usize::try_from(inside).ok().zip(usize::try_from(inside.saturating_add(place.bytes)).ok());
         let bytes = range.and_then(|(start, end)| chunk.get(start..end)).ok_or_else(changed)?;
         Ok(bytes.to_vec())
     }
@@ -232,7 +236,13 @@ impl Found {
                     let records = unpacked_chunk(&mut Fields(&content), memory)?;
                     self.add_records(&records, (at, length))?;
                 }
-                _ => self.add_record(&Record { opcode, content: &content, length, outer: (at, length), inside: None })?,
+                _ => self.add_record(&Record {
+                    opcode,
+                    content: &content,
+                    length,
+                    outer: (at, length),
+                    inside: None,
+                })?,
             }
             // The file has as many bytes.
             at += length;
@@ -298,7 +308,7 @@ impl Found {
             // A vector that grows holds up to twice as many, and the old ones while they are moved.
             ReadError::check_memory(self.places.saturating_mul(3 * size_of::<Place>() as u64), self.memory)?;
             let ((at, length), inside) = (record.outer, record.inside.map(|inside| inside + MESSAGE_HEAD));
-            channel.places.push(Place { time_ns, at, length, inside, bytes });
+            channel.places.push(Place { at, length, inside, bytes });
         }
         Ok(())
     }
@@ -388,6 +398,8 @@ impl<'a> Fields<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Cursor;
+
     use proptest::prelude::*;
     use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
@@ -405,9 +417,20 @@ mod tests {
         record(MESSAGE, &[&channel.to_le_bytes(), &[0; 4], times.as_flattened(), &vec![7; bytes]])
     }
 
+    fn open(bytes: &[u8], memory: u64) -> Result<Mcap, ReadError> {
+        Mcap::open(Box::new(Cursor::new(bytes.to_vec())), memory, |kind| kind.ends_with("Header"))
+    }
+
     fn chunk(compression: &str, records: &[u8]) -> Vec<u8> {
         let packed = match compression {
             "zstd" => compress_to_vec(records, CompressionLevel::Fastest),
+            // A frame of LZ4: its magic number, version 1 with independent blocks of up to 64 KiB and the checksum of these two bytes;
+            // a block of bytes as they are, by its highest bit; the end.
+            "lz4" => {
+                let length = records.len() as u32 | 1 << 31;
+                let head = [0x04, 0x22, 0x4d, 0x18, 0x60, 0x40, 0x82];
+                [&head[..], &length.to_le_bytes(), records, &[0; 4]].concat()
+            }
             _ => records.to_vec(),
         };
         let length = (records.len() as u64).to_le_bytes();
@@ -440,8 +463,8 @@ mod tests {
 
     #[test]
     fn topics_are_counted_inside_and_outside_of_chunks() {
-        for compression in ["", "zstd"] {
-            let bag = read_mcap(&file(compression)[..], u64::MAX).unwrap();
+        for compression in ["", "zstd", "lz4"] {
+            let mut bag = open(&file(compression), u64::MAX).unwrap();
             let topic = |name: &str, messages, bytes, times_ns| Topic {
                 name: name.to_owned(),
                 kind: "std_msgs/msg/Header".to_owned(),
@@ -452,24 +475,41 @@ mod tests {
             };
             assert_eq!(bag.topics, [topic("/a", 2, 11, [10, 30]), topic("/b", 3, 103, [5, 50])]);
             assert!(bag.is_whole);
+            // In the order of the file, though not in that of time.
+            let lengths = |bag: &mut Mcap, topic: usize| -> Vec<usize> {
+                (0..bag.readable(topic)).map(|number| bag.message(topic, number).unwrap().len()).collect()
+            };
+            assert_eq!([0, 1].map(|topic| lengths(&mut bag, topic)), [vec![5, 6], vec![100, 1, 2]]);
+            assert!(bag.message(1, 0).unwrap().iter().all(|byte| *byte == 7));
+            assert_eq!(bag.message(1, 3).unwrap_err().to_string(), "there is no message 3");
         }
+    }
+
+    #[test]
+    fn messages_of_other_types_have_no_place() {
+        let bytes = file("");
+        let mut bag = Mcap::open(Box::new(Cursor::new(bytes)), u64::MAX, |_| false).unwrap();
+        assert_eq!((bag.readable(0), bag.topics[0].messages), (0, 2));
+        assert!(bag.message(0, 0).is_err());
     }
 
     #[test]
     fn a_recording_that_was_cut_off_has_what_comes_before() {
         let whole = file("zstd");
-        let bag = read_mcap(&whole[..whole.len() - 60], u64::MAX).unwrap();
+        let bag = open(&whole[..whole.len() - 60], u64::MAX).unwrap();
         assert!(!bag.is_whole && bag.topics.len() == 2, "{bag:?}");
     }
 
     #[test]
     fn errors_name_the_problem() {
-        let of = |bytes: &[u8], memory: u64| read_mcap(bytes, memory).unwrap_err().to_string();
+        let of = |bytes: &[u8], memory: u64| open(bytes, memory).unwrap_err().to_string();
         assert_eq!(of(b"\x89MCAP", 9), "this is no MCAP");
         assert!(
-            of(&file("lz4"), u64::MAX)
-                .starts_with("its chunks are compressed by \"lz4\", and only zstd is read")
+            of(&file("lzma"), u64::MAX)
+                .starts_with("its chunks are compressed by \"lzma\", and only zstd and lz4 are read")
         );
+        // The places of three messages take more than their bytes.
+        assert!(of(&file(""), 400).ends_with("bytes of memory, more than the 400 that there are"));
         assert!(of(&file("zstd"), 60).ends_with("bytes of memory, more than the 60 that there are"));
         let alone = [MAGIC, &message(3, 0, 0)].concat();
         assert_eq!(of(&alone, 99), "a message is of channel 3, which it does not have");
@@ -479,13 +519,18 @@ mod tests {
 
     proptest! {
         #[test]
-        fn broken_bytes_are_an_error_or_a_bag(is_packed: bool, at in 0.0..1.0, value: u8, keep in 0.0..2.0) {
-            let mut bytes = file(if is_packed { "zstd" } else { "" });
+        fn broken_bytes_are_an_error_or_a_bag(packed in 0..3_usize, at in 0.0..1.0, value: u8, keep in 0.0..2.0) {
+            let mut bytes = file(["", "zstd", "lz4"][packed]);
             let at = (at * bytes.len() as f64) as usize;
             bytes[at] = value;
             bytes.truncate((keep * bytes.len() as f64) as usize);
-            if let Ok(bag) = read_mcap(&bytes[..], 1 << 20) {
+            if let Ok(mut bag) = open(&bytes, 1 << 20) {
                 prop_assert!(bag.topics.iter().all(|topic| (topic.messages == 0) == topic.times_ns.is_none()));
+                for topic in 0..bag.topics.len() {
+                    for number in 0..bag.readable(topic) {
+                        prop_assert!(bag.message(topic, number).is_ok());
+                    }
+                }
             }
         }
     }

@@ -28,7 +28,9 @@ impl Kind {
         match (package, kind.strip_prefix("msg/").unwrap_or(kind)) {
             ("sensor_msgs", "PointCloud2") => Some(Self::PointCloud2),
             ("sensor_msgs", "Image") => Some(Self::Image),
-            ("livox_ros_driver2" | "livox_ros_driver" | "livox_interfaces", "CustomMsg") => Some(Self::CustomMsg),
+            ("livox_ros_driver2" | "livox_ros_driver" | "livox_interfaces", "CustomMsg") => {
+                Some(Self::CustomMsg)
+            }
             _ => None,
         }
     }
@@ -60,7 +62,12 @@ pub enum Content {
 ///
 /// # Errors
 /// A [`ReadError`] if the message is cut short, contradicts itself, takes more memory, or is an image of something else than depth.
-pub(super) fn read_message(kind: Kind, encoding: &str, bytes: &[u8], memory: u64) -> Result<Message, ReadError> {
+pub(super) fn read_message(
+    kind: Kind,
+    encoding: &str,
+    bytes: &[u8],
+    memory: u64,
+) -> Result<Message, ReadError> {
     let mut fields = Fields::new(encoding, bytes)?;
     let header = Header::read(&mut fields).ok_or_else(ended)?;
     let (size, content) = match kind {
@@ -123,7 +130,11 @@ fn point_cloud(fields: &mut Fields, header: &Header, memory: u64) -> Result<Show
             "its row_step of {row_step} bytes is less than {width} points of {step} bytes"
         )));
     }
-    let needed = if points == 0 { Some(0) } else { (height - 1).checked_mul(row_step).and_then(|n| n.checked_add(row)) };
+    let needed = if points == 0 {
+        Some(0)
+    } else {
+        (height - 1).checked_mul(row_step).and_then(|n| n.checked_add(row))
+    };
     if needed.is_none_or(|needed| needed > data.len()) {
         return Err(cut_short(points));
     }
@@ -131,7 +142,8 @@ fn point_cloud(fields: &mut Fields, header: &Header, memory: u64) -> Result<Show
     let read = if points == 0 || height == 1 || row_step == row {
         read_records(data, points, step, &columns)?
     } else {
-        let rows: Vec<u8> = data.chunks(row_step).take(height).flat_map(|of_row| &of_row[..row]).copied().collect();
+        let rows: Vec<u8> =
+            data.chunks(row_step).take(height).flat_map(|of_row| &of_row[..row]).copied().collect();
         read_records(&rows, points, step, &columns)?
     };
     let mut comments = header.comments();
@@ -178,13 +190,17 @@ fn columns(specs: &[PointField], step: usize, is_big_endian: bool) -> Result<Vec
             6 => Number::U32,
             7 => Number::F32,
             8 => Number::F64,
-            other => return Err(ReadError::new(format!("its field {name:?} is of the unknown datatype {other}"))),
+            other => {
+                return Err(ReadError::new(format!("its field {name:?} is of the unknown datatype {other}")));
+            }
         };
         // Some writers leave the count of single numbers out.
         let count = (*count).max(1) as usize;
         let end = count.checked_mul(number.size()).and_then(|bytes| bytes.checked_add(*offset as usize));
         if end.is_none_or(|end| end > step) {
-            return Err(ReadError::new(format!("its field {name:?} lies outside of its points of {step} bytes")));
+            return Err(ReadError::new(format!(
+                "its field {name:?} lies outside of its points of {step} bytes"
+            )));
         }
         if columns.len() + count > MAX_FIELDS {
             return Err(ReadError::new(format!("it has more than {MAX_FIELDS} fields a point")));
@@ -220,13 +236,21 @@ fn custom(fields: &mut Fields, header: &Header, memory: u64) -> Result<Shown, Re
     };
     let (timebase, points) = head().ok_or_else(ended)?;
     let is_big_endian = fields.is_big_endian;
-    let column =
-        |(name, number, offset): (&str, Number, usize)| Column { name: Some(name.to_owned()), number, offset, is_big_endian };
+    let column = |(name, number, offset): (&str, Number, usize)| Column {
+        name: Some(name.to_owned()),
+        number,
+        offset,
+        is_big_endian,
+    };
     let columns = OF_CUSTOM.map(column);
     // A point begins at a multiple of 4 bytes, but nothing is filled behind the last one.
     let step = if fields.is_ros1 { CUSTOM_BYTES } else { CUSTOM_BYTES.next_multiple_of(4) };
     let body = fields.rest();
-    if points > 0 && (points - 1).checked_mul(step).is_none_or(|before| body.len() < before.saturating_add(CUSTOM_BYTES)) {
+    if points > 0
+        && (points - 1)
+            .checked_mul(step)
+            .is_none_or(|before| body.len() < before.saturating_add(CUSTOM_BYTES))
+    {
         return Err(cut_short(points));
     }
     check_size(points, &columns, memory)?;
@@ -249,14 +273,19 @@ fn depth(fields: &mut Fields, header: &Header, memory: u64) -> Result<Shown, Rea
         "32FC1" => (Number::F32, 1.0),
         "16UC1" => (Number::U16, 1e-3),
         _ => {
-            return Err(ReadError::new(format!("its images are {encoding:?}, and depth is \"32FC1\" or \"16UC1\"")));
+            return Err(ReadError::new(format!(
+                "its images are {encoding:?}, and depth is \"32FC1\" or \"16UC1\""
+            )));
         }
     };
     let row = columns.checked_mul(number.size()).filter(|row| *row <= step || rows == 0);
     let needed = row.and_then(|row| rows.saturating_sub(1).checked_mul(step)?.checked_add(row));
     let row = row.filter(|_| needed.is_some_and(|needed| needed <= data.len()) && rows > 0 && columns > 0);
     let row = row.ok_or_else(|| {
-        ReadError::new(format!("its {} bytes are no {rows} rows of {columns} pixels, {step} bytes each", data.len()))
+        ReadError::new(format!(
+            "its {} bytes are no {rows} rows of {columns} pixels in steps of {step} bytes",
+            data.len()
+        ))
     })?;
     ReadError::check_memory((rows as u64).saturating_mul(columns as u64).saturating_mul(4), memory)?;
     let depth_m = |pixel: &[u8]| {
@@ -288,13 +317,19 @@ impl<'a> Fields<'a> {
         match encoding {
             "ros1" => Ok(Self { bytes, at: 0, is_big_endian: false, is_ros1: true }),
             "cdr" => {
-                let Some(([_, kind, _, _], body)) = bytes.split_first_chunk::<4>() else { return Err(ended()) };
+                let Some(([_, kind, _, _], body)) = bytes.split_first_chunk::<4>() else {
+                    return Err(ended());
+                };
                 if *kind > 1 {
-                    return Err(ReadError::new(format!("its messages are in the representation {kind} of CDR, and plain CDR is read")));
+                    return Err(ReadError::new(format!(
+                        "its messages are in the representation {kind} of CDR, and plain CDR is read"
+                    )));
                 }
                 Ok(Self { bytes: body, at: 0, is_big_endian: *kind == 0, is_ros1: false })
             }
-            other => Err(ReadError::new(format!("its messages are in {other:?}, and \"cdr\" and \"ros1\" are read"))),
+            other => Err(ReadError::new(format!(
+                "its messages are in {other:?}, and \"cdr\" and \"ros1\" are read"
+            ))),
         }
     }
 
@@ -347,5 +382,282 @@ impl<'a> Fields<'a> {
     /// What follows.
     fn rest(&self) -> &'a [u8] {
         self.bytes.get(self.at..).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// How a message is encoded.
+    #[derive(Clone, Copy, Debug)]
+    enum Cdr {
+        Little,
+        Big,
+        Ros1,
+    }
+
+    /// A message that is written.
+    struct Writer {
+        cdr: Cdr,
+        bytes: Vec<u8>,
+    }
+
+    impl Writer {
+        /// A message with a header: 7.5 s, in the frame `top`.
+        fn new(cdr: Cdr) -> Self {
+            let mut writer = Self { cdr, bytes: Vec::new() };
+            if matches!(cdr, Cdr::Ros1) {
+                writer.number(&3_u32.to_be_bytes());
+            }
+            [7, 500_000_000].into_iter().for_each(|part| writer.u32(part));
+            writer.text("top");
+            writer
+        }
+
+        /// Adds a number, whose first byte is the most significant.
+        fn number(&mut self, big: &[u8]) {
+            if !matches!(self.cdr, Cdr::Ros1) {
+                self.bytes.resize(self.bytes.len().next_multiple_of(big.len()), 0xaa);
+            }
+            match self.cdr {
+                Cdr::Big => self.bytes.extend(big),
+                Cdr::Little | Cdr::Ros1 => self.bytes.extend(big.iter().rev()),
+            }
+        }
+
+        fn u32(&mut self, value: u32) {
+            self.number(&value.to_be_bytes());
+        }
+
+        fn sequence(&mut self, bytes: &[u8]) {
+            self.u32(bytes.len() as u32);
+            self.bytes.extend(bytes);
+        }
+
+        fn text(&mut self, text: &str) {
+            match self.cdr {
+                Cdr::Ros1 => self.sequence(text.as_bytes()),
+                _ => self.sequence(&[text.as_bytes(), b"\0"].concat()),
+            }
+        }
+
+        fn read(&self, kind: Kind) -> Result<Message, ReadError> {
+            let (encoding, head): (_, &[u8]) = match self.cdr {
+                Cdr::Little => ("cdr", &[0, 1, 0, 0]),
+                Cdr::Big => ("cdr", &[0, 0, 0, 0]),
+                Cdr::Ros1 => ("ros1", &[]),
+            };
+            read_message(kind, encoding, &[head, &self.bytes].concat(), 1 << 20)
+        }
+    }
+
+    const EACH: [Cdr; 3] = [Cdr::Little, Cdr::Big, Cdr::Ros1];
+
+    /// A cloud of two rows of two points of 16 bytes, with 3 bytes behind each row: a short, a byte that is not named, two floats as one field,
+    /// and an integer of 8 bits. `big` is the order of the data's bytes, whatever the message's own is.
+    fn cloud(cdr: Cdr, big: bool, change: impl Fn(&mut [u32; 5])) -> Writer {
+        let mut data = Vec::new();
+        for (index, _) in [0; 4].iter().enumerate() {
+            let (short, floats) = (index as i16 - 2, [index as f32 + 0.5, f32::NAN]);
+            let order = |mut bytes: Vec<u8>| {
+                if !big {
+                    bytes.reverse();
+                }
+                bytes
+            };
+            data.extend(order(short.to_be_bytes().to_vec()));
+            data.extend([0xbb, 0xbb]);
+            floats.iter().for_each(|float| data.extend(order(float.to_be_bytes().to_vec())));
+            data.extend([200 + index as u8, 0xbb, 0xbb, 0xbb]);
+            if index % 2 == 1 {
+                data.extend([0xcc; 3]);
+            }
+        }
+        // The size, the steps, and the count of the pair.
+        let mut numbers = [2, 2, 16, 35, 2];
+        change(&mut numbers);
+        let [height, width, step, row_step, pair] = numbers;
+        let mut writer = Writer::new(cdr);
+        [height, width, 3].into_iter().for_each(|number| writer.u32(number));
+        for (name, offset, datatype, count) in [("s", 0, 3, 1), ("pair", 4, 7, pair), ("b", 12, 2, 0)] {
+            writer.text(name);
+            writer.u32(offset);
+            writer.number(&[datatype]);
+            writer.u32(count);
+        }
+        writer.number(&[u8::from(big)]);
+        [step, row_step].into_iter().for_each(|number| writer.u32(number));
+        writer.sequence(&data);
+        writer.number(&[0]);
+        writer
+    }
+
+    #[test]
+    fn clouds_of_any_layout_are_read() {
+        for (cdr, big) in EACH.into_iter().flat_map(|cdr| [(cdr, false), (cdr, true)]) {
+            let message = cloud(cdr, big, |_| {}).read(Kind::PointCloud2).unwrap();
+            assert_eq!(
+                (message.stamp_ns, message.frame_id.as_str(), message.size),
+                (7_500_000_000, "top", [2, 2])
+            );
+            let Content::Cloud(cloud) = message.content else { panic!("{cdr:?}") };
+            let kinds: Vec<_> = cloud.fields.iter().map(|field| (field.name.as_str(), field.kind)).collect();
+            assert_eq!(kinds, [("s", "short"), ("pair[0]", "float"), ("pair[1]", "float"), ("b", "uchar")]);
+            assert_eq!(cloud.field("s").unwrap(), [-2.0, -1.0, 0.0, 1.0]);
+            assert_eq!(cloud.field("pair[0]").unwrap(), [0.5, 1.5, 2.5, 3.5]);
+            assert!(cloud.field("pair[1]").unwrap().iter().all(|value| value.is_nan()));
+            assert_eq!(cloud.field("b").unwrap(), [200.0, 201.0, 202.0, 203.0]);
+            assert_eq!(cloud.comments, ["frame: top", "stamp: 7.500000000 s", "size: 2 rows of 2 points"]);
+        }
+    }
+
+    #[test]
+    fn one_row_may_have_any_step_and_no_point_any_size() {
+        let points =
+            |change: fn(&mut [u32; 5])| match cloud(Cdr::Little, false, change).read(Kind::PointCloud2) {
+                Ok(Message { content: Content::Cloud(cloud), .. }) => cloud.points,
+                other => panic!("{other:?}"),
+            };
+        assert_eq!(points(|numbers| (numbers[0], numbers[3]) = (1, 7)), 2);
+        assert_eq!(points(|numbers| (numbers[0], numbers[1]) = (0, u32::MAX)), 0);
+    }
+
+    #[test]
+    fn layouts_that_contradict_themselves_are_told() {
+        let of = |change: fn(&mut [u32; 5])| {
+            cloud(Cdr::Big, false, change).read(Kind::PointCloud2).unwrap_err().to_string()
+        };
+        assert_eq!(
+            of(|numbers| numbers[3] = 31),
+            "its row_step of 31 bytes is less than 2 points of 16 bytes"
+        );
+        assert_eq!(of(|numbers| numbers[0] = 3), "it is cut short: its header promises 6 points");
+        assert_eq!(of(|numbers| numbers[4] = 4), "its field \"pair\" lies outside of its points of 16 bytes");
+        assert_eq!(
+            of(|numbers| numbers[4] = u32::MAX),
+            "its field \"pair\" lies outside of its points of 16 bytes"
+        );
+        assert_eq!(of(|numbers| numbers[2] = 0), "its field \"s\" lies outside of its points of 0 bytes");
+        assert!(of(|numbers| (numbers[0], numbers[3]) = (u32::MAX, u32::MAX)).starts_with("it is cut short"));
+        let mut short = cloud(Cdr::Little, false, |_| {});
+        short.bytes.truncate(40);
+        assert_eq!(
+            short.read(Kind::PointCloud2).unwrap_err().to_string(),
+            "a message ends before its last field"
+        );
+        let other = |encoding: &str, head: [u8; 4]| {
+            read_message(Kind::Image, encoding, &head, 9).unwrap_err().to_string()
+        };
+        assert_eq!(other("json", [0; 4]), "its messages are in \"json\", and \"cdr\" and \"ros1\" are read");
+        assert_eq!(
+            other("cdr", [0, 7, 0, 0]),
+            "its messages are in the representation 7 of CDR, and plain CDR is read"
+        );
+    }
+
+    /// A CustomMsg of two points.
+    fn livox(cdr: Cdr) -> Writer {
+        let mut writer = Writer::new(cdr);
+        writer.number(&9_000_000_000_u64.to_be_bytes());
+        writer.u32(2);
+        [4, 0, 0, 0].into_iter().for_each(|byte| writer.number(&[byte]));
+        writer.u32(2);
+        for index in 0..2_u8 {
+            writer.u32(100 + u32::from(index));
+            [1.5_f32, -2.5, 0.25].into_iter().for_each(|axis| writer.number(&axis.to_be_bytes()));
+            [250 + index, 16, index].into_iter().for_each(|byte| writer.number(&[byte]));
+        }
+        writer
+    }
+
+    #[test]
+    fn the_points_of_livox_are_read_with_all_that_they_have() {
+        for cdr in EACH {
+            let message = livox(cdr).read(Kind::CustomMsg).unwrap();
+            let Content::Cloud(cloud) = message.content else { panic!("{cdr:?}") };
+            let expected: [(&str, [f64; 2]); 7] = [
+                ("offset_time", [100.0, 101.0]),
+                ("x", [1.5; 2]),
+                ("y", [-2.5; 2]),
+                ("z", [0.25; 2]),
+                ("reflectivity", [250.0, 251.0]),
+                ("tag", [16.0; 2]),
+                ("line", [0.0, 1.0]),
+            ];
+            assert!(
+                expected.iter().all(|(name, values)| cloud.field(name).unwrap() == values),
+                "{cdr:?}: {cloud:?}"
+            );
+            assert_eq!(cloud.comments[2], "timebase: 9000000000 ns");
+            let mut short = livox(cdr);
+            short.bytes.pop();
+            assert!(short.read(Kind::CustomMsg).unwrap_err().to_string().starts_with("it is cut short"));
+        }
+    }
+
+    /// An image of two rows of two pixels, with two bytes behind each row.
+    fn image(cdr: Cdr, encoding: &str, big: u8, pixels: [&[u8]; 4]) -> Writer {
+        let mut writer = Writer::new(cdr);
+        [2, 2].into_iter().for_each(|side| writer.u32(side));
+        writer.text(encoding);
+        writer.number(&[big]);
+        writer.u32(2 * pixels[0].len() as u32 + 2);
+        let [a, b, c, d] = pixels;
+        writer.sequence(&[a, b, &[9; 2], c, d, &[9; 2]].concat());
+        writer
+    }
+
+    #[test]
+    fn depth_is_in_metres_and_nothing_is_infinite() {
+        let of = |writer: Writer| match writer.read(Kind::Image).unwrap().content {
+            Content::Depth(part) => part.image.f32("Z").unwrap().to_vec(),
+            Content::Cloud(_) => panic!("a cloud"),
+        };
+        let millimetres = [0, 1, 1500, 65535].map(u16::to_be_bytes);
+        let metres = [f32::NAN, 0.5, f32::NEG_INFINITY, 1e9].map(f32::to_le_bytes);
+        for cdr in EACH {
+            let found = of(image(cdr, "16UC1", 1, millimetres.each_ref().map(|bytes| &bytes[..])));
+            assert_eq!(found, [f32::INFINITY, 0.001, 1.5, 65.535]);
+            let found = of(image(cdr, "32FC1", 0, metres.each_ref().map(|bytes| &bytes[..])));
+            assert_eq!(found, [f32::INFINITY, 0.5, f32::INFINITY, 1e9]);
+        }
+        let colour = image(Cdr::Little, "rgb8", 0, [&[1; 3]; 4]).read(Kind::Image).unwrap_err();
+        assert_eq!(colour.to_string(), "its images are \"rgb8\", and depth is \"32FC1\" or \"16UC1\"");
+        let narrow = image(Cdr::Little, "32FC1", 0, [&[1; 2]; 4]).read(Kind::Image).unwrap_err();
+        assert_eq!(narrow.to_string(), "its 12 bytes are no 2 rows of 2 pixels in steps of 6 bytes");
+    }
+
+    #[test]
+    fn types_are_known_as_both_kinds_of_ros_write_them() {
+        assert_eq!(Kind::of("sensor_msgs/msg/PointCloud2"), Some(Kind::PointCloud2));
+        assert_eq!(Kind::of("sensor_msgs/Image"), Some(Kind::Image));
+        assert_eq!(Kind::of("livox_ros_driver2/msg/CustomMsg"), Some(Kind::CustomMsg));
+        assert_eq!(["sensor_msgs/msg/PointCloud", "CustomMsg", "a/CustomMsg", ""].map(Kind::of), [None; 4]);
+        assert_eq!(
+            [0, -1, -1_500_000_000, i64::MIN].map(seconds),
+            ["0.000000000", "-0.000000001", "-1.500000000", "-9223372036.854775808"]
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn broken_bytes_are_an_error_or_a_message(kind in 0..3_usize, cdr in 0..3_usize, at in 0.0..1.0, value: u8, keep in 0.0..2.0) {
+            let mut writer = match kind {
+                0 => cloud(EACH[cdr], false, |_| {}),
+                1 => livox(EACH[cdr]),
+                _ => image(EACH[cdr], "32FC1", 0, [&[1; 4]; 4]),
+            };
+            let at = (at * writer.bytes.len() as f64) as usize;
+            writer.bytes[at] = value;
+            writer.bytes.truncate((keep * writer.bytes.len() as f64) as usize);
+            if let Ok(message) = writer.read([Kind::PointCloud2, Kind::CustomMsg, Kind::Image][kind]) {
+                match message.content {
+                    Content::Cloud(cloud) => prop_assert!(cloud.fields.iter().all(|field| field.values.len() == cloud.points)),
+                    Content::Depth(part) => prop_assert_eq!(part.image.channels[0].samples.len(), part.image.pixels()),
+                }
+            }
+        }
     }
 }

@@ -121,7 +121,15 @@ impl FileKind {
     pub fn is_recorded(&self) -> bool {
         matches!(
             self,
-            Self::Exr | Self::Ply | Self::Pcd | Self::Las | Self::E57 | Self::Npy | Self::Npz | Self::Mcap | Self::Manifest
+            Self::Exr
+                | Self::Ply
+                | Self::Pcd
+                | Self::Las
+                | Self::E57
+                | Self::Npy
+                | Self::Npz
+                | Self::Mcap
+                | Self::Manifest
         )
     }
 

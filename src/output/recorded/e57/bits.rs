@@ -56,9 +56,11 @@ impl Encoding {
             return None;
         }
         Some(match self {
-            Self::Float(number) => {
-                stream.chunks_exact(number.size()).take(points).map(|bytes| number.read(bytes, false)).collect()
-            }
+            Self::Float(number) => stream
+                .chunks_exact(number.size())
+                .take(points)
+                .map(|bytes| number.read(bytes, false))
+                .collect(),
             Self::Integer { least, scale, .. } => {
                 let value = |raw: u64| {
                     let integer = least.wrapping_add_unsigned(raw);
@@ -93,24 +95,33 @@ const SECTION_HEADER: usize = 32;
 ///
 /// # Errors
 /// A [`ReadError`] if the section is none of points, or ends before.
-pub(super) fn streams(pages: &Pages, place: u64, encodings: &[Encoding], points: u64) -> Result<Vec<Vec<u8>>, ReadError> {
+pub(super) fn streams(
+    pages: &Pages,
+    place: u64,
+    encodings: &[Encoding],
+    points: u64,
+) -> Result<Vec<Vec<u8>>, ReadError> {
     let broken = || ReadError::new("a section of points is broken");
     let header = pages.from(place).and_then(|section| section.first_chunk::<SECTION_HEADER>());
     let header = header.filter(|header| header[0] == 1).ok_or_else(broken)?;
     let number = |at: usize| header[at..].first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
     let mut rest = pages.from(number(16)).ok_or_else(broken)?;
-    let needed = |encoding: &Encoding| u64::from(encoding.bits()).checked_mul(points).map(|bits| bits.div_ceil(8));
+    let needed =
+        |encoding: &Encoding| u64::from(encoding.bits()).checked_mul(points).map(|bits| bits.div_ceil(8));
     let needed: Option<Vec<u64>> = encodings.iter().map(needed).collect();
     let needed = needed.ok_or_else(broken)?;
     let mut streams = vec![Vec::new(); encodings.len()];
-    let lacks = |streams: &[Vec<u8>]| streams.iter().zip(&needed).any(|(stream, needed)| (stream.len() as u64) < *needed);
+    let lacks = |streams: &[Vec<u8>]| {
+        streams.iter().zip(&needed).any(|(stream, needed)| (stream.len() as u64) < *needed)
+    };
     while lacks(&streams) {
         let short = || ReadError::new(format!("it is cut short: its description promises {points} points"));
         let head = rest.first_chunk::<4>().ok_or_else(short)?;
         let length = usize::from(u16::from_le_bytes([head[2], head[3]])) + 1;
         let (packet, after) = rest.split_at_checked(length).filter(|_| length >= 4).ok_or_else(short)?;
         match head[0] {
-            1 => add_packet(packet, &mut streams).ok_or_else(|| ReadError::new("a packet of points is broken"))?,
+            1 => add_packet(packet, &mut streams)
+                .ok_or_else(|| ReadError::new("a packet of points is broken"))?,
             // An index, and what is to be passed over.
             0 | 2 => {}
             // What is behind the last packet.

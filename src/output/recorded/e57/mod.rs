@@ -51,7 +51,9 @@ pub fn read_e57(bytes: &[u8], memory: u64) -> Result<Cloud, ReadError> {
 fn joined(scans: &[Scan], mut clouds: Vec<Cloud>) -> Cloud {
     let points = clouds.iter().map(|cloud| cloud.points).sum();
     scans.iter().zip(&mut clouds).for_each(|(scan, cloud)| scan.carry_into_file(cloud));
-    let kind_in = |cloud: &Cloud, name: &str| cloud.fields.iter().find(|other| other.name == name).map(|other| other.kind);
+    let kind_in = |cloud: &Cloud, name: &str| {
+        cloud.fields.iter().find(|other| other.name == name).map(|other| other.kind)
+    };
     let mut fields: Vec<Field> = Vec::new();
     for field in clouds.iter().take(1).flat_map(|cloud| &cloud.fields) {
         let kinds: Option<Vec<_>> = clouds.iter().map(|cloud| kind_in(cloud, &field.name)).collect();

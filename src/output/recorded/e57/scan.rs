@@ -41,7 +41,8 @@ impl Scan {
         let wrong = |what: &str| ReadError::new(format!("a scan's {what} are not as they should be"));
         let points = element.child("points").ok_or_else(|| wrong("points"))?;
         let number = |name: &str| points.attribute(name).and_then(|number| number.trim().parse::<u64>().ok());
-        let (place, count) = number("fileOffset").zip(number("recordCount")).ok_or_else(|| wrong("points"))?;
+        let (place, count) =
+            number("fileOffset").zip(number("recordCount")).ok_or_else(|| wrong("points"))?;
         let prototype = points.child("prototype").map_or(&[][..], |prototype| &prototype.children);
         if prototype.len() > MAX_FIELDS {
             return Err(ReadError::new(format!("it has more than {MAX_FIELDS} fields a point")));
@@ -51,7 +52,8 @@ impl Scan {
         if fields.iter().all(|(_, encoding)| encoding.bits() == 0) {
             return Err(ReadError::new("its points have no fields, or none that differs"));
         }
-        let text = |name: &str| element.child(name).map_or(String::new(), |child| child.text.trim().to_owned());
+        let text =
+            |name: &str| element.child(name).map_or(String::new(), |child| child.text.trim().to_owned());
         let pose = element.child("pose").map(pose);
         let pose = pose.map(|pose| pose.ok_or_else(|| wrong("pose and rotation"))).transpose()?;
         Ok(Self {
@@ -192,11 +194,17 @@ fn forget_invalid(cloud: &mut Cloud) {
     let invalid: Vec<usize> = names
         .iter()
         .filter_map(|name| cloud.field(name))
-        .flat_map(|states| states.iter().enumerate().filter(|(_, state)| **state != 0.0).map(|(point, _)| point))
+        .flat_map(|states| {
+            states.iter().enumerate().filter(|(_, state)| **state != 0.0).map(|(point, _)| point)
+        })
         .collect();
     for field in cloud.fields.iter_mut().filter(|field| ["x", "y", "z"].contains(&field.name.as_str())) {
         // Integers have no NaN.
-        field.kind = if invalid.is_empty() || ["float", "double"].contains(&field.kind) { field.kind } else { "double" };
+        field.kind = if invalid.is_empty() || ["float", "double"].contains(&field.kind) {
+            field.kind
+        } else {
+            "double"
+        };
         invalid.iter().for_each(|point| field.values[*point] = f64::NAN);
     }
 }

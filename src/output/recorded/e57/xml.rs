@@ -46,7 +46,8 @@ impl Element {
                     count += 1;
                     let element = Self::begun(&start).ok_or_else(|| broken(&"an element is broken"))?;
                     let parent = open.last_mut().filter(|_| count <= MOST_ELEMENTS);
-                    let parent = parent.ok_or_else(|| ReadError::new("its description is empty, or larger than is read"))?;
+                    let parent = parent
+                        .ok_or_else(|| ReadError::new("its description is empty, or larger than is read"))?;
                     parent.children.push(element);
                 }
                 Event::End(_) => {
