@@ -167,14 +167,33 @@ impl Bag {
 
     /// The name of a message as a frame: of `/roof/points`, which is a topic of ours, that of the frames of the sensor `roof`.
     pub fn key(&self, topic: usize, number: u64) -> FrameKey {
-        let name = self.topics().get(topic).map_or("", |topic| topic.name.as_str());
-        let name = name.trim_matches('/');
-        let sensor = ["/points", "/depth"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name);
-        FrameKey::new(if sensor.is_empty() { "bag" } else { sensor }, number)
+        FrameKey::new(&sensor_of(self.topics().get(topic).map_or("", |topic| &topic.name)), number)
     }
+}
+
+/// The name of the sensor that a topic may be of: one of a folder, whatever the topic's own is, because files are named by it.
+fn sensor_of(topic: &str) -> String {
+    let name = topic.trim_matches('/');
+    let name = ["/points", "/depth"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name);
+    let is_kept = |c: char| c.is_ascii_alphanumeric() || ['_', '-', '.'].contains(&c);
+    let name: String = name.chars().map(|c| if is_kept(c) { c } else { '_' }).collect();
+    if name.is_empty() || name.starts_with('.') { format!("topic{name}") } else { name }
 }
 
 /// The most topics that are looked into.
 const MOST_TOPICS: usize = 64;
 
 const NOTHING: &str = "it has neither clouds (PointCloud2, CustomMsg) nor depth images (32FC1, 16UC1)";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_topic_names_a_file_outside_of_its_folder() {
+        let names = ["/roof/points", "/camera/depth", "/velodyne_points", "/livox/lidar", "/", "/../../etc/x", "..", "a\\b:\0"];
+        let expected =
+            ["roof", "camera", "velodyne_points", "livox_lidar", "topic", "topic.._.._etc_x", "topic..", "a_b__"];
+        assert_eq!(names.map(sensor_of), expected);
+    }
+}

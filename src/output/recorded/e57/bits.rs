@@ -91,15 +91,16 @@ fn integers(stream: &[u8], bits: u32, points: usize) -> impl Iterator<Item = u64
 /// The bytes of the header of a section of points.
 const SECTION_HEADER: usize = 32;
 
-/// The streams of a section of points, each with at least the bytes of its points.
+/// The streams of a section of points, each with at least the bytes of its points. The bytes of its packets are taken from those that are
+/// `left` of the file.
 ///
 /// # Errors
-/// A [`ReadError`] if the section is none of points, or ends before.
+/// A [`ReadError`] if the section is none of points, ends before, or has more bytes than are left.
 pub(super) fn streams(
     pages: &Pages,
-    place: u64,
+    (place, points): (u64, u64),
     encodings: &[Encoding],
-    points: u64,
+    left: &mut usize,
 ) -> Result<Vec<Vec<u8>>, ReadError> {
     let broken = || ReadError::new("a section of points is broken");
     let header = pages.from(place).and_then(|section| section.first_chunk::<SECTION_HEADER>());
@@ -119,6 +120,8 @@ pub(super) fn streams(
         let head = rest.first_chunk::<4>().ok_or_else(short)?;
         let length = usize::from(u16::from_le_bytes([head[2], head[3]])) + 1;
         let (packet, after) = rest.split_at_checked(length).filter(|_| length >= 4).ok_or_else(short)?;
+        // Sections of a file do not overlap: else a small one could have any number of packets.
+        *left = left.checked_sub(length).ok_or_else(|| ReadError::new("its sections of points overlap"))?;
         match head[0] {
             1 => add_packet(packet, &mut streams)
                 .ok_or_else(|| ReadError::new("a packet of points is broken"))?,

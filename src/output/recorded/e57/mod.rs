@@ -36,7 +36,9 @@ pub fn read_e57(bytes: &[u8], memory: u64) -> Result<Cloud, ReadError> {
     let copies = if scans.len() > 1 { 2 } else { 1 };
     let all = scans.iter().map(Scan::memory).fold(0, u64::saturating_add);
     ReadError::check_memory(all.saturating_mul(copies), memory)?;
-    let mut clouds = scans.iter().map(|scan| scan.read(&pages)).collect::<Result<Vec<_>, _>>()?;
+    let mut left = bytes.len();
+    let read = |scan: &Scan| scan.read(&pages, &mut left);
+    let mut clouds = scans.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let mut cloud = match (scans.as_slice(), clouds.len()) {
         ([], _) => return Err(ReadError::new("it has no scan")),
         ([_], 1) => clouds.remove(0),

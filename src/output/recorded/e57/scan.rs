@@ -71,10 +71,10 @@ impl Scan {
         self.points.saturating_mul(((self.fields.len() + 4) * size_of::<f64>()) as u64)
     }
 
-    /// Reads its points.
-    pub fn read(&self, pages: &Pages) -> Result<Cloud, ReadError> {
+    /// Reads its points. The bytes of its packets are taken from those that are `left` of the file.
+    pub fn read(&self, pages: &Pages, left: &mut usize) -> Result<Cloud, ReadError> {
         let encodings: Vec<Encoding> = self.fields.iter().map(|(_, encoding)| *encoding).collect();
-        let mut streams = streams(pages, self.place, &encodings, self.points)?;
+        let mut streams = streams(pages, (self.place, self.points), &encodings, left)?;
         let broken = || ReadError::new("a section of points is broken");
         let points = usize::try_from(self.points).map_err(|_| broken())?;
         let mut fields = Vec::new();

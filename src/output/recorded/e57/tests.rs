@@ -176,6 +176,10 @@ fn what_is_broken_is_told() {
     );
     let still = TURNED.replace(">1<", ">0<");
     assert_eq!(of(1, SCALED, &still, u64::MAX), "a scan's pose and rotation are not as they should be");
+    // Packets of some kilobytes that all scans would walk through.
+    let passed_over = [vec![2, 0, 0xff, 0xff], vec![0; 65_532], scaled()].concat();
+    let overlapping = file(&[passed_over], |places| described(&[(places[0], 3, SCALED, ""); 3]));
+    assert_eq!(read_e57(&overlapping, u64::MAX).unwrap_err().to_string(), "its sections of points overlap");
     let mut bytes = file(&[scaled()], |places| described(&[(places[0], 3, SCALED, "")]));
     bytes[60] ^= 1;
     assert_eq!(
