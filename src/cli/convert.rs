@@ -2,12 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::json;
+
+use super::frames::FrameArgs;
 use super::interrupt::Interrupt;
+use super::json;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::output::recorded::Recorded;
-use crate::output::{check_file, write_file};
-use crate::run::convert::{Target, convert_folder};
+use crate::output::{WrittenFile, check_file, write_file};
+use crate::run::convert::{Converted, Order, Target, convert_bag, convert_file, convert_folder, one_of_bag};
 use crate::run::{Bytes, memory};
 use crate::source::is_config;
 use crate::source::words::{counted, list, quoted};
@@ -15,21 +19,28 @@ use crate::source::words::{counted, list, quoted};
 /// The arguments of `beamcast convert`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A cloud (PLY, PCD, NPY, LAS, LAZ), a range image (EXR, NPZ), or the folder that a scan wrote
+    /// A cloud (PLY, PCD, NPY, LAS, LAZ, E57), a range image (EXR, NPZ), a recording (MCAP), or the folder that a scan wrote
     #[arg(value_name = "IN")]
     path: PathBuf,
-    /// The file, whose ending says what it is, or of a folder another folder, with a file for each frame
+    /// The file, whose ending says what it is; of a folder another folder, with a file for each frame; of a recording either, with a file for
+    /// each message
     #[arg(value_name = "OUT")]
     target: PathBuf,
-    /// Write this format: ply, pcd, npy, las or laz of clouds, exr or npz of images [default: the ending of OUT]
+    /// Write this format: ply, pcd, npy, las or laz of clouds, exr or npz of images, and of the images of a run also those of clouds, e57, png
+    /// (a preview) or depth16 [default: the ending of OUT]
     #[arg(long, value_name = "NAME")]
     format: Option<String>,
     /// Make the coordinates of a LAS or LAZ steps of so many metres
     #[arg(long, value_name = "METRES", default_value_t = 1e-4, value_parser = parse_scale)]
     scale: f64,
-    /// Replace files that are there already
+    /// Replace files that are there already, and in a folder remove those of an earlier run or conversion
     #[arg(long)]
     overwrite: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    frames: FrameArgs,
 }
 
 fn parse_scale(text: &str) -> Result<f64, String> {
@@ -52,37 +63,64 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             "is a job or a sensor file: `beamcast scan` runs a job, and what it writes can be converted";
         return Err(Error::input(&args.path, problem));
     }
-    let recorded = Recorded::open(&args.path, memory)?;
-    if let Recorded::Folder(folder) = recorded {
-        let name = args.format.as_deref().ok_or_else(|| {
-            Error::Usage(format!("a folder needs --format NAME, one of {}", list(Target::endings(), "or")))
-        })?;
-        let target = (args.target.as_path(), args.overwrite);
-        let mut goes_on = || interrupt.check();
-        let converted =
-            convert_folder(&folder, target, (target_of(name)?, args.scale), memory, &mut goes_on)?;
-        warn(&converted.notes, terminal);
-        let files = counted(converted.files, "file");
-        terminal.say(format_args!("wrote {files} to {} ({})", args.target.display(), Bytes(converted.bytes)));
-        return Ok(());
-    }
+    let wanted = args.frames.wanted();
+    let order =
+        |target| Order { target, step_m: args.scale, out: &args.target, overwrite: args.overwrite, memory };
+    let mut goes_on = || interrupt.check();
+    let recorded = match Recorded::open(&args.path, memory)? {
+        Recorded::Folder(folder) => {
+            let name = args.format.as_deref().ok_or_else(|| {
+                Error::Usage(format!(
+                    "a folder needs --format NAME, one of {}",
+                    list(Target::endings(), "or")
+                ))
+            })?;
+            let converted = convert_folder(&folder, &order(target_of(name)?), &mut goes_on)?;
+            return tell(args, &converted, terminal);
+        }
+        Recorded::Bag(mut bag) => match args.format.as_deref() {
+            // An ending says that OUT is a file.
+            Some(name) if args.target.extension().is_none() => {
+                let bag = (&mut *bag, args.path.as_path());
+                let converted = convert_bag(bag, &wanted, &order(target_of(name)?), &mut goes_on)?;
+                return tell(args, &converted, terminal);
+            }
+            _ => one_of_bag((&mut bag, &args.path), &wanted)?,
+        },
+        recorded => recorded,
+    };
     let target = match &args.format {
         Some(name) => target_of(name)?,
         None => target_of_ending(&args.target)?,
     };
     check_file(&args.target, args.overwrite)?;
     interrupt.check()?;
-    let (file, notes) = target.encode(recorded, args.scale).map_err(|e| Error::input(&args.path, e))?;
+    let (file, notes) = convert_file(&args.path, recorded, &order(target))?;
     interrupt.check()?;
     interrupt.uncut(|| write_file(&args.target, &file))?;
-    warn(&notes, terminal);
-    terminal.say(format_args!("wrote {} ({})", args.target.display(), Bytes(file.len() as u64)));
-    Ok(())
+    let written = WrittenFile {
+        path: args.target.to_string_lossy().into_owned(),
+        bytes: file.len() as u64,
+        blake3: blake3::hash(&file).to_hex().to_string(),
+    };
+    tell(args, &Converted { files: vec![written], notes }, terminal)
 }
 
-/// Shows what is to be known about the files.
-fn warn(notes: &[String], terminal: &Terminal) {
+/// Tells what was written, and what is to be known about it.
+fn tell(args: &Args, converted: &Converted, terminal: &Terminal) -> Result<(), Error> {
+    let Converted { files, notes } = converted;
+    if args.json {
+        return terminal
+            .json(&json::CONVERT.of(json!({ "out": args.target, "outputs": files, "notes": notes })));
+    }
     notes.iter().for_each(|note| terminal.warn(note));
+    let bytes = Bytes(converted.bytes());
+    let out = args.target.display();
+    match files.as_slice() {
+        [file] if Path::new(&file.path) == args.target => terminal.say(format_args!("wrote {out} ({bytes})")),
+        _ => terminal.say(format_args!("wrote {} to {out} ({bytes})", counted(files.len() as u64, "file"))),
+    }
+    Ok(())
 }
 
 fn target_of(name: &str) -> Result<Target, Error> {

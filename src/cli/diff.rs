@@ -28,7 +28,7 @@ use crate::source::words::{counted, joined, on_one_line};
 /// The arguments of `beamcast diff`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), a folder that a scan wrote, or a job, which is run
+    /// A range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ, E57), a recording (MCAP), a folder that a scan wrote, or a job, which is run
     a: PathBuf,
     /// The same, to compare with: the newer one
     b: PathBuf,
@@ -165,10 +165,10 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
 
 /// Opens a side, or prepares to run it if it is a job. Gives the rays that it casts.
 fn side(path: &Path, args: &Args, terminal: &Terminal, interrupt: &Interrupt) -> Result<(Side, u64), Error> {
-    let frames = args.frames.range();
     if !is_config(path) {
-        return Ok((Side::of_recording(path, &frames, memory::for_recordings())?, 0));
+        return Ok((Side::of_recording(path, &args.frames.wanted(), memory::for_recordings())?, 0));
     }
+    let frames = args.frames.range();
     let mut job = load_job(path, &[], terminal)?;
     let plan = Plan::of(&job, &Selection { frames, ..Selection::ALL }, Holding::Image)?;
     let scene = load_scene(&mut job, &args.scenes, terminal)?.scene;

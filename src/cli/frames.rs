@@ -2,15 +2,25 @@
 
 use std::ops::Range;
 
+use crate::output::recorded::Wanted;
+
 /// The flags of every subcommand that looks at some frames of a sequence.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct FrameArgs {
-    /// Only the frames from A up to B, without B; A.. goes to the end, and A is one frame
+    /// Only the frames from A up to B, without B; A.. goes to the end, and A is one frame. The messages of a recording count from 0
     #[arg(long = "frames", value_name = "A..B", value_parser = parse)]
     frames: Option<Range<u64>>,
+    /// Of a recording, the messages of this topic [default: the only one with clouds or depth images]
+    #[arg(long, value_name = "NAME")]
+    topic: Option<String>,
 }
 
 impl FrameArgs {
+    /// The frames that are asked for.
+    pub fn wanted(&self) -> Wanted {
+        Wanted { frames: self.range(), topic: self.topic.clone() }
+    }
+
     /// The numbers of the frames; all, unless some are asked for.
     pub fn range(&self) -> Range<u64> {
         self.frames.clone().unwrap_or(0..u64::MAX)

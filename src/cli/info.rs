@@ -2,8 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -13,21 +11,22 @@ use super::facts;
 use super::job::SceneArgs;
 use super::json;
 use super::outline;
+use super::recording;
 use super::terminal::Terminal;
 use crate::error::Error;
 use crate::output::Samples;
-use crate::output::recorded::{Cloud, Folder, FrameKey, Part, Recorded, RecordedManifest, Topic, read_mcap};
+use crate::output::recorded::{Cloud, Folder, FrameKey, Part, Recorded, RecordedManifest};
 use crate::run::facts::facts_of;
 use crate::run::{Bytes, memory};
 use crate::scene::gltf;
 use crate::source::suggest::missing_file_help;
-use crate::source::words::{counted, on_one_line, quoted};
+use crate::source::words::{on_one_line, quoted};
 use crate::source::{FileKind, Wanted, is_config, recognise};
 
 /// The arguments of `beamcast info`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A job, a sensor file, a scene (.gltf, .glb), a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), an MCAP, or a scan's folder or manifest
+    /// A job, a sensor file, a scene (.gltf, .glb), a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ, E57), a recording (MCAP), or a scan's folder or manifest
     #[arg(value_name = "FILE")]
     path: PathBuf,
     /// Print JSON
@@ -44,7 +43,7 @@ pub struct Args {
 pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let path = &args.path;
     let kind = if path.is_dir() { FileKind::Manifest } else { kind_of(path)? };
-    if !kind.is_recorded() && kind != FileKind::Mcap {
+    if !kind.is_recorded() {
         let (file, warnings) = facts_of(path, &args.scenes.allowed_folders)?;
         terminal.warn_of(&warnings);
         let outline = if kind.is_scene() { Some(gltf::outline(path)?) } else { None };
@@ -58,18 +57,21 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
         return terminal.json(&json::INFO.of(json));
     }
     let name = path.to_string_lossy();
-    if kind == FileKind::Mcap {
-        return show_bag(args, &name, terminal);
-    }
     let short = match kind {
         FileKind::Exr => "EXR",
         FileKind::Npz => "NPZ",
         FileKind::Pcd => "PCD",
         FileKind::Npy => "NPY",
         FileKind::Las => "LAS",
+        FileKind::E57 => "E57",
         _ => "PLY",
     };
-    let (json, text) = match Recorded::open(path, memory::of_machine().unwrap_or(u64::MAX))? {
+    // A message of a recording is in memory beside the chunk that it is in.
+    let memory = match kind {
+        FileKind::Mcap => memory::for_recordings(),
+        _ => memory::of_machine().unwrap_or(u64::MAX),
+    };
+    let (json, text) = match Recorded::open(path, memory)? {
         Recorded::Images(parts) => {
             let facts: Vec<PartFacts> = parts.iter().map(PartFacts::of).collect();
             let text: String = facts.iter().map(PartFacts::to_text).collect();
@@ -80,6 +82,10 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
             let text = facts.to_text();
             (json!({ "path": name, "kind": short, "cloud": facts }), text)
         }
+        Recorded::Bag(mut bag) => {
+            let (facts, text) = recording::facts(&mut bag);
+            (json!({ "path": name, "kind": "MCAP", "bag": facts }), text)
+        }
         Recorded::Folder(folder) => folder_facts(&name, &folder),
     };
     if args.json {
@@ -87,43 +93,6 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     }
     let kind = json.get("kind").and_then(Value::as_str).unwrap_or_default();
     terminal.print(&format!("{}: {kind}\n{text}", plain(&name)))
-}
-
-/// Prints the topics of a recording.
-fn show_bag(args: &Args, name: &str, terminal: &Terminal) -> Result<(), Error> {
-    let memory = memory::for_recordings();
-    let file = File::open(&args.path).map_err(|e| Error::input(&args.path, format!("can't be read: {e}")))?;
-    let bag = read_mcap(BufReader::new(file), memory).map_err(|e| Error::input(&args.path, e))?;
-    let seconds = |ns: u64| ns as f64 * 1e-9;
-    if args.json {
-        let topic = |topic: &Topic| {
-            let times = topic.times_ns.map(|times| times.map(seconds));
-            json!({
-                "name": topic.name, "type": topic.kind, "encoding": topic.encoding,
-                "messages": topic.messages, "bytes": topic.bytes, "times_s": times,
-            })
-        };
-        let topics: Vec<Value> = bag.topics.iter().map(topic).collect();
-        let json =
-            json!({ "path": name, "kind": "MCAP", "bag": { "topics": topics, "whole": bag.is_whole } });
-        return terminal.json(&json::INFO.of(json));
-    }
-    let mut text = format!("{}: MCAP\n", plain(name));
-    let longest = bag.topics.iter().map(|topic| topic.name.chars().count()).max().unwrap_or(0);
-    let width = longest.min(40);
-    for topic in &bag.topics {
-        let messages = counted(topic.messages, "message");
-        let _ = write!(text, "    {:<width$} {}", on_one_line(&topic.name), on_one_line(&topic.kind));
-        let _ = write!(text, ", {messages}, {}", Bytes(topic.bytes));
-        if let Some([first, last]) = topic.times_ns {
-            let _ = write!(text, ", {:.3} s to {:.3} s", seconds(first), seconds(last));
-        }
-        text.push('\n');
-    }
-    if !bag.is_whole {
-        text += "    the file ends before its footer: it was cut off\n";
-    }
-    terminal.print(&text)
 }
 
 /// What a file is.
@@ -135,7 +104,7 @@ fn kind_of(path: &Path) -> Result<FileKind, Error> {
         let help = missing_file_help(&path.to_string_lossy(), path).filter(|_| !path.exists());
         Error::input(path, problem.to_string() + &help.map_or(String::new(), |help| format!(" ({help})")))
     })?;
-    if kind.is_recorded() || kind == FileKind::Mcap || kind.is_scene() || is_config(path) {
+    if kind.is_recorded() || kind.is_scene() || is_config(path) {
         return Ok(kind);
     }
     Err(Error::input(path, kind.text_instead_of(Wanted::Shown)))

@@ -15,6 +15,8 @@ pub const BENCH: Document = Document { format: 1 };
 pub const BENCH_END_TO_END: Document = Document { format: 1 };
 /// `beamcast check --json FILE`.
 pub const CHECK: Document = Document { format: 1 };
+/// `beamcast convert --json`.
+pub const CONVERT: Document = Document { format: 1 };
 /// `beamcast diff --json`.
 pub const DIFF: Document = Document { format: 1 };
 /// `beamcast explain --json`.

@@ -25,6 +25,7 @@ mod outline;
 mod parts;
 mod pipeline;
 mod presets;
+mod recording;
 mod scan;
 mod schema;
 mod selftest;

@@ -17,7 +17,7 @@ use crate::view::{Recording, Shown, View, of_recording, page};
 /// The arguments of `beamcast view`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), the folder that a scan wrote, or a job, which is run
+    /// A range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ, E57), a recording (MCAP), the folder that a scan wrote, or a job, which is run
     #[arg(value_name = "PATH")]
     path: PathBuf,
     /// The page; `-` for stdout [default: the name of PATH with .html, in the current folder]
@@ -48,8 +48,8 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let (page, note) = match is_config(&args.path) {
         true => of_job(args, &title, &interrupt, terminal)?,
         false => {
-            let (frames, memory) = (args.frames.range(), memory::for_recordings());
-            match of_recording(&args.path, &title, &frames, memory, &|| interrupt.check())? {
+            let (wanted, memory) = (args.frames.wanted(), memory::for_recordings());
+            match of_recording(&args.path, &title, &wanted, memory, &|| interrupt.check())? {
                 Recording::Sequence(page, note) => (page, note),
                 Recording::Frames(views, note) => {
                     (page::of_views(&title, &note, &Shown { views, ..Shown::default() }), note)

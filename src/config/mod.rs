@@ -97,20 +97,58 @@ pub fn load_preset(name: &str) -> Result<SensorFile, Error> {
 /// The first reason why a sensor file of this text would be refused. `None` if it would be read. The text must name no other
 /// file.
 pub(crate) fn problem_of_sensor(text: &str) -> Option<String> {
+    sensor_of_text(text).err().map(problem_in)
+}
+
+/// The sensor of a text that names no other file.
+fn sensor_of_text(text: &str) -> Result<SensorFile, Error> {
     let path = Path::new("sensor.toml");
     let mut report = Report::default();
     let source = report.add(path, text.to_owned(), Layer::Main);
-    let read = match parse::parse(&report, source) {
+    match parse::parse(&report, source) {
         Some(entries) => into_sensor(report, path, entries),
         None => Err(Error::Config(report.into_diagnostics())),
-    };
-    match read {
-        Ok(_) => None,
-        Err(Error::Config(found)) => {
-            let error = found.iter().find(|d| d.severity == Severity::Error).or(found.first());
-            Some(error.map_or_else(String::new, |error| error.message.clone()))
+    }
+}
+
+/// The sensor of a manifest's job, a table with the keys of `[[sensor]]` and those of the sensor's file. Anybody may have written it,
+/// and no file is opened because of it.
+///
+/// # Errors
+/// A sentence about the first problem.
+pub(crate) fn recorded_sensor(table: &serde_json::Value) -> Result<SensorFile, String> {
+    fn names_file(value: &serde_json::Value) -> bool {
+        match value {
+            serde_json::Value::Object(table) => {
+                table.iter().any(|(key, value)| key == "file" || names_file(value))
+            }
+            serde_json::Value::Array(values) => values.iter().any(names_file),
+            _ => false,
         }
-        Err(other) => Some(other.to_string()),
+    }
+    let table = table.as_object().ok_or("it is no table")?;
+    // What they lead to is in the other keys.
+    let is_settled = |key: &str| ["modes", "nominal"].contains(&key);
+    let is_of_file = |key: &str| !is_settled(key) && SENSOR_FILE.names().any(|name| name == key);
+    let of_file = table.iter().filter(|(key, _)| is_of_file(key));
+    let of_file: serde_json::Map<String, serde_json::Value> =
+        of_file.map(|(key, value)| (key.clone(), value.clone())).collect();
+    let of_file = serde_json::Value::from(of_file);
+    if names_file(&of_file) {
+        return Err("it is of a table in a file, which the manifest does not have".to_owned());
+    }
+    let text = toml::to_string(&of_file).map_err(|e| e.to_string())?;
+    sensor_of_text(&text).map_err(problem_in)
+}
+
+/// The first problem of a text, in words.
+fn problem_in(error: Error) -> String {
+    match error {
+        Error::Config(found) => {
+            let error = found.iter().find(|d| d.severity == Severity::Error).or(found.first());
+            error.map_or_else(String::new, |error| error.message.clone())
+        }
+        other => other.to_string(),
     }
 }
 

@@ -90,6 +90,7 @@ pub use id::{id_of, index_of};
 pub use image::{Channel, Image, Samples};
 pub use image_file::ImageFormat;
 pub use json::json_lines;
+pub use las::SCALE as LAS_SCALE;
 pub use legend::{Entry, round_step, ticks, with_legend};
 pub use manifest::{Manifest, SensorFrames};
 pub use names::Names;
@@ -100,5 +101,5 @@ pub use picture::{LINE_COLOUR, NO_RETURN_COLOUR, Picture, Rgb, TEXT_COLOUR, text
 pub use points::Point;
 pub use poses::{POSES, pose_row};
 pub use registry::{FORMATS, Format};
-pub use sensor_frame::{CloudFrame, CloudTime, SensorFrame};
+pub use sensor_frame::{CloudFrame, CloudTime, SensorFrame, pose_of_toml};
 pub use whole::{check_file, write_file};

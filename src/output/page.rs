@@ -140,6 +140,8 @@ cloud.xyz, cloud.gps_time, cloud[\"range\"], cloud.header.parse_crs()
 
 const E57_INTRODUCTION: &str = "\
 A file has one scan, whose `pose` is `world_from_points`. E57 has no field for labels, objects and beams that its readers would take.
+Of an E57 that is read, one scan's points stay in their own frame, with the pose as a PCD's `VIEWPOINT`; those of several scans are carried
+into the file's frame, and `scan` numbers them.
 
 ```python
 scan = pye57.E57(\"top/000000.e57\").read_scan(0, intensity=True, row_column=True)  # in the world

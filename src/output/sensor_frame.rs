@@ -1,6 +1,6 @@
 //! A sensor's frame with all facts that a writer needs about its origin.
 
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 
 use super::names::Names;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
@@ -223,6 +223,22 @@ pub(super) fn pose_as_toml(pose: &Pose) -> String {
     format!("{{ position_m = [{position}], quaternion_xyzw = [{quaternion}] }}")
 }
 
+/// The pose that [`pose_as_toml`] wrote. `None` if the text is none.
+pub fn pose_of_toml(text: &str) -> Option<Pose> {
+    // With its keys in quotes and colons behind them it is JSON.
+    let key = |text: &str, key: &str| text.replacen(&format!("{key} ="), &format!("\"{key}\":"), 1);
+    let json: serde_json::Value =
+        serde_json::from_str(&key(&key(text, "position_m"), "quaternion_xyzw")).ok()?;
+    let numbers = |key: &str| -> Option<Vec<f64>> {
+        json.get(key)?.as_array()?.iter().map(serde_json::Value::as_f64).collect()
+    };
+    let translation = DVec3::from_array(numbers("position_m")?.try_into().ok()?);
+    let rotation = DQuat::from_array(numbers("quaternion_xyzw")?.try_into().ok()?);
+    // A header is a text that anybody may have written.
+    let is_rotation = (rotation.length() - 1.0).abs() < 1e-6 && translation.is_finite();
+    is_rotation.then(|| Pose { rotation: DMat3::from_quat(rotation.normalize()), translation })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -241,6 +257,14 @@ mod tests {
         let numbers = |key: &str| -> Vec<f64> {
             table["pose"][key].as_array().unwrap().iter().map(|v| v.as_float().unwrap()).collect()
         };
+        let again = pose_of_toml(&text).unwrap();
+        assert_eq!(again.translation, DVec3::new(1.5, 0.0, 4.5e6));
+        assert!(again.rotation.abs_diff_eq(quarter.rotation, 1e-15));
+        for broken in
+            ["", "{}", "{ position_m = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 2] }", "position_m = [0]"]
+        {
+            assert!(pose_of_toml(broken).is_none(), "{broken}");
+        }
         assert_eq!(numbers("position_m"), [1.5, 0.0, 4.5e6]);
         let half = std::f64::consts::FRAC_1_SQRT_2;
         let q = numbers("quaternion_xyzw");

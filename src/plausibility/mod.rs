@@ -20,6 +20,7 @@ use crate::frame::Pose;
 use crate::output::{CloudFrame, Content, Format};
 use crate::scene::{Extent, Scene};
 use crate::sensor::Capture;
+use crate::source::words::joined;
 use crate::source::{Diagnostic, Doubt, Place};
 use crate::trace::Cast;
 
@@ -30,15 +31,23 @@ pub fn of_scene(extent: Extent, place: &Place) -> Vec<Diagnostic> {
     size::doubts(extent).into_iter().map(|doubt| doubt.at(place)).collect()
 }
 
-/// The warnings about formats that can't hold all that a sensor may see.
+/// The warnings about formats that can't hold all that sensors may see. What a format loses of several sensors is told once.
 fn of_formats(job: &Job) -> Vec<Diagnostic> {
     let mut found = Vec::new();
     for (format, place) in job.output.formats.iter().zip(&job.places.formats) {
+        let mut problems: Vec<(String, Vec<String>)> = Vec::new();
         for mounted in &job.sensors {
-            if let Some(problem) = format.loses(&mounted.sensor) {
-                let message = format!("{} of sensor {:?}: {problem}", format.name(), mounted.name);
-                found.push(Doubt::new("format-loses", "output.formats", message).at(place));
+            let Some(problem) = format.loses(&mounted.sensor) else { continue };
+            let name = format!("{:?}", mounted.name);
+            match problems.iter_mut().find(|(known, _)| *known == problem) {
+                Some((_, sensors)) => sensors.push(name),
+                None => problems.push((problem, vec![name])),
             }
+        }
+        for (problem, sensors) in problems {
+            let of = if sensors.len() == 1 { "sensor" } else { "sensors" };
+            let message = format!("{} of {of} {}: {problem}", format.name(), joined(&sensors, "and"));
+            found.push(Doubt::new("format-loses", "output.formats", message).at(place));
         }
     }
     found

@@ -18,6 +18,7 @@
 //! checking    jobs that have something to be checked, and the outcome of each
 //! baseline    the folder of a job's baseline: compared and accepted
 //! convert     recorded files in other formats
+//! remade      frames made anew of the range images of a run
 //! sides       the two sides that a comparison has: recorded files, or the frames of a job
 //! facts       facts about jobs, sensor files and scenes that are only read
 //! paths       paths as people write them
@@ -38,6 +39,7 @@ pub mod paths;
 mod places;
 pub mod plan;
 pub mod record;
+mod remade;
 pub mod session;
 pub mod sides;
 pub mod statistics;

@@ -1,14 +1,15 @@
 //! The two sides of a comparison: recorded files, or the frames of a job. Their frames are read or cast one at a time.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::plan::{Item, Plan};
 use super::session::Session;
 use crate::error::Error;
 use crate::output::Image;
-use crate::output::recorded::{CLOUD_ENDINGS, Cloud, Folder, FrameKey, IMAGE_ENDINGS, Part, Recorded};
+use crate::output::recorded::{
+    Bag, CLOUD_ENDINGS, Cloud, Folder, FrameKey, IMAGE_ENDINGS, Part, Recorded, Wanted,
+};
 use crate::scan::Progress;
 use crate::source::words::joined;
 
@@ -25,6 +26,8 @@ enum Source {
     File(Vec<(String, Content)>),
     /// A folder of recorded frames, with the file of each.
     Folder { folder: Box<Folder>, files: BTreeMap<FrameKey, String>, memory: u64 },
+    /// A recording, with the messages of a topic by the names of frames.
+    Bag { bag: Box<Bag>, path: PathBuf, topic: usize, messages: BTreeMap<FrameKey, u64> },
     /// A job, whose frames are cast when they are asked for.
     Job { session: Box<Session>, items: BTreeMap<FrameKey, Item>, allowed_folders: Vec<PathBuf> },
 }
@@ -47,12 +50,13 @@ pub struct Pairing {
 }
 
 impl Side {
-    /// Opens a range image, a cloud or the folder that a scan wrote. The numbers of one frame may take `memory` bytes. Of a folder, the
-    /// frames with these numbers count.
+    /// Opens a range image, a cloud, a recording or the folder that a scan wrote. The numbers of one frame may take `memory` bytes. Of a
+    /// folder or a recording, those frames count that are wanted.
     ///
     /// # Errors
-    /// [`Error::Input`] if a file can't be read, or if the folder has neither images nor clouds.
-    pub fn of_recording(path: &Path, frames: &Range<u64>, memory: u64) -> Result<Self, Error> {
+    /// [`Error::Input`] if a file can't be read, if the folder has neither images nor clouds, or if the recording has several topics of them and
+    /// none is chosen.
+    pub fn of_recording(path: &Path, wanted: &Wanted, memory: u64) -> Result<Self, Error> {
         let single = match Recorded::open(path, memory)? {
             Recorded::Folder(folder) => {
                 let labels = folder.manifest.label_names();
@@ -61,7 +65,7 @@ impl Side {
                 for ending in CLOUD_ENDINGS.into_iter().chain(IMAGE_ENDINGS) {
                     for output in folder.outputs() {
                         let Some((key, end)) = FrameKey::of_file(output) else { continue };
-                        if end == ending && key.frame().is_none_or(|frame| frames.contains(&frame)) {
+                        if end == ending && key.frame().is_none_or(|frame| wanted.frames.contains(&frame)) {
                             files.insert(key, output.to_owned());
                         }
                     }
@@ -69,17 +73,23 @@ impl Side {
                 if files.is_empty() {
                     return Err(Error::input(
                         path,
-                        "has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY, LAS, LAZ) of such frames",
+                        "has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY, LAS, LAZ, E57) of such frames",
                     ));
                 }
                 return Ok(Self { source: Source::Folder { folder, files, memory }, labels });
+            }
+            Recorded::Bag(mut bag) => {
+                let (topic, numbers) = bag.wanted(wanted).map_err(|e| Error::input(path, e))?;
+                let messages = numbers.map(|number| (bag.key(topic, number), number)).collect();
+                let source = Source::Bag { bag, path: path.to_path_buf(), topic, messages };
+                return Ok(Self { source, labels: BTreeMap::new() });
             }
             single => single,
         };
         let labels = match &single {
             Recorded::Images(parts) => parts.iter().flat_map(Part::labels).collect(),
             Recorded::Cloud(cloud) => cloud.labels(),
-            Recorded::Folder(_) => BTreeMap::new(),
+            Recorded::Bag(_) | Recorded::Folder(_) => BTreeMap::new(),
         };
         Ok(Self { source: Source::File(contents(single)), labels })
     }
@@ -97,6 +107,7 @@ impl Side {
         match &self.source {
             Source::File(_) => BTreeSet::from([FrameKey::default()]),
             Source::Folder { files, .. } => files.keys().cloned().collect(),
+            Source::Bag { messages, .. } => messages.keys().cloned().collect(),
             Source::Job { items, .. } => items.keys().cloned().collect(),
         }
     }
@@ -117,6 +128,11 @@ impl Side {
                 Some(file) => Ok(Some(contents(folder.read(file, *memory)?))),
                 None => Ok(Some(Vec::new())),
             },
+            Source::Bag { bag, path, topic, messages } => {
+                let Some(number) = messages.get(key) else { return Ok(Some(Vec::new())) };
+                let message = bag.read(*topic, *number).map_err(|e| Error::input(&*path, e))?;
+                Ok(Some(contents(message.content.into())))
+            }
             Source::Job { session, items, allowed_folders } => {
                 let Some(item) = items.get(key) else { return Ok(Some(Vec::new())) };
                 let session = session.of_frame(item.frame, allowed_folders)?;
@@ -165,7 +181,7 @@ fn contents(recorded: Recorded) -> Vec<(String, Content)> {
             parts.into_iter().enumerate().map(part).collect()
         }
         Recorded::Cloud(cloud) => vec![(String::new(), Content::Cloud(cloud))],
-        Recorded::Folder(_) => Vec::new(),
+        Recorded::Bag(_) | Recorded::Folder(_) => Vec::new(),
     }
 }
 

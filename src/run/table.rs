@@ -65,6 +65,11 @@ impl Table {
         Some(Self { name: name.to_owned(), kind })
     }
 
+    /// Whether the file has rows of the frames, whatever formats these are written in.
+    pub fn has_rows(&self) -> bool {
+        matches!(self.kind, Kind::Rows { .. })
+    }
+
     /// The file's path in the output folder.
     pub fn name(&self) -> &str {
         &self.name

@@ -434,6 +434,16 @@ impl Frame {
         Self { rows, columns, layout: Layout::From(first), returns, causes, ..Self::default() }
     }
 
+    /// The frame of a sensor that is not ideal, with the echo of each slot.
+    ///
+    /// # Panics
+    /// If there is not one echo for each slot.
+    #[must_use]
+    pub fn with_echoes(self, echoes: Vec<Echo>) -> Self {
+        assert_eq!(echoes.len(), self.returns.slots(), "a slot has an echo");
+        Self { is_measured: true, echoes, ..self }
+    }
+
     /// Rows of the range image.
     pub fn rows(&self) -> usize {
         self.rows

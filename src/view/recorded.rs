@@ -10,8 +10,8 @@ use super::rig::{Mounted, Rig};
 use crate::error::Error;
 use crate::frame::BODY_FROM_OPTICAL;
 use crate::output::recorded::{
-    BoxRow, CLOUD_ENDINGS, Cloud, Folder, FrameKey, IMAGE_ENDINGS, InstanceNames, Part, ReadError, Recorded,
-    read_boxes, read_poses,
+    Bag, BoxRow, CLOUD_ENDINGS, Cloud, Content, Folder, FrameKey, IMAGE_ENDINGS, InstanceNames, Message,
+    Part, ReadError, Recorded, Wanted, read_boxes, read_poses,
 };
 use crate::output::{Channel, Image, Samples};
 use crate::sensor::{Camera, Capture, Orthographic, Pattern, Sensor};
@@ -34,8 +34,8 @@ pub enum Recording {
     Sequence(String, String),
 }
 
-/// Reads what there is to show of a range image, a cloud or a folder that a scan wrote, which is called `title`. Of a sequence, the frames
-/// with these numbers count. The numbers of all files that are shown at the same time may take `memory` bytes. `go_on` is asked
+/// Reads what there is to show of a range image, a cloud, a recording or a folder that a scan wrote, which is called `title`. Of a sequence,
+/// those frames count that are wanted. The numbers of all files that are shown at the same time may take `memory` bytes. `go_on` is asked
 /// between frames, and its error ends the reading.
 ///
 /// # Errors
@@ -43,7 +43,7 @@ pub enum Recording {
 pub fn of_recording(
     path: &Path,
     title: &str,
-    frames: &Range<u64>,
+    wanted: &Wanted,
     memory: u64,
     go_on: &dyn Fn() -> Result<(), Error>,
 ) -> Result<Recording, Error> {
@@ -62,8 +62,46 @@ pub fn of_recording(
         Recorded::Cloud(cloud) => {
             Ok(Recording::Frames(vec![of_cloud(&name, &cloud, &Listed::default())], String::new()))
         }
-        Recorded::Folder(folder) => of_folder(&folder, title, frames, memory, go_on),
+        Recorded::Bag(mut bag) => of_bag(path, &mut bag, title, wanted, go_on),
+        Recorded::Folder(folder) => of_folder(&folder, title, &wanted.frames, memory, go_on),
     }
+}
+
+/// The messages of a recording: one, or a sequence of them.
+fn of_bag(
+    path: &Path,
+    bag: &mut Bag,
+    title: &str,
+    wanted: &Wanted,
+    go_on: &dyn Fn() -> Result<(), Error>,
+) -> Result<Recording, Error> {
+    let unreadable = |e: ReadError| Error::input(path, e);
+    let (topic, numbers) = bag.wanted(wanted).map_err(unreadable)?;
+    let count = numbers.end - numbers.start;
+    let note = note_of_chosen(count);
+    let mut first_ns = None;
+    let mut playback = Playback::new(title, Rig::default(), chosen(count).count() as u64, 1);
+    for index in chosen(count) {
+        go_on()?;
+        let number = numbers.start + index;
+        let key = bag.key(topic, number);
+        let Message { stamp_ns, content, .. } = bag.read(topic, number).map_err(unreadable)?;
+        let mut views = match content {
+            Content::Cloud(cloud) => vec![of_cloud(key.sensor(), &cloud, &Listed::default())],
+            Content::Depth(part) => of_images(key.sensor(), vec![part], None, &Listed::default()),
+        };
+        if count == 1 {
+            return Ok(Recording::Frames(views, String::new()));
+        }
+        views.iter_mut().for_each(|view| view.frame = Some(number));
+        // Stamps count from the year 1970, or from whatever began.
+        let start_ns = stamp_ns.saturating_sub(*first_ns.get_or_insert(stamp_ns));
+        let moment = Moment { frame: number, start_s: Some(start_ns as f64 * 1e-9), ..Moment::default() };
+        if !playback.add(moment, &views) {
+            break;
+        }
+    }
+    Ok(Recording::Sequence(playback.finish(&note), note))
 }
 
 /// The files of a frame: the image and the cloud that tell the most, each by its rank among the endings and its path.
@@ -126,7 +164,7 @@ fn of_folder(
         files.cloud = files.cloud.take().max(cloud);
     }
     if frames.is_empty() {
-        let problem = "has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY, LAS, LAZ) to show: `formats` in the job's [output] says what is written";
+        let problem = "has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY, LAS, LAZ, E57) to show: `formats` in the job's [output] says what is written";
         return Err(Error::input(folder.path(), problem));
     }
     let manifest = &folder.manifest;
@@ -266,7 +304,7 @@ fn of_images(name: &str, parts: Vec<Part>, cloud: Option<&Cloud>, listed: &Liste
         };
         // A cloud with a point that is no number does not fit its image.
         let points = points.ok_or_else(|| {
-            "This image does not say where its beams went, so there is no cloud to turn: a cloud beside it (PLY, PCD, NPY, LAS, LAZ) does."
+            "This image does not say where its beams went, so there is no cloud to turn: a cloud beside it (PLY, PCD, NPY, LAS, LAZ, E57) does."
                 .to_owned()
         });
         let points = match points {

@@ -24,6 +24,7 @@ from drives import check_drive
 from images import check_depth, check_npz, check_numbers
 from options import check_options
 from read_back import check_read_back
+from recordings import check_recordings
 from surveyors import check_e57, check_las, check_runs
 from waveforms import check_waveforms
 
@@ -87,6 +88,7 @@ def main():
         check_drive(beamcast, folder)
         check_options(beamcast, folder)
         check_runs(beamcast, folder)
+        check_recordings(beamcast, folder)
     tools = f"NumPy, PIL, OpenCV {cv2.__version__}, Open3D, plyfile, pypcd4, laspy, pye57, rosbags and mcap-ros2-support"
     print(f"{common.checks} values are the EXR's, read by {tools}")
 

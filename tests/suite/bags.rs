@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use beamcast::output::recorded::{Cloud, Part, Recorded};
 use serde_json::Value;
 
 use super::cli::{Workplace, beamcast, code, files, json, stderr, stdout};
@@ -113,4 +114,126 @@ fn two_sensors_have_no_frame_in_common() {
     let output = work.scan(&["--set", "output.formats=[{ format = \"mcap\", sensor_frame = \"laser\" }]"]);
     let told = stderr(&output);
     assert!(code(&output) != 0 && told.contains("the same frame, \"laser\""), "{told}");
+}
+
+fn good(args: &[&str]) -> String {
+    let output = beamcast(args);
+    assert_eq!(code(&output), 0, "{args:?}: {}", stderr(&output));
+    stdout(&output)
+}
+
+fn cloud(path: &std::path::Path) -> Cloud {
+    match Recorded::open(path, u64::MAX).unwrap() {
+        Recorded::Cloud(cloud) => cloud,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn parts(path: &std::path::Path) -> Vec<Part> {
+    match Recorded::open(path, u64::MAX).unwrap() {
+        Recorded::Images(parts) => parts,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The places of points, in an order of their own: drivers have another one than the range image.
+fn places(cloud: &Cloud) -> Vec<[u64; 3]> {
+    let axes = ["x", "y", "z"].map(|axis| cloud.field(axis).unwrap());
+    let mut places: Vec<_> = (0..cloud.points).map(|point| axes.map(|axis| axis[point].to_bits())).collect();
+    places.sort_unstable();
+    places
+}
+
+#[test]
+fn the_messages_of_a_bag_are_converted_compared_and_shown() {
+    let work = workplace();
+    let scanned =
+        work.scan(&["--set", "output.formats=[\"ply\", { format = \"mcap\", layout = \"velodyne\" }]"]);
+    assert_eq!(code(&scanned), 0, "{}", stderr(&scanned));
+    let path = |name: &str| work.path(name).to_str().unwrap().to_owned();
+    let (bag, folder) = (path("out/bag/bag_0.mcap"), path("out/bag"));
+    good(&["convert", "-q", &bag, &path("one.ply"), "--frames", "2"]);
+    let (one, own) = (cloud(&work.path("one.ply")), cloud(&work.path("out/top/000002.ply")));
+    assert!(one.points > 0 && places(&one) == places(&own));
+    let names: Vec<_> = one.fields.iter().map(|field| field.name.as_str()).collect();
+    assert_eq!(names, ["x", "y", "z", "intensity", "ring", "time"]);
+
+    good(&["convert", "-q", &folder, &path("clouds"), "--format", "pcd"]);
+    let names = |folder: &str| files(&work.path(folder)).into_keys().collect::<Vec<_>>();
+    let all = ["manifest.json", "top/000000.pcd", "top/000001.pcd", "top/000002.pcd", "top/000003.pcd"];
+    assert_eq!(names("clouds"), all);
+    good(&["verify", &path("clouds")]);
+    good(&["diff", &bag, &path("clouds")]);
+    good(&["diff", &folder, &bag, "--frames", "1..3"]);
+    assert_eq!(code(&beamcast(&["diff", &bag, &path("clouds"), "--frames", "0..9"])), 0);
+    good(&["convert", "-q", &bag, &path("clouds"), "--format", "pcd", "--frames", "1..3", "--overwrite"]);
+    assert_eq!(names("clouds"), ["manifest.json", all[2], all[3]]);
+    let report: Value =
+        serde_json::from_str(&good(&["convert", &bag, &path("one.npy"), "--frames", "0", "--json"])).unwrap();
+    assert_eq!(report["outputs"].as_array().unwrap().len(), 1);
+
+    good(&["view", "-q", &bag, "-o", &path("all.html")]);
+    good(&["view", "-q", &bag, "-o", &path("one.html"), "--frames", "3", "--topic", "/top/points"]);
+    assert!(
+        fs::metadata(work.path("all.html")).unwrap().len()
+            > fs::metadata(work.path("one.html")).unwrap().len()
+    );
+    let told = good(&["info", &bag]);
+    assert!(told.contains(" points in top, stamps 0.000 s to 0.300 s: x float, y float, z float, intensity float, ring ushort"), "{told}");
+
+    for (args, told) in [
+        (
+            &["convert", &bag, &path("new.ply")][..],
+            "has 4 messages of `/top/points`, and a file holds one: --frames N chooses it",
+        ),
+        (
+            &["convert", &bag, &path("new.ply"), "--frames", "4"],
+            "the topic `/top/points` has no message 4: it has 0 to 3",
+        ),
+        (
+            &["diff", &bag, &bag, "--topic", "/odom"],
+            "the topic `/odom` is of `nav_msgs/msg/Odometry`; its clouds and depth images are of `/top/points`",
+        ),
+        (
+            &["view", &bag, "-o", &path("new.html"), "--topic", "/nothing"],
+            "the topic `/nothing` is not in it",
+        ),
+        (&["convert", &bag, &path("new.exr"), "--frames", "0"], "is no range image"),
+        (
+            &["convert", &bag, &path("new"), "--format", "e57"],
+            "is no range image, and e57 is made of such alone",
+        ),
+    ] {
+        let refused = beamcast(args);
+        assert!(code(&refused) == 3 && stderr(&refused).contains(told), "{args:?}: {}", stderr(&refused));
+    }
+    assert!(!work.path("new").exists());
+}
+
+#[test]
+fn a_bag_of_several_topics_needs_one_and_depth_is_an_image() {
+    let work = Workplace::with_sensors(
+        "[[sensor]]\nname = \"a\"\n[sensor.rotating]\nelevations_deg = [-30.0]\ncolumns = 36\nrate_hz = 10.0\n\
+         [[sensor]]\nname = \"b\"\npose = { position_m = [0.0, 0.0, 1.0] }\n\
+         [sensor.pinhole]\nwidth_px = 8\nheight_px = 6\nhfov_deg = 60.0\nrate_hz = 10.0\n[sensor.range]\nmax_m = 9.0\n",
+    );
+    let scanned = work.scan(&["--set", "output.formats=[\"exr\", { format = \"mcap\", labels = true }]"]);
+    assert_eq!(code(&scanned), 0, "{}", stderr(&scanned));
+    let path = |name: &str| work.path(name).to_str().unwrap().to_owned();
+    let bag = path("out/bag/bag_0.mcap");
+    let refused = beamcast(&["convert", &bag, &path("new.ply"), "--frames", "0"]);
+    let told = stderr(&refused);
+    assert!(
+        told.contains("has clouds or depth images of `/a/points` and `/b/depth`: --topic NAME chooses one"),
+        "{told}"
+    );
+    good(&["convert", "-q", &bag, &path("depth.exr"), "--topic", "/b/depth", "--frames", "0"]);
+    let (made, own) = (parts(&work.path("depth.exr")), parts(&work.path("out/b/000000.exr")));
+    assert_eq!(made[0].image.f32("Z"), own[0].image.f32("Z"));
+    let labels = beamcast(&["view", &bag, "--topic", "/b/labels", "-o", &path("new.html")]);
+    assert!(
+        stderr(&labels).contains("the topic `/b/labels` is of `sensor_msgs/msg/Image`"),
+        "{}",
+        stderr(&labels)
+    );
 }

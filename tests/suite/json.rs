@@ -123,6 +123,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
     });
     let bag = bag.unwrap();
     let info = |path: &str| json(&["info", path, "--json"]);
+    let converted = json(&["convert", "a/top/000000.ply", "a.las", "--json"]);
     BTreeMap::from([
         ("scan", vec![scan, lossy, measured]),
         ("scan --dry-run", vec![plan]),
@@ -136,6 +137,7 @@ fn documents(folder: &Path) -> BTreeMap<&'static str, Vec<Value>> {
         ),
         ("merge", vec![merged]),
         ("verify", vec![verified]),
+        ("convert", vec![converted]),
         ("check", vec![check, broken]),
         (
             "diff",

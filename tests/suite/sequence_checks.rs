@@ -292,7 +292,7 @@ fn folders_of_many_frames_are_compared_frame_by_frame() {
     assert_eq!(pictures, ["top.000007.png"]);
     // Nothing in common is no difference, but a mistake.
     let (_, err) = folder.run(3, &["diff", "a", "b", "--frames", "19.."]);
-    has(&err, &["has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY, LAS, LAZ) of such frames"]);
+    has(&err, &["has neither images (EXR, NPZ) nor clouds (PLY, PCD, NPY, LAS, LAZ, E57) of such frames"]);
     folder.run(2, &["diff", "a", "b", "--frames", "5..2"]);
 }
 

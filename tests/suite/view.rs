@@ -98,7 +98,7 @@ fn inputs_without_a_view_are_reported() {
     fs::create_dir(folder.join("empty")).unwrap();
     let sensor = format!("{ROOT}/configs/sensors/lidar_128.toml");
     for (path, code, part) in [
-        ("not.exr", 3, "this is not a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ)"),
+        ("not.exr", 3, "this is not a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ, E57)"),
         ("empty", 3, "no scan wrote it"),
         ("nowhere.ply", 3, "there is no such file"),
         ("nowhere.toml", 2, "nowhere.toml"),

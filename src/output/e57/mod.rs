@@ -17,6 +17,7 @@ use std::fmt::Write as _;
 use glam::DQuat;
 
 use self::columns::{Column, in_packets};
+pub(in crate::output) use self::pages::crc32c;
 use super::crs::{CRS, check_crs, crs_of};
 use super::format::{Content, EncodeError, Field, FormatSpec, Kind, field};
 use super::options::{OptionSpec, OptionValues, Options};

@@ -60,7 +60,7 @@ static TABLES: [[u32; 256]; 8] = {
 };
 
 /// The checksum of bytes, CRC-32C.
-fn crc32c(bytes: &[u8]) -> u32 {
+pub(in crate::output) fn crc32c(bytes: &[u8]) -> u32 {
     let (eights, rest) = bytes.as_chunks::<8>();
     let sum = eights.iter().fold(!0, |sum: u32, eight| {
         let word = (u64::from_le_bytes(*eight) ^ u64::from(sum)).to_le_bytes().map(usize::from);

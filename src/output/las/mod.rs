@@ -77,7 +77,8 @@ const REFLECTIVITY: Dimension =
 const FRAME: Dimension =
     Dimension { name: Cow::Borrowed("frame"), kind: Number::U32, about: "number of the frame" };
 
-const SCALE: OptionSpec = OptionSpec {
+/// The option of a LAS that says the steps of its coordinates.
+pub const SCALE: OptionSpec = OptionSpec {
     name: "scale",
     about: "The metres of a step of the coordinates, which are integers of 32 bits. A file of a frame or a run has one offset, whole \
             metres near the sensor, so that 0.0001 reaches 214 km from there.",

@@ -8,7 +8,8 @@ use std::fmt;
 pub struct ReadError(String);
 
 impl ReadError {
-    pub(super) fn new(problem: impl fmt::Display) -> Self {
+    /// An error with this text.
+    pub fn new(problem: impl fmt::Display) -> Self {
         Self(problem.to_string())
     }
 

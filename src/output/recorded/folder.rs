@@ -1,9 +1,11 @@
 //! Files and folders of recorded frames, recognised by their content.
 
-use std::fs;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
+use super::bag::Bag;
 use super::cloud::Cloud;
+use super::e57::read_e57;
 use super::error::ReadError;
 use super::exr::{Part, read_exr};
 use super::las::read_las;
@@ -12,6 +14,7 @@ use super::npy::read_npy;
 use super::npz::read_npz;
 use super::pcd::read_pcd;
 use super::ply::read_ply;
+use super::ros::Content;
 use crate::error::Error;
 use crate::output::manifest::Manifest;
 use crate::source::{FileKind, Wanted, read_file, recognise};
@@ -20,29 +23,35 @@ use crate::source::{FileKind, Wanted, read_file, recognise};
 pub const IMAGE_ENDINGS: [&str; 2] = ["npz", "exr"];
 
 /// The endings of a scan's files that are read as clouds, the one that tells the most last.
-pub const CLOUD_ENDINGS: [&str; 5] = ["laz", "las", "npy", "pcd", "ply"];
+pub const CLOUD_ENDINGS: [&str; 6] = ["laz", "las", "npy", "e57", "pcd", "ply"];
 
 /// A file or a folder of recorded frames.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub enum Recorded {
     /// The parts of an EXR or an NPZ, at least one. The first part is the main one.
     Images(Vec<Part>),
-    /// A point cloud from a PLY, a PCD, an NPY, a LAS or a LAZ.
+    /// A point cloud from a PLY, a PCD, an NPY, a LAS, a LAZ or an E57.
     Cloud(Cloud),
+    /// A recording of many messages, from an MCAP.
+    Bag(Box<Bag>),
     /// The output folder of a scan.
     Folder(Box<Folder>),
 }
 
 impl Recorded {
-    /// Opens a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), the output folder of a scan, or that folder's manifest. The content decides which it is, and not
-    /// the name. The numbers of a file may take `memory` bytes.
+    /// Opens a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ, E57), a recording (MCAP) or the folder of one that rosbag2 plays, the output
+    /// folder of a scan, or that folder's manifest. The content decides which it is, and not the name. The numbers of a file, or of a message,
+    /// may take `memory` bytes.
     ///
     /// # Errors
     /// [`Error::Input`] if the path is none of these, if the file is broken, or if its numbers take more memory.
     pub fn open(path: &Path, memory: u64) -> Result<Self, Error> {
         let folder = |path: &Path| Folder::open(path).map(|folder| Self::Folder(Box::new(folder)));
         if path.is_dir() {
-            return folder(path);
+            return match only_mcap(path) {
+                Some(mcap) => Self::open_bag(&mcap, memory),
+                None => folder(path),
+            };
         }
         if path.file_name().is_some_and(|name| name == Manifest::NAME) {
             return folder(path.parent().unwrap_or(Path::new("")));
@@ -53,15 +62,23 @@ impl Recorded {
             FileKind::Manifest => {
                 return folder(path.parent().unwrap_or(Path::new("")));
             }
+            FileKind::Mcap => return Self::open_bag(path, memory),
             FileKind::Exr => read_exr(&bytes()?, memory).map(Self::Images),
             FileKind::Npz => read_npz(&bytes()?, memory).map(Self::Images),
             FileKind::Ply => read_ply(&bytes()?, memory).map(Self::Cloud),
             FileKind::Pcd => read_pcd(&bytes()?, memory).map(Self::Cloud),
             FileKind::Las => read_las(&bytes()?, memory).map(Self::Cloud),
+            FileKind::E57 => read_e57(&bytes()?, memory).map(Self::Cloud),
             FileKind::Npy => read_npy(&bytes()?, memory).map(Self::Cloud),
             other => Err(ReadError::new(other.text_instead_of(Wanted::Frames))),
         };
         read.map_err(|e| Error::input(path, e))
+    }
+
+    fn open_bag(path: &Path, memory: u64) -> Result<Self, Error> {
+        let file = File::open(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+        let bag = Bag::open(file, memory).map_err(|e| Error::input(path, e))?;
+        Ok(Self::Bag(Box::new(bag)))
     }
 
     /// Bytes of memory that the numbers take.
@@ -69,9 +86,29 @@ impl Recorded {
         match self {
             Self::Images(parts) => parts.iter().map(|part| part.image.memory()).sum(),
             Self::Cloud(cloud) => cloud.memory(),
-            Self::Folder(_) => 0,
+            Self::Bag(_) | Self::Folder(_) => 0,
         }
     }
+}
+
+impl From<Content> for Recorded {
+    fn from(content: Content) -> Self {
+        match content {
+            Content::Cloud(cloud) => Self::Cloud(cloud),
+            Content::Depth(part) => Self::Images(vec![part]),
+        }
+    }
+}
+
+/// The recording of a folder that rosbag2 plays: the only MCAP in it, if no scan wrote the folder.
+fn only_mcap(folder: &Path) -> Option<PathBuf> {
+    if folder.join(Manifest::NAME).exists() || !folder.join("metadata.yaml").is_file() {
+        return None;
+    }
+    let entries = fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
+    let mut files =
+        entries.filter(|path| path.is_file() && path.extension().is_some_and(|end| end == "mcap"));
+    files.next().filter(|_| files.next().is_none())
 }
 
 /// A folder that a scan wrote.

@@ -125,6 +125,9 @@ sensors with a maker's scale as they are, others times 255, and no more than 255
 A standing inertial sensor measures 9.80665 m/s² upwards. Its noise is drawn by the number of the measurement, so that it is the
 same whatever else a run has. The biases of a random walk begin at 0.
 
+`info`, `view`, `diff` and `convert` read PointCloud2, CustomMsg and depth images, of bags of others, too: the messages of a topic count
+from 0, in the order of the file.
+
 LIO-SAM takes the layout `velodyne` with `imu_hz = 200` or more, FAST-LIO's `lidar_type: 2` the layout `fast_lio` with the unit
 that its `timestamp_unit` says. With `tf = false` either can publish its own pose of the body.
 

@@ -1,7 +1,7 @@
 //! Files that begin with a signature of their own.
 
 use super::kind::FileKind::{
-    self, Calibration, Cloud, Exr, Gltf, Gltf1, Las, Mcap, Mesh, Npy, Npz, Other, Pcd, Ply, Recording,
+    self, Calibration, Cloud, E57, Exr, Gltf, Gltf1, Las, Mcap, Mesh, Npy, Npz, Other, Pcd, Ply, Recording,
     Wrapped,
 };
 use super::kind::Unit;
@@ -79,7 +79,7 @@ const SIGNATURES: &[(usize, &[u8], FileKind)] = &[
     (0, b"ply\n", Ply),
     (0, b"ply\r", Ply),
     (0, b"LASF", Las),
-    (0, b"ASTM-E57", Cloud("an E57 cloud")),
+    (0, b"ASTM-E57", E57),
     (0, b"# .PCD", Pcd),
     (0, b"VERSION 0.7\nFIELDS ", Pcd),
     (0, b"VERSION .7\nFIELDS ", Pcd),

@@ -25,6 +25,8 @@ pub enum FileKind {
     Pcd,
     /// A LAS cloud, or a LAZ, which is one whose points are compressed.
     Las,
+    /// An E57 cloud.
+    E57,
     /// An array of NumPy.
     Npy,
     /// Arrays of NumPy in a ZIP.
@@ -94,10 +96,10 @@ impl Wanted {
             Self::Config => "a job or a sensor file",
             Self::Linted => "a job, a sensor file or a scene",
             Self::Shown => {
-                "a job, a sensor file, a scene, a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), an MCAP or a folder that a scan wrote"
+                "a job, a sensor file, a scene, a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ, E57), a recording (MCAP) or a folder that a scan wrote"
             }
             Self::Frames => {
-                "a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ), a folder that a scan wrote or a job"
+                "a range image (EXR, NPZ), a cloud (PLY, PCD, NPY, LAS, LAZ, E57), a recording (MCAP), a folder that a scan wrote or a job"
             }
             Self::Calibration => "a calibration",
         }
@@ -117,7 +119,18 @@ impl FileKind {
 
     /// Whether `info`, `view` and `diff` read the file.
     pub fn is_recorded(&self) -> bool {
-        matches!(self, Self::Exr | Self::Ply | Self::Pcd | Self::Las | Self::Npy | Self::Npz | Self::Manifest)
+        matches!(
+            self,
+            Self::Exr
+                | Self::Ply
+                | Self::Pcd
+                | Self::Las
+                | Self::E57
+                | Self::Npy
+                | Self::Npz
+                | Self::Mcap
+                | Self::Manifest
+        )
     }
 
     /// Whether nothing is known of the file that its reader doesn't know better.
@@ -138,6 +151,7 @@ impl FileKind {
             Self::Ply => "a PLY file".to_owned(),
             Self::Pcd => "a PCD cloud".to_owned(),
             Self::Las => "a LAS or LAZ cloud".to_owned(),
+            Self::E57 => "an E57 cloud".to_owned(),
             Self::Mcap => "an MCAP recording".to_owned(),
             Self::Npy => "a NumPy array (npy)".to_owned(),
             Self::Npz => "NumPy arrays (npz)".to_owned(),
@@ -212,8 +226,8 @@ impl FileKind {
                  made a mesh first"
                     .to_owned()
             }
-            Self::Pcd | Self::Las if wants_scene => MESH_OF_CLOUD.to_owned(),
-            Self::Exr | Self::Ply | Self::Pcd | Self::Las | Self::Npy | Self::Npz => "`beamcast info`, `view` and `diff` read it".to_owned(),
+            Self::Pcd | Self::Las | Self::E57 if wants_scene => MESH_OF_CLOUD.to_owned(),
+            Self::Exr | Self::Ply | Self::Pcd | Self::Las | Self::E57 | Self::Npy | Self::Npz | Self::Mcap => "`beamcast info`, `view` and `diff` read it".to_owned(),
             Self::Manifest => "`beamcast info`, `view` and `diff` read it and its folder".to_owned(),
             Self::Baseline => "`beamcast check` reads it: name the job that it belongs to".to_owned(),
             Self::Calibration(Unit::HesaiMirrors) => {
@@ -226,7 +240,6 @@ impl FileKind {
             Self::Mesh(_, mend) => format!("beamcast reads glTF 2.0: {mend}"),
             Self::Cloud(_) if wants_scene => MESH_OF_CLOUD.to_owned(),
             Self::Cloud(_) => "of clouds, beamcast reads PLY, PCD, NPY, LAS and LAZ: CloudCompare, Open3D or PDAL convert it".to_owned(),
-            Self::Mcap => "`beamcast info` lists its topics".to_owned(),
             Self::Recording(_) => {
                 "beamcast reads no recordings: the unit's calibration, which is a file of its own, goes to `beamcast import`"
                     .to_owned()

@@ -4,6 +4,7 @@
 //! The tests of this folder and the coverage-guided driver in fuzz/ share these targets.
 
 use std::fs;
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -12,7 +13,8 @@ use beamcast::config::{self, Config};
 use beamcast::glam::{DAffine3, DVec3};
 use beamcast::import::{self, Source};
 use beamcast::output::recorded::{
-    Recorded, read_exr, read_las, read_mcap, read_npy, read_npz, read_pcd, read_ply, read_preview,
+    Bag, Content, Recorded, read_e57, read_exr, read_las, read_npy, read_npz, read_pcd, read_ply,
+    read_preview,
 };
 use beamcast::output::{Channels, Image, SensorFrame};
 use beamcast::rng::Rng;
@@ -44,6 +46,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "ply", run: ply, seeds: ply_seeds },
     Target { name: "pcd", run: pcd, seeds: pcd_seeds },
     Target { name: "las", run: las, seeds: las_seeds },
+    Target { name: "e57", run: e57, seeds: e57_seeds },
     Target { name: "mcap", run: mcap, seeds: mcap_seeds },
     Target { name: "npy", run: npy, seeds: npy_seeds },
     Target { name: "npz", run: npz, seeds: npz_seeds },
@@ -342,18 +345,62 @@ fn las_seeds() -> Vec<Vec<u8>> {
     ["las", "laz"].map(|name| encoded(&sensor, format(name)).unwrap()).into()
 }
 
-fn mcap(bytes: &[u8]) {
-    if let Ok(bag) = read_mcap(bytes, MEMORY) {
-        assert!(bag.topics.iter().all(|topic| (topic.messages == 0) == topic.times_ns.is_none()));
+/// The pages of the file get the checksums of what they have, because no change of a byte would get past them.
+fn e57(bytes: &[u8]) {
+    let mut bytes = bytes.to_vec();
+    for page in bytes.chunks_exact_mut(1024) {
+        let sum = crc32c(&page[..1020]).to_be_bytes();
+        page[1020..].copy_from_slice(&sum);
+    }
+    if let Ok(cloud) = read_e57(&bytes, MEMORY) {
+        assert!(cloud.fields.iter().all(|field| field.values.len() == cloud.points));
     }
 }
 
-/// A topic of two messages, one of which is in a chunk, and the same chunk compressed.
+/// CRC-32C, bit by bit.
+fn crc32c(bytes: &[u8]) -> u32 {
+    let step = |sum: u32| (sum >> 1) ^ (0x82f6_3b78 & (sum & 1).wrapping_neg());
+    !bytes.iter().fold(!0, |sum, byte| (0..8).fold(sum ^ u32::from(*byte), |sum, _| step(sum)))
+}
+
+/// The few points of a small camera.
+fn e57_seeds() -> Vec<Vec<u8>> {
+    let path = file("small.toml", b"[pinhole]\nwidth_px = 8\nheight_px = 4\nhfov_deg = 60.0\n");
+    let sensor = config::load_sensor(&path).unwrap().sensor;
+    let seed = encoded(&sensor, format("e57")).unwrap();
+    assert!(read_e57(&seed, MEMORY).is_ok());
+    vec![seed]
+}
+
+fn mcap(bytes: &[u8]) {
+    let Ok(mut bag) = Bag::open(Cursor::new(bytes.to_vec()), MEMORY) else { return };
+    assert!(bag.topics().iter().all(|topic| (topic.messages == 0) == topic.times_ns.is_none()));
+    assert_eq!(bag.frames().len(), bag.topics().len());
+    for topic in 0..bag.topics().len() {
+        for number in 0..bag.messages(topic).min(4) {
+            match bag.read(topic, number).map(|message| message.content) {
+                Ok(Content::Cloud(cloud)) => {
+                    assert!(cloud.fields.iter().all(|field| field.values.len() == cloud.points))
+                }
+                Ok(Content::Depth(part)) => {
+                    assert!(part.image.channels.iter().all(|c| c.samples.len() == part.image.pixels()))
+                }
+                Err(_) => {}
+            }
+        }
+    }
+}
+
+/// A topic of two depth images, one of which is in a chunk, and the same chunk compressed.
 fn mcap_seeds() -> Vec<Vec<u8>> {
     let record =
         |opcode: u8, content: &[u8]| [&[opcode], &(content.len() as u64).to_le_bytes()[..], content].concat();
-    let message = record(5, &[&[1, 0][..], &[0; 20], b"data"].concat());
-    let schema = record(3, b"\x01\0\x01\0\0\0T\x03\0\0\0idl\0\0\0\0");
+    // A pixel of 1 m, in the frame "f".
+    let image = b"\0\x01\0\0\x07\0\0\0\x01\0\0\0\x02\0\0\0f\0\0\0\x01\0\0\0\x01\0\0\0\x06\0\0\0\x31\x36UC1\0\0\0\x02\0\0\0\x02\0\0\0\xe8\x03";
+    let message = record(5, &[&[1, 0][..], &[0; 20], image].concat());
+    let kind = b"sensor_msgs/msg/Image";
+    let schema =
+        record(3, &[&[1, 0, kind.len() as u8, 0, 0, 0][..], kind, b"\x07\0\0\0ros2msg\0\0\0\0"].concat());
     let channel = record(4, b"\x01\0\x01\0\x02\0\0\0/t\x03\0\0\0cdr\0\0\0\0");
     let inside = [schema, channel, message.clone()].concat();
     // A frame of Zstandard without a checksum, whose one block has the bytes as they are.
@@ -383,8 +430,9 @@ fn mcap_seeds() -> Vec<Vec<u8>> {
     };
     let seeds = vec![file(chunk("", &inside)), file(chunk("zstd", &zstd))];
     for seed in &seeds {
-        let bag = read_mcap(&seed[..], MEMORY).unwrap();
-        assert_eq!((bag.topics[0].name.as_str(), bag.topics[0].messages), ("/t", 2));
+        let mut bag = Bag::open(Cursor::new(seed.clone()), MEMORY).unwrap();
+        assert_eq!((bag.topics()[0].name.as_str(), bag.topics()[0].messages), ("/t", 2));
+        assert!([0, 1].iter().all(|number| bag.read(0, *number).is_ok()));
     }
     seeds
 }
