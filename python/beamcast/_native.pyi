@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from os import PathLike
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,9 @@ VERSION: str
 def command(arguments: Sequence[str]) -> int: ...
 def preset_names() -> list[str]: ...
 
+@final
 class NativeScene:
-    def __init__(self) -> None: ...
+    def __new__(cls) -> NativeScene: ...
     @staticmethod
     def of_file(
         path: str | PathLike[str], up: str, allowed_folders: Sequence[str | PathLike[str]], threads: int | None
@@ -34,6 +35,7 @@ class NativeScene:
     def triangle_count(self, threads: int | None) -> int: ...
     def object_names(self) -> list[str]: ...
 
+@final
 class NativeSensor:
     name: str
     rows: int
@@ -49,14 +51,15 @@ class NativeSensor:
     def of_file(path: str | PathLike[str]) -> NativeSensor: ...
     def pulses(self, frame: int, threads: int | None) -> dict[str, NDArray[np.float64]]: ...
 
+@final
 class NativeJob:
-    def __init__(
-        self,
+    def __new__(
+        cls,
         path: str | PathLike[str],
         overrides: Sequence[str],
         allowed_folders: Sequence[str | PathLike[str]],
         threads: int | None,
-    ) -> None: ...
+    ) -> NativeJob: ...
     def sensors(self) -> list[NativeSensor]: ...
     def frames_of(self, sensor: int) -> int: ...
     def start_s(self, sensor: int, frame: int) -> float: ...
@@ -66,6 +69,7 @@ class NativeJob:
     def label_names(self) -> dict[int, str]: ...
     def object_names(self) -> list[str]: ...
 
+@final
 class NativeFrame:
     rows: int
     columns: int
