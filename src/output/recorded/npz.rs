@@ -213,7 +213,7 @@ mod tests {
 
     fn file(is_compressed: bool, arrays: Vec<(&str, Vec<u8>)>) -> Vec<u8> {
         let member = |(name, content): (&str, Vec<u8>)| match is_compressed {
-            true => zip::Member::deflated(name.to_owned(), &content),
+            true => zip::Member::deflated(name.to_owned(), &content, 1),
             false => zip::Member::stored(name.to_owned(), content),
         };
         zip::zip(&arrays.into_iter().map(member).collect::<Vec<_>>()).unwrap()
