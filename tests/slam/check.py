@@ -182,9 +182,10 @@ class Sweeps(RosbagDataLoader):
 
 def by_rko_lio(bag):
     """The clouds' stamps, and RKO-LIO's poses of the sensor at the ends of their sweeps."""
-    # Without a point at the very start of a sweep, the loader could not tell times of Livox's from offsets.
-    is_absolute = any(points.size and times.max() > 1e6 for _, points, times in list(clouds_of(bag))[:1])
-    loader = Sweeps(bag, None, None, None, None, None, TimestampConfig(force_absolute=is_absolute))
+    # The loader guesses whether times are offsets, and skips sweeps that begin with beams into the sky. Livox's are nanoseconds.
+    is_absolute = next(clouds_of(bag))[2].max() > 1e6
+    times = TimestampConfig(force_absolute=is_absolute, force_relative=not is_absolute)
+    loader = Sweeps(bag, None, None, None, None, None, times)
     loader.ends = np.array(sorted(true_poses(bag)))
     places = [transform_to_quat_xyzw_xyz(place) for place in loader.extrinsics]
     lio = LIOConfig(max_num_threads=1)
