@@ -257,7 +257,7 @@ fn a_manifest_that_does_not_tell_the_sensor_opens_no_file() {
             serde_json::json!([{ "name": "top" }]),
             "the manifest does not tell where the beams of \"top\" went",
         ),
-        (serde_json::json!([3]), "the manifest does not tell where the beams"),
+        (serde_json::json!([3]), "this is not the manifest of a scan"),
         (
             serde_json::json!([{ "name": "top", "rotating": { "elevations_deg": [1.0], "columns": 36, "rate_hz": 10.0 } }]),
             "its image has 16 rows of 36 pixels, and the manifest's sensor 1 of 36",

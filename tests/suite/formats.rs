@@ -481,3 +481,15 @@ fn files_of_one_kind_lie_beside_each_other() {
     assert_eq!(code, 0, "{text}");
     assert_eq!(files(), ["000000.pcd"]);
 }
+
+#[test]
+fn what_a_format_loses_of_several_sensors_is_told_once() {
+    let room = Room::with("formats = [\"kitti\"]");
+    let job = room.0.path().join("job.toml");
+    let second = "[[sensor]]\nname = \"front\"\npreset = \"velodyne/vlp-16\"\npose.position_m = [0.0, 0.0, 1.5]\n\n[output]";
+    let text = fs::read_to_string(&job).unwrap().replace("[output]", second);
+    fs::write(&job, text).unwrap();
+    let (_, said) = room.lint();
+    assert_eq!(said.matches("kitti of sensor").count(), 1, "{said}");
+    assert!(said.contains("kitti of sensors \"top\" and \"front\": the points have no time"), "{said}");
+}

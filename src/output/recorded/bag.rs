@@ -191,9 +191,26 @@ mod tests {
 
     #[test]
     fn no_topic_names_a_file_outside_of_its_folder() {
-        let names = ["/roof/points", "/camera/depth", "/velodyne_points", "/livox/lidar", "/", "/../../etc/x", "..", "a\\b:\0"];
-        let expected =
-            ["roof", "camera", "velodyne_points", "livox_lidar", "topic", "topic.._.._etc_x", "topic..", "a_b__"];
+        let names = [
+            "/roof/points",
+            "/camera/depth",
+            "/velodyne_points",
+            "/livox/lidar",
+            "/",
+            "/../../etc/x",
+            "..",
+            "a\\b:\0",
+        ];
+        let expected = [
+            "roof",
+            "camera",
+            "velodyne_points",
+            "livox_lidar",
+            "topic",
+            "topic.._.._etc_x",
+            "topic..",
+            "a_b__",
+        ];
         assert_eq!(names.map(sensor_of), expected);
     }
 }
