@@ -79,7 +79,9 @@ impl Pipeline<'_> {
         let InFlight { frames, files } =
             InFlight::of(&self.session.job.sensors, &self.session.job.output.formats);
         let (give_room, room) = sync_channel(files);
-        (0..files).try_for_each(|_| give_room.send(())).unwrap_or_default();
+        for _ in 0..files {
+            let _ = give_room.send(());
+        }
         let (send, encoded) = channel();
         let recorded = &mut *journal;
         // What the writer owns ends with it, so that nobody waits for room in vain.
@@ -125,7 +127,9 @@ impl Pipeline<'_> {
         encode: impl Fn(u64, Cow<'s, Session>, Item, Frame, SyncSender<Frame>),
     ) -> Result<Times, Error> {
         let (give_back, free) = sync_channel(frames);
-        (1..frames).try_for_each(|_| give_back.send(Frame::default())).unwrap_or_default();
+        for _ in 1..frames {
+            let _ = give_back.send(Frame::default());
+        }
         let (mut frame, mut times) = (Frame::default(), Times::default());
         let skipped = usize::try_from(skipped).unwrap_or(usize::MAX);
         for (number, item) in (0..).zip(self.plan.items(&self.session.job).skip(skipped)) {

@@ -55,8 +55,8 @@ fn looked_up(linear: f32) -> u8 {
             })
             .collect()
     });
-    // What is no number is 0, as in the computation.
-    let bits = (linear.max(0.0).min(1.0) + 0.0).to_bits(); // adding 0 makes a negative zero positive
+    // What is no number is 0, as in the computation, and so is a negative zero.
+    let bits = if linear > 0.0 { linear.min(1.0) } else { 0.0 }.to_bits();
     let (least, next) = CELLS[(bits >> SHIFT) as usize];
     least + u8::from(bits >= next)
 }

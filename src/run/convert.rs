@@ -20,6 +20,7 @@ use crate::source::words::quoted;
 
 /// A format that recorded files are written in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(clippy::large_enum_variant, reason = "a conversion has one target")]
 pub enum Target {
     /// One of clouds.
     Cloud(CloudFormat),

@@ -24,6 +24,9 @@ pub(super) struct PartChannel {
     pub column: usize,
 }
 
+/// What gives the values of columns in some rows.
+pub(super) type Values<'p> = dyn Fn(Range<usize>, &mut [Vec<u32>]) + Sync + 'p;
+
 /// An image of a file.
 pub(super) struct Part<'p> {
     pub rows: usize,
@@ -32,7 +35,7 @@ pub(super) struct Part<'p> {
     /// The channels, sorted by name.
     pub channels: Vec<PartChannel>,
     /// The values of each column in some rows, added to vectors that are empty: the bits of each value, and of half floats 16.
-    pub values: Box<dyn Fn(Range<usize>, &mut [Vec<u32>]) + Sync + 'p>,
+    pub values: Box<Values<'p>>,
 }
 
 impl Part<'_> {

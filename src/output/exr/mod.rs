@@ -213,7 +213,7 @@ fn recorded_part<'r>(recorded: &'r recorded::Part, number: usize, count: usize) 
 
 /// The channels sorted by name, with the first of some depths that is among them once more under the name that OpenCV reads.
 fn with_depth_for_opencv(mut channels: Vec<PartChannel>, depths: &[&str]) -> Vec<PartChannel> {
-    let find = |name: &str| channels.iter().find(|channel| channel.name == Text::from(name));
+    let find = |name: &str| channels.iter().find(|channel| channel.name == *name);
     let depth = depths.iter().find_map(|name| find(name)).cloned();
     if let (Some(depth), None) = (depth, find(DEPTH_FOR_OPENCV)) {
         channels.push(PartChannel { name: Text::from(DEPTH_FOR_OPENCV), ..depth });
