@@ -16,6 +16,16 @@ pub const PACKET_RAYS: usize = 128;
 /// A set of a packet's rays, one bit each.
 pub(super) type RaySet = u128;
 
+/// The rays of a set, in order.
+#[inline(always)]
+pub(super) fn rays_of(mut set: RaySet) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let ray = (set != 0).then_some(set.trailing_zeros() as usize);
+        set &= set.wrapping_sub(1);
+        ray
+    })
+}
+
 /// Rays in the scene's space, or in that of a mesh.
 #[derive(Clone, Copy)]
 pub(super) struct Batch<'r> {

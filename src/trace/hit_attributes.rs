@@ -213,7 +213,7 @@ struct SharedFacet {
 
 /// One corner in all lanes.
 #[inline(always)]
-fn splat<S: F32x8>([x, y, z]: [f32; 3]) -> [S; 3] {
+pub(super) fn splat<S: F32x8>([x, y, z]: [f32; 3]) -> [S; 3] {
     [S::splat(x), S::splat(y), S::splat(z)]
 }
 

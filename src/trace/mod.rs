@@ -15,7 +15,7 @@
 //! simd/        eight lanes: portable, AVX2, AVX-512; rounding: the constants of f32 bounds
 //! rays batch   rays and hits as callers and as traversals have them; hit_attributes: what a hit's triangle tells
 //! methods/     the published methods; any: the tracer that a job casts with
-//! moving       packets among what moves; maps: where that is at the times of rays
+//! placements   packets and rays among placements; moving: among those that move; maps: where these are at the times of rays
 //! scratch      the memory of casting; stats: counters of its work
 //! ```
 //!
@@ -36,6 +36,7 @@ mod maps;
 pub mod methods;
 mod moving;
 mod packet;
+mod placements;
 mod policy;
 mod rays;
 mod rounding;

@@ -13,7 +13,7 @@ use std::hint::select_unpredictable;
 
 use super::simd::{F32x8, F32x16, U32x8};
 
-pub(super) use build::{build, build_over};
+pub(super) use build::{build, build_all, build_over};
 
 /// The most children of a node, and the most triangles of a block.
 pub(super) const WIDTH: usize = 8;

@@ -105,12 +105,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
     #[inline(always)]
     fn gather_active<S: F32x8>(&mut self, b: &RelativeBox, m: f32, bundles: u32) -> usize {
         let RayData { g, moment, z_low, z_high, active, .. } = &mut *self.rays;
-        // Rounding g and the product g·w costs u of |g|·w ≤ 8M each, 16uM in all, of which this is twice.
-        let margin = 32.0 * U * m;
-        let begin = larger(-b.w[0], 0.0);
-        let (near, end) = (S::F32x16::splat(begin), S::F32x16::splat(b.w[1]));
-        let low = [S::F32x16::splat(-(b.u[0] + margin)), S::F32x16::splat(-(b.v[0] + margin))];
-        let high = [S::F32x16::splat(b.u[1] + margin), S::F32x16::splat(b.v[1] + margin)];
+        let box_test = BoxTest::new(b, m);
         let mut count = 0;
         active.bundle_count = 0;
         for bundle in bits(bundles) {
@@ -118,12 +113,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
             let (gu, gv) =
                 (S::F32x16::load(chunk(&g[0], 16 * bundle)), S::F32x16::load(chunk(&g[1], 16 * bundle)));
             let far = S::F32x16::load(chunk(z_high, 16 * bundle));
-            let (u, v) = ([gu.mul(near), gu.mul(end)], [gv.mul(near), gv.mul(end)]);
-            let alive = high[0].ge(u[0].min(u[1]))
-                & u[0].max(u[1]).ge(low[0])
-                & high[1].ge(v[0].min(v[1]))
-                & v[0].max(v[1]).ge(low[1])
-                & far.ge(near);
+            let alive = box_test.rays_of::<S>(gu, gv, far);
             if alive == 0 {
                 continue;
             }
@@ -326,6 +316,50 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
     }
 }
 
+/// The test of a box against the rays of a packet.
+pub(super) struct BoxTest {
+    begin: f32,
+    end: f32,
+    /// The negated lower sides and the upper sides along u and v.
+    low: [f32; 2],
+    high: [f32; 2],
+}
+
+impl BoxTest {
+    /// The test of a box whose largest |coordinate| is `m`.
+    #[inline(always)]
+    pub fn new(b: &RelativeBox, m: f32) -> Self {
+        // Rounding g and the product g·w costs u of |g|·w ≤ 8M each, 16uM in all, of which this is twice.
+        let margin = 32.0 * U * m;
+        Self {
+            begin: larger(-b.w[0], 0.0),
+            end: b.w[1],
+            low: [-(b.u[0] + margin), -(b.v[0] + margin)],
+            high: [b.u[1] + margin, b.v[1] + margin],
+        }
+    }
+
+    /// The rays of a bundle that may meet the box before their nearest hits, one bit each.
+    #[inline(always)]
+    pub fn rays_in<S: F32x8>(&self, rays: &RayData, bundle: usize) -> u32 {
+        let [gu, gv] = &rays.g;
+        let (gu, gv) = (S::F32x16::load(chunk(gu, 16 * bundle)), S::F32x16::load(chunk(gv, 16 * bundle)));
+        self.rays_of::<S>(gu, gv, S::F32x16::load(chunk(&rays.z_high, 16 * bundle)))
+    }
+
+    /// The rays that may meet the box, one bit each, given g and the depths of their nearest hits.
+    #[inline(always)]
+    fn rays_of<S: F32x8>(&self, gu: S::F32x16, gv: S::F32x16, far: S::F32x16) -> u32 {
+        let (near, end) = (S::F32x16::splat(self.begin), S::F32x16::splat(self.end));
+        let (u, v) = ([gu.mul(near), gu.mul(end)], [gv.mul(near), gv.mul(end)]);
+        S::F32x16::splat(self.high[0]).ge(u[0].min(u[1]))
+            & u[0].max(u[1]).ge(S::F32x16::splat(self.low[0]))
+            & S::F32x16::splat(self.high[1]).ge(v[0].min(v[1]))
+            & v[0].max(v[1]).ge(S::F32x16::splat(self.low[1]))
+            & far.ge(near)
+    }
+}
+
 /// The triangles of a block, prepared for the packet's origin. They are oriented such that a ray that passes through a triangle
 /// has positive edge functions and a positive denominator.
 pub(super) struct PreparedTriangles<S: F32x8, const MULTI_ORIGIN: bool> {
@@ -455,7 +489,7 @@ fn dot_onto<P: F32x16>([u, v, w]: [P; 3], [mu, mv, mw]: [P; 3], term: P) -> P {
 
 /// The indices of the bits that are set, the lowest first.
 #[inline(always)]
-fn bits(mut set: u32) -> impl Iterator<Item = usize> {
+pub(super) fn bits(mut set: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let bit = (set != 0).then_some(set.trailing_zeros() as usize);
         set &= set.wrapping_sub(1);

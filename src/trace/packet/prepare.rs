@@ -2,12 +2,15 @@
 
 use glam::DVec3;
 
-use crate::trace::batch::{NearestHits, PACKET_RAYS, RaySet, chunk, chunk_mut, group_of};
-use crate::trace::bvh::Bvh8;
-use crate::trace::exact::Real;
+use super::leaf::{BoxTest, bits};
+use super::traverse::Leaf;
+use crate::trace::batch::{NearestHits, PACKET_RAYS, RaySet, chunk, chunk_mut, group_of, rays_of};
+use crate::trace::bvh::{Bvh8, LeafBlock, TriangleRef};
+use crate::trace::exact::{Facet, Real, Xyz};
+use crate::trace::hit_attributes::{in_f64, splat};
 use crate::trace::rays::Origins;
 use crate::trace::rounding::{TINY, U};
-use crate::trace::simd::{F32x8, F32x16, F64x8};
+use crate::trace::simd::{F32x8, F32x16, F64x8, U32x8};
 use crate::trace::stats::TraversalStats;
 
 /// Rays are computed with in groups of eight.
@@ -281,11 +284,9 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             }
             if has_hits {
                 let z = S::F64x8::load(chunk(&nearest.t, 8 * group)).mul(along).add(start).to_f32();
-                // As in `bounds`.
-                let margin = z.mul_add(S::splat(4.0 * U), S::splat(TINY));
-                let is_finite = S::splat(f32::MAX).ge(z);
-                S::select(is_finite, z.sub(margin), z).store(chunk_mut(&mut packet.rays.z_low, 8 * group));
-                S::select(is_finite, z.add(margin), z).store(chunk_mut(&mut packet.rays.z_high, 8 * group));
+                let (low, high) = bounds_of_eight(z);
+                low.store(chunk_mut(&mut packet.rays.z_low, 8 * group));
+                high.store(chunk_mut(&mut packet.rays.z_high, 8 * group));
             }
         }
         let padded = groups * 8;
@@ -357,36 +358,119 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
         self.origins.of(ray)
     }
 
-    /// Takes over the depths of hits that were found in other meshes since.
-    pub fn update_depths(&mut self, nearest: &NearestHits) {
-        for ray in 0..self.directions.len() {
+    /// Takes over the depths of hits of some rays that were found in meshes since.
+    #[inline(always)]
+    pub fn update_depths<S: F32x8>(&mut self, nearest: &NearestHits, found: RaySet) {
+        if found == 0 {
+            return;
+        }
+        let whole_groups = self.directions.len() / 8;
+        for group in 0..whole_groups {
+            if found >> (8 * group) & 0xff != 0 {
+                self.update_depths_of_group::<S>(nearest, group);
+            }
+        }
+        for ray in rays_of(found & !(RaySet::MAX.checked_shr(128 - 8 * whole_groups as u32).unwrap_or(0))) {
             (self.rays.z_low[ray], self.rays.z_high[ray]) = self.along(ray, nearest.t[ray]);
         }
-        for (far, rays) in self.far.iter_mut().zip(self.rays.z_high.chunks_exact(16)) {
-            *far = rays.iter().copied().fold(-1.0, f32::max);
+        for bundle in 0..BUNDLES {
+            if found >> (16 * bundle) & 0xffff != 0 {
+                self.far[bundle] = self.farthest_of::<S>(bundle);
+            }
         }
-        self.farthest = self.far.into_iter().fold(-1.0, f32::max);
+        self.farthest = S::load(&self.far).reduce_max();
     }
 
-    /// Writes the hits that were found in this mesh to `nearest`, with their f64 depths if `with_depths`.
+    /// Takes over the depths of eight rays' nearest hits.
     #[inline(always)]
-    pub fn write_hits(mut self, nearest: &mut NearestHits, with_depths: bool) {
+    fn update_depths_of_group<S: F32x8>(&mut self, nearest: &NearestHits, group: usize) {
+        let w = self.axes[2];
+        let mut buffer = [DVec3::ZERO; 8];
+        let along = S::F64x8::load_xyz(group_of(self.directions, group, &mut buffer))[w].abs();
+        let mut z = S::F64x8::load(chunk(&nearest.t, 8 * group)).mul(along);
+        if let (true, Origins::Each(all)) = (MULTI_ORIGIN, self.origins) {
+            let from = S::F64x8::load_xyz(group_of(all, group, &mut buffer))[w];
+            let start = from.sub(S::F64x8::splat(self.start));
+            z = z.add(if self.reversed { S::F64x8::splat(0.0).sub(start) } else { start });
+        }
+        let (low, high) = bounds_of_eight(z.to_f32());
+        low.store(chunk_mut(&mut self.rays.z_low, 8 * group));
+        high.store(chunk_mut(&mut self.rays.z_high, 8 * group));
+    }
+
+    /// Writes the hits that were found in this mesh to `nearest`, with their f64 depths if `with_depths`. Returns the rays.
+    #[inline(always)]
+    pub fn write_hits<S: F32x8>(mut self, nearest: &mut NearestHits, with_depths: bool) -> RaySet {
         if self.here == RaySet::MAX && !with_depths {
             nearest.triangle = self.rays.triangle;
             nearest.placement = [self.placement; PACKET_RAYS];
         } else {
-            let mut rest = self.here;
-            while rest != 0 {
-                let ray = rest.trailing_zeros() as usize;
-                rest &= rest - 1;
+            if with_depths {
+                self.know_depths::<S>();
+            }
+            for ray in rays_of(self.here) {
                 if with_depths {
-                    nearest.t[ray] = self.depth_of_best(ray);
+                    nearest.t[ray] = self.rays.t[ray];
                 }
                 nearest.triangle[ray] = self.rays.triangle[ray];
                 nearest.placement[ray] = self.placement;
             }
         }
         nearest.hit |= self.here;
+        self.here
+    }
+
+    /// Works out the f64 depths of all hits in this mesh, eight at a time.
+    #[inline(always)]
+    fn know_depths<S: F32x8>(&mut self) {
+        let mut rest = self.here & !self.known;
+        while rest != 0 {
+            let (mut rays, mut count) = ([rest.trailing_zeros() as usize; 8], 0);
+            while rest != 0 && count < 8 {
+                rays[count] = rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                count += 1;
+            }
+            let (mut o, mut d, mut triangles) = ([DVec3::ZERO; 8], [DVec3::ZERO; 8], [0; 8]);
+            for (k, &ray) in rays.iter().enumerate() {
+                (o[k], d[k]) = (self.origin(ray), self.directions[ray]);
+                triangles[k] = self.rays.triangle[ray];
+            }
+            let corners = if triangles == [triangles[0]; 8] {
+                let triangle = TriangleRef(triangles[0]);
+                let block = LeafBlock::at(&self.bvh.blocks, triangle.block_offset());
+                let [a, b, c] = block.positions(triangle.lane());
+                [splat(a), splat(b), splat(c)]
+            } else {
+                LeafBlock::corners::<S>(&self.bvh.blocks, S::U32x8::load(&triangles)).0
+            };
+            let [[x, y, z], [dx, dy, dz]] = [S::F64x8::load_xyz(&o), S::F64x8::load_xyz(&d)];
+            let o = Xyz(x, y, z);
+            let [a, b, c] = [in_f64(corners[0]), in_f64(corners[1]), in_f64(corners[2])];
+            let (depth, within) = Facet::new([a.sub(o), b.sub(o), c.sub(o)]).plane_depth(Xyz(dx, dy, dz));
+            let mut t = [0.0; 8];
+            depth.store(&mut t);
+            for (k, &ray) in rays[..count].iter().enumerate() {
+                if within >> k & 1 != 0 {
+                    self.rays.t[ray] = t[k];
+                    self.known |= 1 << ray;
+                } else {
+                    self.depth_of_best(ray);
+                }
+            }
+        }
+    }
+
+    /// The rays of the packet in the scene's space that may meet a leaf's box before their nearest hits.
+    #[inline(always)]
+    pub fn rays_in<S: F32x8>(&self, leaf: &Leaf) -> RaySet {
+        let box_test = BoxTest::new(&leaf.bounds, leaf.bounds.largest_coordinate());
+        let mut found = 0;
+        for bundle in bits(leaf.bundles) {
+            let bundle = bundle & (BUNDLES - 1);
+            found |= RaySet::from(box_test.rays_in::<S>(self.rays, bundle)) << (16 * bundle);
+        }
+        found
     }
 
     /// The largest `z_high` of a bundle's rays.
@@ -424,6 +508,14 @@ fn bounds(z: f64) -> (f32, f32) {
     let near = z as f32;
     let margin = near * (4.0 * U) + TINY;
     if near.is_finite() { (near - margin, near + margin) } else { (near, near) }
+}
+
+/// [`bounds`] of eight depths, given as they are rounded to f32.
+#[inline(always)]
+fn bounds_of_eight<S: F32x8>(z: S) -> (S, S) {
+    let margin = z.mul_add(S::splat(4.0 * U), S::splat(TINY));
+    let is_finite = S::splat(f32::MAX).ge(z);
+    (S::select(is_finite, z.sub(margin), z), S::select(is_finite, z.add(margin), z))
 }
 
 /// Reorders (x, y, z) to (u, v, w).
