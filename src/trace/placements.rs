@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 
 use super::batch::{Batch, NearestHit, NearestHits, RaySet, rays_of};
 use super::exact::{self, Limits, LocalRay};
-use super::packet::{PacketStack, RayData, RayPacket};
+use super::packet::{Elsewhere, PacketStack, RayData, RayPacket};
 use super::policy::{PACKET_LEAF, PACKET_NODE, PACKET_RAY, PacketPolicy};
 use super::rays::Origins;
 use super::scratch::{PartScratch, Scratch, SingleScratch};
@@ -83,6 +83,7 @@ impl Tracer {
             let index = leaf.number;
             let placement = &self.scene.arrangement.placements[index as usize];
             let visit = if placement.is_moving() && !is_of_one_time {
+                self.know_depths(rays, visits.nearest, ones(ray_count));
                 let Visits { nearest, stack, mesh_rays, directions, origins, .. } = &mut visits;
                 let more = self.visit_moving::<S>(
                     index,
@@ -138,21 +139,22 @@ impl Tracer {
             let bvh = self.surfaces().bvh(placement);
             let limits = (rays.t_min, rays.t_max);
             let is_part = 4 * count as usize <= 3 * rays.directions.len();
-            let (picked_origins, picked, known) = if is_part {
+            let (picked_origins, picked, numbers, known) = if is_part {
                 part.pick(rays, nearest, met);
                 let picked_origins = match rays.origins {
                     Origins::Common(_) => rays.origins,
                     Origins::Each(_) => Origins::Each(&part.origins),
                 };
-                (picked_origins, &part.directions[..], &mut part.nearest)
+                (picked_origins, &part.directions[..], Some(&part.numbers[..]), &mut part.nearest)
             } else {
-                (rays.origins, rays.directions, &mut **nearest)
+                (rays.origins, rays.directions, None, &mut **nearest)
             };
             let carried = exact::carry(map, picked_origins, picked, directions, origins);
             let packet = RayPacket::<MULTI_ORIGIN>::new::<S>(
                 bvh, placement, carried, directions, limits, known, mesh_rays,
             );
             if let Some(mut packet) = packet {
+                packet.elsewhere = Some(Elsewhere { surfaces: self.surfaces(), rays, numbers });
                 let work = packet.traverse_mesh::<S>(stack, budget)?;
                 let mut found = packet.write_hits::<S>(known, true);
                 if is_part {
@@ -161,6 +163,7 @@ impl Tracer {
                 return Some((work, found));
             }
         }
+        self.know_depths(rays, nearest, met);
         for ray in rays_of(met) {
             let mut best = nearest.get(ray);
             let limits = rays.limits::<false>(ray);
@@ -169,6 +172,17 @@ impl Tracer {
             nearest.set(ray, best);
         }
         Some((policy.single_work(count as usize), met & nearest.hit))
+    }
+
+    /// Works out the depths of the hits of some rays of a packet.
+    #[inline(always)]
+    fn know_depths(&self, rays: &Batch, nearest: &mut NearestHits, which: RaySet) {
+        for ray in rays_of(nearest.rough & which) {
+            if let Some(mut hit) = nearest.get(ray) {
+                hit.t = self.surfaces().depth(rays.ray(ray), rays.time_s(ray), hit.placement, hit.triangle);
+                nearest.set(ray, Some(hit));
+            }
+        }
     }
 
     /// Finds the nearest hit of one ray (any hit, if `any`) in a scene with a hierarchy over placements.
@@ -239,16 +253,19 @@ impl PartScratch {
     fn pick(&mut self, rays: &Batch, nearest: &NearestHits, which: RaySet) {
         self.directions.clear();
         self.origins.clear();
-        self.nearest.hit = 0;
+        self.numbers.clear();
+        (self.nearest.hit, self.nearest.rough) = (0, 0);
         for (k, ray) in rays_of(which).enumerate() {
             self.directions.push(rays.directions[ray]);
             if let Origins::Each(origins) = rays.origins {
                 self.origins.push(origins[ray]);
             }
-            self.nearest.t[k] = nearest.t[ray];
+            self.numbers.push(ray as u8);
+            (self.nearest.t[k], self.nearest.t_low[k]) = (nearest.t[ray], nearest.t_low[ray]);
             self.nearest.triangle[k] = nearest.triangle[ray];
             self.nearest.placement[k] = nearest.placement[ray];
             self.nearest.hit |= (nearest.hit >> ray & 1) << k;
+            self.nearest.rough |= (nearest.rough >> ray & 1) << k;
         }
     }
 }
@@ -257,15 +274,17 @@ impl NearestHits {
     /// Puts back the hits in `found` of those rays of a packet that are `which` of its rays. Returns them as rays of the packet.
     #[inline(always)]
     fn put(&mut self, part: &Self, which: RaySet, found: RaySet) -> RaySet {
-        let mut changed = 0;
+        let (mut changed, mut rough) = (0, 0);
         for (k, ray) in rays_of(which).enumerate() {
             if found >> k & 1 != 0 {
-                self.t[ray] = part.t[k];
+                (self.t[ray], self.t_low[ray]) = (part.t[k], part.t_low[k]);
+                rough |= (part.rough >> k & 1) << ray;
                 (self.triangle[ray], self.placement[ray]) = (part.triangle[k], part.placement[k]);
                 changed |= 1 << ray;
             }
         }
         self.hit |= changed;
+        self.rough = self.rough & !changed | rough;
         changed
     }
 }

@@ -33,12 +33,19 @@ pub(super) struct PartScratch {
     pub directions: Vec<DVec3>,
     /// The origins, if they differ.
     pub origins: Vec<DVec3>,
+    /// Their numbers in the packet.
+    pub numbers: Vec<u8>,
     pub nearest: NearestHits,
 }
 
 impl Default for PartScratch {
     fn default() -> Self {
-        Self { directions: Vec::new(), origins: Vec::new(), nearest: NearestHits::new(0.0) }
+        Self {
+            directions: Vec::new(),
+            origins: Vec::new(),
+            numbers: Vec::new(),
+            nearest: NearestHits::new(0.0),
+        }
     }
 }
 

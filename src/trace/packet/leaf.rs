@@ -306,10 +306,16 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
     pub(super) fn depth_of_best(&mut self, ray: usize) -> f64 {
         if self.known >> ray & 1 == 0 {
             let triangle = TriangleRef(self.rays.triangle[ray]);
-            let positions =
-                LeafBlock::at(&self.bvh.blocks, triangle.block_offset()).positions(triangle.lane());
-            self.rays.t[ray] =
-                Corners::from_positions(positions, self.origin(ray)).depth(self.directions[ray]);
+            self.rays.t[ray] = match &self.elsewhere {
+                Some(elsewhere) if self.here >> ray & 1 == 0 => {
+                    elsewhere.depth(ray, self.rays.foreign[ray], triangle)
+                }
+                _ => {
+                    let block = LeafBlock::at(&self.bvh.blocks, triangle.block_offset());
+                    let corners = Corners::from_positions(block.positions(triangle.lane()), self.origin(ray));
+                    corners.depth(self.directions[ray])
+                }
+            };
             self.known |= 1 << ray;
         }
         self.rays.t[ray]

@@ -4,13 +4,13 @@ use glam::DVec3;
 
 use super::leaf::{BoxTest, bits};
 use super::traverse::Leaf;
-use crate::trace::batch::{NearestHits, PACKET_RAYS, RaySet, chunk, chunk_mut, group_of, rays_of};
-use crate::trace::bvh::{Bvh8, LeafBlock, TriangleRef};
-use crate::trace::exact::{Facet, Real, Xyz};
-use crate::trace::hit_attributes::{in_f64, splat};
+use crate::trace::batch::{Batch, NearestHits, PACKET_RAYS, RaySet, chunk, chunk_mut, group_of, rays_of};
+use crate::trace::bvh::{Bvh8, TriangleRef};
+use crate::trace::exact::Real;
+use crate::trace::hit_attributes::Surfaces;
 use crate::trace::rays::Origins;
 use crate::trace::rounding::{TINY, U};
-use crate::trace::simd::{F32x8, F32x16, F64x8, U32x8};
+use crate::trace::simd::{F32x8, F32x16, F64x8};
 use crate::trace::stats::TraversalStats;
 
 /// Rays are computed with in groups of eight.
@@ -168,6 +168,26 @@ pub(in crate::trace) struct RayPacket<'a, const MULTI_ORIGIN: bool> {
     pub(super) offset: f32,
     /// The coordinate of o along w (not reversed).
     pub(super) start: f64,
+    /// Where the depths of hits in other meshes can be found, unless all of them are known.
+    pub elsewhere: Option<Elsewhere<'a>>,
+}
+
+/// What tells the depths of a packet's hits in other meshes.
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct Elsewhere<'a> {
+    pub surfaces: Surfaces<'a>,
+    /// Rays in the scene's space.
+    pub rays: &'a Batch<'a>,
+    /// The number among these of each ray of the packet, if they are not the same rays.
+    pub numbers: Option<&'a [u8]>,
+}
+
+impl Elsewhere<'_> {
+    /// The f64 depth of a packet's ray in a triangle of a placement.
+    pub fn depth(&self, ray: usize, placement: u32, triangle: TriangleRef) -> f64 {
+        let number = self.numbers.map_or(ray, |numbers| usize::from(numbers[ray]));
+        self.surfaces.depth(self.rays.ray(number), self.rays.time_s(number), placement, triangle)
+    }
 }
 
 impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
@@ -226,7 +246,7 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             low: [0.0; 3],
             from: [[0.0; 2]; 3],
             rays,
-            known: RaySet::MAX,
+            known: !nearest.rough,
             hit: nearest.hit,
             here: 0,
             rectangle: [[0.0; 2 * BUNDLES]; 2],
@@ -236,6 +256,7 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             reach: 0.0,
             offset: 0.0,
             start: origin[w],
+            elsewhere: None,
         };
         let has_hits = nearest.hit != 0 || t_max.is_finite();
         let groups = directions.len().div_ceil(8);
@@ -284,9 +305,9 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             }
             if has_hits {
                 let z = S::F64x8::load(chunk(&nearest.t, 8 * group)).mul(along).add(start).to_f32();
-                let (low, high) = bounds_of_eight(z);
-                low.store(chunk_mut(&mut packet.rays.z_low, 8 * group));
-                high.store(chunk_mut(&mut packet.rays.z_high, 8 * group));
+                let z_low = S::F64x8::load(chunk(&nearest.t_low, 8 * group)).mul(along).add(start).to_f32();
+                bounds_of_eight(z_low).0.store(chunk_mut(&mut packet.rays.z_low, 8 * group));
+                bounds_of_eight(z).1.store(chunk_mut(&mut packet.rays.z_high, 8 * group));
             }
         }
         let padded = groups * 8;
@@ -387,78 +408,73 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
         let w = self.axes[2];
         let mut buffer = [DVec3::ZERO; 8];
         let along = S::F64x8::load_xyz(group_of(self.directions, group, &mut buffer))[w].abs();
-        let mut z = S::F64x8::load(chunk(&nearest.t, 8 * group)).mul(along);
-        if let (true, Origins::Each(all)) = (MULTI_ORIGIN, self.origins) {
-            let from = S::F64x8::load_xyz(group_of(all, group, &mut buffer))[w];
-            let start = from.sub(S::F64x8::splat(self.start));
-            z = z.add(if self.reversed { S::F64x8::splat(0.0).sub(start) } else { start });
-        }
+        let z = S::F64x8::load(chunk(&nearest.t, 8 * group)).mul(along).add(self.starts::<S>(group));
         let (low, high) = bounds_of_eight(z.to_f32());
         low.store(chunk_mut(&mut self.rays.z_low, 8 * group));
         high.store(chunk_mut(&mut self.rays.z_high, 8 * group));
     }
 
-    /// Writes the hits that were found in this mesh to `nearest`, with their f64 depths if `with_depths`. Returns the rays.
+    /// Writes the hits that were found in this mesh to `nearest`, with the bounds of their depths if `with_depths`. Returns the rays.
     #[inline(always)]
-    pub fn write_hits<S: F32x8>(mut self, nearest: &mut NearestHits, with_depths: bool) -> RaySet {
-        if self.here == RaySet::MAX && !with_depths {
+    pub fn write_hits<S: F32x8>(self, nearest: &mut NearestHits, with_depths: bool) -> RaySet {
+        if self.here == RaySet::MAX {
             nearest.triangle = self.rays.triangle;
             nearest.placement = [self.placement; PACKET_RAYS];
         } else {
-            if with_depths {
-                self.know_depths::<S>();
-            }
             for ray in rays_of(self.here) {
-                if with_depths {
-                    nearest.t[ray] = self.rays.t[ray];
-                }
                 nearest.triangle[ray] = self.rays.triangle[ray];
                 nearest.placement[ray] = self.placement;
             }
+        }
+        if with_depths {
+            self.write_depths::<S>(nearest);
         }
         nearest.hit |= self.here;
         self.here
     }
 
-    /// Works out the f64 depths of all hits in this mesh, eight at a time.
+    /// Writes what is known of the depths of the hits in this mesh.
     #[inline(always)]
-    fn know_depths<S: F32x8>(&mut self) {
-        let mut rest = self.here & !self.known;
-        while rest != 0 {
-            let (mut rays, mut count) = ([rest.trailing_zeros() as usize; 8], 0);
-            while rest != 0 && count < 8 {
-                rays[count] = rest.trailing_zeros() as usize;
-                rest &= rest - 1;
-                count += 1;
+    fn write_depths<S: F32x8>(&self, nearest: &mut NearestHits) {
+        let w = self.axes[2];
+        let mut buffer = [DVec3::ZERO; 8];
+        for group in 0..self.directions.len().div_ceil(8) {
+            let here = (self.here >> (8 * group)) as u32 & 0xff;
+            if here == 0 {
+                continue;
             }
-            let (mut o, mut d, mut triangles) = ([DVec3::ZERO; 8], [DVec3::ZERO; 8], [0; 8]);
-            for (k, &ray) in rays.iter().enumerate() {
-                (o[k], d[k]) = (self.origin(ray), self.directions[ray]);
-                triangles[k] = self.rays.triangle[ray];
-            }
-            let corners = if triangles == [triangles[0]; 8] {
-                let triangle = TriangleRef(triangles[0]);
-                let block = LeafBlock::at(&self.bvh.blocks, triangle.block_offset());
-                let [a, b, c] = block.positions(triangle.lane());
-                [splat(a), splat(b), splat(c)]
-            } else {
-                LeafBlock::corners::<S>(&self.bvh.blocks, S::U32x8::load(&triangles)).0
-            };
-            let [[x, y, z], [dx, dy, dz]] = [S::F64x8::load_xyz(&o), S::F64x8::load_xyz(&d)];
-            let o = Xyz(x, y, z);
-            let [a, b, c] = [in_f64(corners[0]), in_f64(corners[1]), in_f64(corners[2])];
-            let (depth, within) = Facet::new([a.sub(o), b.sub(o), c.sub(o)]).plane_depth(Xyz(dx, dy, dz));
-            let mut t = [0.0; 8];
-            depth.store(&mut t);
-            for (k, &ray) in rays[..count].iter().enumerate() {
-                if within >> k & 1 != 0 {
-                    self.rays.t[ray] = t[k];
-                    self.known |= 1 << ray;
-                } else {
-                    self.depth_of_best(ray);
-                }
+            // Of a bound along w, and of this quotient, f64 loses some 2⁻⁵³ of z and of where the ray starts.
+            let along = S::F64x8::load_xyz(group_of(self.directions, group, &mut buffer))[w].abs();
+            let start = self.starts::<S>(group);
+            let loss = start.abs().mul(S::F64x8::splat(1.0 / (1_u64 << 48) as f64));
+            let side = |z: &[f32; PACKET_RAYS]| S::F64x8::from_f32(S::load(chunk(z, 8 * group)));
+            let (low, high) = (side(&self.rays.z_low), side(&self.rays.z_high));
+            let slack = 1.0 / (1_u64 << 48) as f64;
+            let low = low.mul(S::F64x8::splat(1.0 - slack)).sub(start).sub(loss).div(along);
+            let high = high.mul(S::F64x8::splat(1.0 + slack)).sub(start).add(loss).div(along);
+            let (mut lows, mut highs) = ([0.0; 8], [0.0; 8]);
+            low.store(&mut lows);
+            high.store(&mut highs);
+            for k in (0..8).filter(|k| here >> k & 1 != 0) {
+                (nearest.t_low[8 * group + k], nearest.t[8 * group + k]) = (lows[k], highs[k]);
             }
         }
+        let known = self.here & self.known;
+        for ray in rays_of(known) {
+            (nearest.t_low[ray], nearest.t[ray]) = (self.rays.t[ray], self.rays.t[ray]);
+        }
+        nearest.rough = nearest.rough & !self.here | self.here & !known;
+    }
+
+    /// Where the rays of a group start along w, counted from o.
+    #[inline(always)]
+    fn starts<S: F32x8>(&self, group: usize) -> S::F64x8 {
+        let zero = S::F64x8::splat(0.0);
+        let (true, Origins::Each(all)) = (MULTI_ORIGIN, self.origins) else { return zero };
+        let mut buffer = [DVec3::ZERO; 8];
+        let from = S::F64x8::load_xyz(group_of(all, group, &mut buffer))[self.axes[2]];
+        let start = from.sub(S::F64x8::splat(self.start));
+        if self.reversed { zero.sub(start) } else { start }
     }
 
     /// The rays of the packet in the scene's space that may meet a leaf's box before their nearest hits.

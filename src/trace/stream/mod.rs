@@ -490,31 +490,17 @@ impl StreamState {
         crossed: &[u32; WIDTH],
         crossed_by: &[u8; WIDTH],
     ) -> ([[S; 3]; 3], [u32; WIDTH]) {
-        let mut ids = [0; WIDTH];
-        if !PLACED {
-            let blocks = &targets.surfaces.meshes[0].blocks;
-            let (corners, of_triangles) = LeafBlock::corners::<S>(blocks, S::U32x8::load(crossed));
-            of_triangles.store(&mut ids);
-            return (corners, ids);
-        }
-        // The triangles are in different meshes.
-        let mut of_lane = [[[0.0; WIDTH]; 3]; 3];
-        for k in 0..WIDTH {
-            let bvh = self.bvh::<PLACED>(targets, usize::from(crossed_by[k]) % STREAM_RAYS);
-            let triangle = TriangleRef(crossed[k]);
-            let block = LeafBlock::at(&bvh.blocks, triangle.block_offset());
-            ids[k] = block.id(triangle.lane());
-            let positions = block.positions(triangle.lane());
-            for (corner, position) in of_lane.iter_mut().zip(positions) {
-                for (coordinate, x) in corner.iter_mut().zip(position) {
-                    coordinate[k] = x;
-                }
+        if PLACED {
+            let mut blocks = [&[][..]; WIDTH];
+            for (blocks, &place) in blocks.iter_mut().zip(crossed_by) {
+                *blocks = &self.bvh::<PLACED>(targets, usize::from(place) % STREAM_RAYS).blocks;
             }
+            return LeafBlock::corners_in_meshes(blocks, crossed);
         }
-        let mut corners = [[S::splat(0.0); 3]; 3];
-        for (corner, from) in corners.iter_mut().zip(&of_lane) {
-            *corner = [S::load(&from[0]), S::load(&from[1]), S::load(&from[2])];
-        }
+        let blocks = &targets.surfaces.meshes[0].blocks;
+        let (corners, of_triangles) = LeafBlock::corners::<S>(blocks, S::U32x8::load(crossed));
+        let mut ids = [0; WIDTH];
+        of_triangles.store(&mut ids);
         (corners, ids)
     }
 }
