@@ -292,7 +292,7 @@ fn heaps_of_placements_agree_with_brute_force() {
     let directions: Vec<_> = (0..3000).map(|_| random.direction()).collect();
     let origins: Vec<_> = (0..3000).map(|_| random.point() * 4.0 + scene.geometry.centre).collect();
     for (batch, origins) in [Origins::Each(&origins), Origins::Common(origins[0])].into_iter().enumerate() {
-        for t_max in [0.7, f64::INFINITY] {
+        for t_max in [4.0, f64::INFINITY] {
             let rays = Rays { t_max, t_min: 0.01, ..Rays::unlimited(origins, &directions) };
             let hits = same_hits(&scene, &tracers, 4 * batch, &rays);
             assert!(hits > 100, "{hits} hits up to {t_max}");

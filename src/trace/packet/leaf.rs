@@ -101,6 +101,18 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
         }
     }
 
+    /// The rays of the packet in the scene's space that may meet a leaf's box before their nearest hits.
+    #[inline(always)]
+    pub fn rays_in<S: F32x8>(&self, leaf: &Leaf) -> RaySet {
+        let box_test = BoxTest::new(&leaf.bounds, leaf.bounds.largest_coordinate());
+        let mut found = 0;
+        for bundle in bits(leaf.bundles) {
+            let bundle = bundle & (BUNDLES - 1);
+            found |= RaySet::from(box_test.rays_in::<S>(self.rays, bundle)) << (16 * bundle);
+        }
+        found
+    }
+
     /// Compresses the rays of `bundles` that may meet a box into [`ActiveRays`](super::prepare::ActiveRays), and returns their number.
     #[inline(always)]
     fn gather_active<S: F32x8>(&mut self, b: &RelativeBox, m: f32, bundles: u32) -> usize {
@@ -323,7 +335,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
 }
 
 /// The test of a box against the rays of a packet.
-pub(super) struct BoxTest {
+struct BoxTest {
     begin: f32,
     end: f32,
     /// The negated lower sides and the upper sides along u and v.
@@ -334,7 +346,7 @@ pub(super) struct BoxTest {
 impl BoxTest {
     /// The test of a box whose largest |coordinate| is `m`.
     #[inline(always)]
-    pub fn new(b: &RelativeBox, m: f32) -> Self {
+    fn new(b: &RelativeBox, m: f32) -> Self {
         // Rounding g and the product g·w costs u of |g|·w ≤ 8M each, 16uM in all, of which this is twice.
         let margin = 32.0 * U * m;
         Self {
@@ -347,7 +359,7 @@ impl BoxTest {
 
     /// The rays of a bundle that may meet the box before their nearest hits, one bit each.
     #[inline(always)]
-    pub fn rays_in<S: F32x8>(&self, rays: &RayData, bundle: usize) -> u32 {
+    fn rays_in<S: F32x8>(&self, rays: &RayData, bundle: usize) -> u32 {
         let [gu, gv] = &rays.g;
         let (gu, gv) = (S::F32x16::load(chunk(gu, 16 * bundle)), S::F32x16::load(chunk(gv, 16 * bundle)));
         self.rays_of::<S>(gu, gv, S::F32x16::load(chunk(&rays.z_high, 16 * bundle)))
@@ -495,7 +507,7 @@ fn dot_onto<P: F32x16>([u, v, w]: [P; 3], [mu, mv, mw]: [P; 3], term: P) -> P {
 
 /// The indices of the bits that are set, the lowest first.
 #[inline(always)]
-pub(super) fn bits(mut set: u32) -> impl Iterator<Item = usize> {
+fn bits(mut set: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let bit = (set != 0).then_some(set.trailing_zeros() as usize);
         set &= set.wrapping_sub(1);

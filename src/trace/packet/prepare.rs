@@ -2,8 +2,6 @@
 
 use glam::DVec3;
 
-use super::leaf::{BoxTest, bits};
-use super::traverse::Leaf;
 use crate::trace::batch::{Batch, NearestHits, PACKET_RAYS, RaySet, chunk, chunk_mut, group_of, rays_of};
 use crate::trace::bvh::{Bvh8, TriangleRef};
 use crate::trace::exact::Real;
@@ -475,18 +473,6 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
         let from = S::F64x8::load_xyz(group_of(all, group, &mut buffer))[self.axes[2]];
         let start = from.sub(S::F64x8::splat(self.start));
         if self.reversed { zero.sub(start) } else { start }
-    }
-
-    /// The rays of the packet in the scene's space that may meet a leaf's box before their nearest hits.
-    #[inline(always)]
-    pub fn rays_in<S: F32x8>(&self, leaf: &Leaf) -> RaySet {
-        let box_test = BoxTest::new(&leaf.bounds, leaf.bounds.largest_coordinate());
-        let mut found = 0;
-        for bundle in bits(leaf.bundles) {
-            let bundle = bundle & (BUNDLES - 1);
-            found |= RaySet::from(box_test.rays_in::<S>(self.rays, bundle)) << (16 * bundle);
-        }
-        found
     }
 
     /// The largest `z_high` of a bundle's rays.
