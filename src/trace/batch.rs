@@ -16,6 +16,16 @@ pub const PACKET_RAYS: usize = 128;
 /// A set of a packet's rays, one bit each.
 pub(super) type RaySet = u128;
 
+/// The rays of a set, in order.
+#[inline(always)]
+pub(super) fn rays_of(mut set: RaySet) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let ray = (set != 0).then_some(set.trailing_zeros() as usize);
+        set &= set.wrapping_sub(1);
+        ray
+    })
+}
+
 /// Rays in the scene's space, or in that of a mesh.
 #[derive(Clone, Copy)]
 pub(super) struct Batch<'r> {
@@ -117,19 +127,30 @@ pub(super) struct NearestHit {
 
 /// The nearest hits of up to [`PACKET_RAYS`] rays, over all placements.
 pub(super) struct NearestHits {
-    /// The depth, or `t_max` for a ray without a hit.
+    /// The depth, or `t_max` for a ray without a hit. For a ray in `rough` it is the upper bound of the depth.
     pub t: [f64; PACKET_RAYS],
+    /// The lower bound of the depth: the same number, but for the rays in `rough`.
+    pub t_low: [f64; PACKET_RAYS],
     /// [`TriangleRef`]s, as numbers.
     pub triangle: [u32; PACKET_RAYS],
     pub placement: [u32; PACKET_RAYS],
     /// The rays that have a hit.
     pub hit: RaySet,
+    /// The rays for whose hits only bounds of the depth are known. Most of them are never compared more closely.
+    pub rough: RaySet,
 }
 
 impl NearestHits {
     /// No hits.
     pub fn new(t_max: f64) -> Self {
-        Self { t: [t_max; PACKET_RAYS], triangle: [0; PACKET_RAYS], placement: [0; PACKET_RAYS], hit: 0 }
+        Self {
+            t: [t_max; PACKET_RAYS],
+            t_low: [t_max; PACKET_RAYS],
+            triangle: [0; PACKET_RAYS],
+            placement: [0; PACKET_RAYS],
+            hit: 0,
+            rough: 0,
+        }
     }
 
     /// Forgets all hits. (The depths keep their values, which count only for a ray with a hit.)
@@ -163,7 +184,9 @@ impl NearestHits {
     pub fn set(&mut self, ray: usize, hit: Option<NearestHit>) {
         if let Some(hit) = hit {
             (self.t[ray], self.placement[ray], self.triangle[ray]) = (hit.t, hit.placement, hit.triangle.0);
+            self.t_low[ray] = hit.t;
             self.hit |= 1 << ray;
+            self.rough &= !(1 << ray);
         }
     }
 }

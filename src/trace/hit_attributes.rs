@@ -42,6 +42,14 @@ impl<'a> Surfaces<'a> {
         Candidate { t: hit.t, placement: hit.placement, triangle: block.id(hit.triangle.lane()) }
     }
 
+    /// The depth of a ray, which is given in the scene's space, in a triangle of a placement that it hits.
+    #[inline(never)]
+    pub fn depth(&self, ray: LocalRay, time_s: Option<f64>, placement: u32, triangle: TriangleRef) -> f64 {
+        let local = ray.carried(&self.placements[placement as usize], time_s).unwrap_or(ray);
+        let block = LeafBlock::at(&self.bvh(placement).blocks, triangle.block_offset());
+        Corners::from_positions(block.positions(triangle.lane()), local.origin).depth(local.direction)
+    }
+
     /// The hit of one ray, which is given in the scene's space, and the map by which it is carried to what it hits.
     pub fn hit(&self, ray: LocalRay, map: &DAffine3, hit: &NearestHit) -> Hit {
         let local = ray.carried_by(map);
@@ -138,6 +146,14 @@ impl<'a> Surfaces<'a> {
         maps: &mut Maps,
     ) {
         let (triangles, placements) = nearest.triangles_of_group(group);
+        let first = found.trailing_zeros() as usize & 7;
+        let mut others = 0;
+        for k in 0..8 {
+            others |= u32::from(placements[k] != placements[first]) << k;
+        }
+        if found & others != 0 {
+            return self.write_hits_in_meshes::<S>(rays, nearest, (group, found), hits, maps);
+        }
         let (scene_o, scene_d) = rays.group::<S>(group);
         let mut rest = found;
         while rest != 0 {
@@ -199,6 +215,55 @@ impl<'a> Surfaces<'a> {
                     *hit = Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement, triangle: id[k] });
                 }
             }
+        }
+    }
+}
+
+impl Surfaces<'_> {
+    /// Writes the hits of the rays of a group that have one, in different placements: each ray is carried to its own.
+    #[inline(always)]
+    fn write_hits_in_meshes<S: F32x8>(
+        &self,
+        rays: &Batch,
+        nearest: &NearestHits,
+        (group, found): (usize, u32),
+        hits: &mut [Option<Hit>],
+        maps: &mut Maps,
+    ) {
+        let (&triangles, placements) = nearest.triangles_of_group(group);
+        let first = found.trailing_zeros() as usize & 7;
+        let mut carried = [DAffine3::IDENTITY; 8];
+        let (mut o, mut d, mut blocks) = ([DVec3::ZERO; 8], [DVec3::ZERO; 8], [&[][..]; 8]);
+        let mut refs = [triangles[first]; 8];
+        for k in 0..8 {
+            // The lanes of rays without a hit repeat the computation of the first one, and their results are dropped.
+            let lane = if found >> k & 1 != 0 { k } else { first };
+            let (number, ray) = (placements[lane], group * 8 + lane);
+            let map = maps.of(number, &self.placements[number as usize], rays.time_s(ray));
+            carried[k] = map.copied().unwrap_or(DAffine3::IDENTITY);
+            let local = rays.ray(ray).carried_by(&carried[k]);
+            (o[k], d[k], refs[k]) = (local.origin, local.direction, triangles[lane]);
+            blocks[k] = &self.bvh(number).blocks;
+        }
+        let (corners, ids) = LeafBlock::corners_in_meshes::<S>(blocks, &refs);
+        let [[x, y, z], [dx, dy, dz]] = [S::F64x8::load_xyz(&o), S::F64x8::load_xyz(&d)];
+        let (at, along) = (Xyz(x, y, z), Xyz(dx, dy, dz));
+        let [a, b, c] = [in_f64(corners[0]), in_f64(corners[1]), in_f64(corners[2])];
+        let facet = Facet::new([a.sub(at), b.sub(at), c.sub(at)]);
+        let (t, within) = facet.plane_depth(along);
+        let (u, v) = facet.weights(along);
+        let (mut t, u, v) = (store(t), store(u), store(v));
+        let (x, y, z) = (store(facet.normal.0), store(facet.normal.1), store(facet.normal.2));
+        for (k, hit) in hits.iter_mut().enumerate().filter(|(k, _)| found >> k & 1 != 0) {
+            if within >> k & 1 == 0 {
+                let triangle = TriangleRef(refs[k]);
+                let positions = LeafBlock::at(blocks[k], triangle.block_offset()).positions(triangle.lane());
+                t[k] = Corners::from_positions(positions, o[k]).depth(d[k]);
+            }
+            let Xyz(x, y, z) = exact::out_of(&carried[k], Xyz(x[k], y[k], z[k])).normalized();
+            let normal = DVec3::new(x, y, z);
+            let (placement, triangle) = (placements[k], ids[k]);
+            *hit = Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement, triangle });
         }
     }
 }

@@ -16,7 +16,7 @@
 //! rays batch   rays and hits as callers and as traversals have them; hit_attributes: what a hit's triangle tells
 //! methods/     the published methods; any: the tracer that a job casts with
 //! all_hits     all hits of rays, one after the other
-//! moving       packets among what moves; maps: where that is at the times of rays
+//! placements   packets and rays among placements; moving: among those that move; maps: where these are at the times of rays
 //! scratch      the memory of casting; stats: counters of its work
 //! ```
 //!
@@ -39,6 +39,7 @@ mod maps;
 pub mod methods;
 mod moving;
 mod packet;
+mod placements;
 mod policy;
 mod rays;
 mod rounding;

@@ -97,7 +97,7 @@ impl SimdTask for MovingVisit<'_, '_> {
             )
         {
             work += packet.traverse_mesh::<S>(stack, budget)?;
-            packet.write_hits(nearest, true);
+            packet.write_hits::<S>(nearest, true);
             return Some(work);
         }
         for ray in (0..count).filter(|ray| present >> ray & 1 != 0) {

@@ -24,11 +24,10 @@ pub(super) const MOVING_RAY: u64 = 20;
 
 /// The work of a single ray beside its visits.
 const SINGLE_RAY: u64 = 60;
-/// The work of a single ray's visit to a node: rays that take turns wait for less than a ray that is alone, which scenes with
-/// placements have.
+/// The work of a single ray's visit to a node, to a leaf, and of carrying it to a placement.
 const STREAM_NODE: u64 = 9;
-const ALONE_NODE: u64 = 30;
 const SINGLE_LEAF: u64 = 10;
+const SINGLE_PLACEMENT: u64 = 40;
 
 /// The fewest rays of a smaller packet that is tried in place of a larger one that was given up.
 pub(super) const LEAST: usize = 16;
@@ -154,11 +153,11 @@ impl PacketPolicy {
         }
     }
 
-    /// So many single rays were cast with so many visits.
+    /// So many single rays were cast with so many visits, and were carried to a placement so many times.
     #[inline(always)]
-    pub fn measured(&mut self, rays: usize, effort: TraversalStats, in_turns: bool) {
-        let node = if in_turns { STREAM_NODE } else { ALONE_NODE };
-        let work = SINGLE_RAY * rays as u64 + node * effort.nodes + SINGLE_LEAF * effort.leaves;
+    pub fn measured(&mut self, rays: usize, effort: TraversalStats, carried: u64) {
+        let visits = STREAM_NODE * effort.nodes + SINGLE_LEAF * effort.leaves;
+        let work = SINGLE_RAY * rays as u64 + visits + SINGLE_PLACEMENT * carried;
         // The memory of about a thousand rays.
         let share = (rays as f64 / 1024.0).min(1.0);
         self.single += share * (work as f64 / rays as f64 - self.single);
@@ -236,7 +235,7 @@ mod tests {
         policy.succeeded(PACKET_RAYS, 200 * PACKET_RAYS as u64);
         assert_eq!(policy.begin_tile(), 0);
         let effort = TraversalStats { nodes: 4 * 1024, leaves: 1024, ..TraversalStats::default() };
-        policy.measured(1024, effort, true);
+        policy.measured(1024, effort, 0);
         assert_eq!(policy.single_work(1), SINGLE_RAY + 4 * STREAM_NODE + SINGLE_LEAF);
         assert_eq!(policy.begin_tile(), PACKET_RAYS);
         policy.succeeded(PACKET_RAYS, 200 * PACKET_RAYS as u64);

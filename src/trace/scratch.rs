@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::batch::NearestHits;
 use super::bvh::Child;
 use super::maps::Maps;
 use super::packet::{PacketStack, RayData};
@@ -24,6 +25,28 @@ pub(super) struct Scratch {
     pub mesh_rays: RayData,
     pub single: SingleScratch,
     pub policy: PacketPolicy,
+    pub part: PartScratch,
+}
+
+/// The rays of a packet that visit a placement, if others of it do not, in the scene's space.
+pub(super) struct PartScratch {
+    pub directions: Vec<DVec3>,
+    /// The origins, if they differ.
+    pub origins: Vec<DVec3>,
+    /// Their numbers in the packet.
+    pub numbers: Vec<u8>,
+    pub nearest: NearestHits,
+}
+
+impl Default for PartScratch {
+    fn default() -> Self {
+        Self {
+            directions: Vec::new(),
+            origins: Vec::new(),
+            numbers: Vec::new(),
+            nearest: NearestHits::new(0.0),
+        }
+    }
 }
 
 impl Scratch {

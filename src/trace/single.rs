@@ -86,7 +86,7 @@ impl<const N: usize> PreparedRays<N> {
         stretch: [0.0; N],
     };
 
-    /// Prepares the eight rays of a group for hits from `t_min` to `t_max`. Returns one bit for each ray that f32 can serve: it
+    /// Prepares the eight rays of a group for hits from `t_min` to `t_max` in meshes whose largest |coordinates| are given. Returns one bit for each ray that f32 can serve: it
     /// is finite, and the cubes of its coordinates stay within f32's range.
     #[inline(always)]
     pub(super) fn prepare<S: F32x8>(
@@ -94,8 +94,8 @@ impl<const N: usize> PreparedRays<N> {
         group: usize,
         o: Xyz<S::F64x8>,
         d: Xyz<S::F64x8>,
-        largest: f32,
-        (t_min, t_max): (S::F64x8, f64),
+        largest: S::F64x8,
+        (t_min, t_max): (S::F64x8, S::F64x8),
     ) -> u32 {
         let constant = S::F64x8::splat;
         let along = Xyz(d.0.abs(), d.1.abs(), d.2.abs());
@@ -103,7 +103,7 @@ impl<const N: usize> PreparedRays<N> {
         let farthest = away.0.max(away.1).max(away.2);
         let stretch = along.0.max(along.1).max(along.2);
         // In this form NaN does not pass.
-        let near_by = constant(1e12 - f64::from(largest));
+        let near_by = constant(1e12).sub(largest);
         let in_range = away.0.le(near_by) & away.1.le(near_by) & away.2.le(near_by);
         let in_range = in_range & constant(1e-30).le(stretch) & stretch.le(constant(1e30));
         let in_range = in_range & along.0.add(along.1).add(along.2).le(constant(1e31));
@@ -145,7 +145,7 @@ impl<const N: usize> PreparedRays<N> {
         v.store(group_part(&mut self.origin[1], group));
         w.store(group_part(&mut self.origin[2], group));
 
-        let size = farthest.add(constant(f64::from(largest))).to_f32();
+        let size = farthest.add(largest).to_f32();
         let unit = size.mul(S::splat(U * (1.0 + 4.0 * U)));
         unit.mul(S::splat(EDGE)).store(group_part(&mut self.bound[0], group));
         unit.mul(unit)
@@ -153,10 +153,28 @@ impl<const N: usize> PreparedRays<N> {
             .store(group_part(&mut self.bound[1], group));
         let z_min = t_min.mul(stretch).to_f32().mul(S::splat(1.0 - 4.0 * U));
         z_min.store(group_part(&mut self.z_min, group));
-        let z_max = constant(t_max).mul(stretch).to_f32().mul_add(S::splat(1.0 + 8.0 * U), S::splat(TINY));
+        let z_max = t_max.mul(stretch).to_f32().mul_add(S::splat(1.0 + 8.0 * U), S::splat(TINY));
         z_max.min(S::splat(f32::MAX)).store(group_part(&mut self.z_max, group));
         stretch.store(group_part(&mut self.stretch, group));
         in_range
+    }
+
+    /// Takes over a prepared ray from elsewhere.
+    #[inline(always)]
+    pub(super) fn copy_from<const M: usize>(&mut self, ray: usize, others: &PreparedRays<M>, other: usize) {
+        for axis in 0..3 {
+            self.inverse[axis][ray] = others.inverse[axis][other];
+            self.from_near[axis][ray] = others.from_near[axis][other];
+            self.from_far[axis][ray] = others.from_far[axis][other];
+            self.near[axis][ray] = others.near[axis][other];
+            self.origin[axis][ray] = others.origin[axis][other];
+        }
+        for k in 0..2 {
+            self.g[k][ray] = others.g[k][other];
+            self.bound[k][ray] = others.bound[k][other];
+        }
+        (self.z_min[ray], self.z_max[ray]) = (others.z_min[other], others.z_max[other]);
+        (self.w[ray], self.stretch[ray]) = (others.w[other], others.stretch[other]);
     }
 
     /// Ends the search of a ray at the depth of its nearest hit.
@@ -386,9 +404,9 @@ impl SingleRay {
     #[inline(always)]
     pub fn new<S: F32x8>(ray: LocalRay, largest: f32, limits: &Limits) -> Option<Self> {
         let mut prepared = PreparedRays::NONE;
-        let limits = (S::F64x8::splat(limits.t_min), limits.t_max);
+        let limits = (S::F64x8::splat(limits.t_min), S::F64x8::splat(limits.t_max));
         let (o, d) = (Xyz::constant(ray.origin), Xyz::constant(ray.direction));
-        let in_range = prepared.prepare::<S>(0, o, d, largest, limits);
+        let in_range = prepared.prepare::<S>(0, o, d, S::F64x8::splat(largest.into()), limits);
         (in_range != 0).then_some(Self { ray, prepared })
     }
 

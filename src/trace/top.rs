@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use super::bvh::{self, Bvh8};
+use super::bvh::{self, Bvh8, Child, WIDTH};
 use crate::scene::bounds::Bounds;
 use crate::scene::{Mesh, Placement, Scene};
 
@@ -21,27 +21,31 @@ pub(super) struct Top {
 impl Top {
     const LAST: u32 = u32::MAX;
 
-    /// The hierarchy over the placements of a scene, given the bounds of its meshes and of its shapes in their own spaces.
-    pub fn new(scene: &Scene, meshes: &[Bounds], shapes: &[Bounds]) -> Self {
+    /// The hierarchy over the placements of a scene, given its meshes and its shapes in their own spaces. Its boxes may be `tight`.
+    pub fn new(scene: &Scene, meshes: Bounded, shapes: Bounded, tight: bool) -> Self {
         let placements = &scene.arrangement.placements;
         if placements.len() < 2 {
-            return Self { bvh: Bvh8::default(), copies: Vec::new() };
+            return Self::default();
         }
         let own = |p: &Placement| {
-            let mesh = p.mesh as usize;
-            meshes.get(mesh).unwrap_or_else(|| &shapes[mesh - meshes.len()])
+            meshes.get(p.mesh as usize).or_else(|| shapes.get(p.mesh as usize - meshes.len()))
         };
+        let own = |p: &Placement| own(p).expect("a placement is of a mesh that exists");
         let window = scene.arrangement.window;
         // What each placement that moves reaches, and what the origin of its space reaches.
         let reached = |p: &Placement| {
-            let of_mesh = p.bounds_of(own(p), window);
-            if own(p).contains(DVec3::ZERO) {
+            let (own, _) = own(p);
+            let of_mesh = p.bounds_of(own, window);
+            if own.contains(DVec3::ZERO) {
                 return (of_mesh, of_mesh);
             }
             (of_mesh, p.bounds_of(&Bounds::EMPTY.with(DVec3::ZERO), window))
         };
         let of_moving: Vec<_> = placements.par_iter().filter(|p| p.is_moving()).map(reached).collect();
-        let of_still = placements.iter().filter(|p| !p.is_moving()).map(|p| carried_bounds(own(p), p, 0.0));
+        let of_still = placements.iter().filter(|p| !p.is_moving()).map(|p| {
+            let (bounds, _) = own(p);
+            carried_bounds(bounds, bounds.largest(), p, 0.0)
+        });
         let all = of_still.chain(of_moving.iter().map(|(of_mesh, _)| *of_mesh)).filter(|b| !b.is_empty());
         let size = all.fold(Bounds::EMPTY, Bounds::union).largest();
         let mut of_moving = of_moving.into_iter();
@@ -51,14 +55,15 @@ impl Top {
             if is_copy.get(number as usize).copied().unwrap_or(false) {
                 continue;
             }
-            let own = own(placement);
+            let (own, bvh) = own(placement);
             let moving = if placement.is_moving() { of_moving.next() } else { None };
             let bounds = match moving {
                 Some((of_mesh, _)) if of_mesh.is_empty() => continue,
                 // An empty mesh 0 has a placement too. Its box is a point, where a ray finds nothing.
                 _ if own.is_empty() => Bounds { low: DVec3::ZERO, high: DVec3::ZERO },
                 Some((of_mesh, of_origin)) => padded(&of_mesh, &of_origin, size, scene.geometry.centre),
-                None => carried_bounds(own, placement, size),
+                None if tight => tight_bounds(bvh, own.largest(), placement, size),
+                None => carried_bounds(own, own.largest(), placement, size),
             };
             boxes.push((bounds, number));
         }
@@ -76,6 +81,36 @@ impl Top {
             |&placement: &u32| self.copies.get(placement as usize).copied().filter(|&n| n != Self::LAST);
         std::iter::successors(Some(placement), next)
     }
+}
+
+/// Meshes with their bounds and hierarchies.
+#[derive(Clone, Copy)]
+pub(super) struct Bounded<'a> {
+    pub bounds: &'a [Bounds],
+    pub hierarchies: &'a [Bvh8],
+}
+
+impl<'a> Bounded<'a> {
+    fn len(&self) -> usize {
+        self.bounds.len()
+    }
+
+    fn get(&self, number: usize) -> Option<(&'a Bounds, &'a Bvh8)> {
+        Some((self.bounds.get(number)?, self.hierarchies.get(number)?))
+    }
+}
+
+/// The box in the scene's space around the boxes of the children of a mesh's root, at a placement that does not move. If the mesh is
+/// turned, it is smaller than the box around the mesh's box.
+fn tight_bounds(bvh: &Bvh8, largest: f64, placement: &Placement, size: f64) -> Bounds {
+    let root = &bvh.nodes[0];
+    let present = (0..WIDTH).filter(|&lane| root.child[lane] != Child::NONE);
+    let boxes = present.map(|lane| {
+        let plane = |lane: usize| DVec3::from([0, 1, 2].map(|axis| f64::from(root.planes[axis][lane])));
+        let child = Bounds { low: plane(lane), high: plane(WIDTH + lane) };
+        carried_bounds(&child, largest, placement, size)
+    });
+    boxes.fold(Bounds::EMPTY, Bounds::union)
 }
 
 /// For each placement the next that is the same, or [`Top::LAST`], and whether there is one before it. Both are empty if no two
@@ -118,16 +153,17 @@ pub(super) fn bounds_of(mesh: &Mesh) -> Bounds {
 /// Carrying costs a few 2⁻⁵³ of |M⁻¹|·|o| + |t| in the mesh's space, where M⁻¹ is the linear part and the origin lies
 /// within some multiple of the scene's `size`; so the mesh's box grows by 2⁻²¹ of that before it is carried out, which is
 /// enough for origins a million scene sizes away and for maps as skewed as [`SceneBuilder`](crate::scene::SceneBuilder)
-/// lets through (their condition is at most 2¹²).
-fn carried_bounds(mesh: &Bounds, placement: &Placement, size: f64) -> Bounds {
+/// lets through (their condition is at most 2¹²). The same holds for a part of the mesh, whose box is `part` and whose mesh has the
+/// largest |coordinate| `largest`.
+fn carried_bounds(part: &Bounds, largest: f64, placement: &Placement, size: f64) -> Bounds {
     let map = placement.mesh_from_scene();
-    if *map == DAffine3::IDENTITY || mesh.is_empty() {
-        return *mesh;
+    if *map == DAffine3::IDENTITY || part.is_empty() {
+        return *part;
     }
     let m = &map.matrix3;
     let stretch = (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
-    let pad = (mesh.largest() + map.translation.abs().max_element() + stretch * size) / f64::from(1 << 21);
-    let (low, high) = (mesh.low - pad, mesh.high + pad);
+    let pad = (largest + map.translation.abs().max_element() + stretch * size) / f64::from(1 << 21);
+    let (low, high) = (part.low - pad, part.high + pad);
     let corners = Bounds { low, high }.corners();
     corners.map(|p| placement.scene_from_mesh().transform_point3(p)).fold(Bounds::EMPTY, Bounds::with)
 }

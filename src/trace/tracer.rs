@@ -10,16 +10,17 @@ use rayon::prelude::*;
 
 use super::batch::{Batch, NearestHit, NearestHits, PACKET_RAYS, RaySet};
 use super::bvh::{self, Bvh8};
-use super::exact::{self, Limits, LocalRay};
+use super::exact::LocalRay;
 use super::hit_attributes::Surfaces;
+use super::maps::Maps;
 use super::packet::{self, RayPacket};
-use super::policy::{self, PACKET_NODE, PACKET_RAY};
+use super::policy;
 use super::rays::{Cast, Hit, Origins, Rays};
 use super::scratch::{Scratch, SingleScratch};
 use super::simd::{self, F32x8, SimdTask};
-use super::single::{RayStack, SingleRay};
 use super::stats::TraversalStats;
-use super::top::{Top, bounds_of};
+use super::stream::{RayStream, Targets};
+use super::top::{Bounded, Top, bounds_of};
 use crate::scene::bounds::Bounds;
 use crate::scene::{Arrangement, Mesh, Scene};
 
@@ -40,6 +41,8 @@ pub struct Tracer {
     pub(super) top: Arc<Top>,
     instructions: Instructions,
     packets: bool,
+    /// The hierarchy over the placements has a tight box around each.
+    tight: bool,
 }
 
 /// The instructions that a [`Tracer`] computes with. They do not change its hits.
@@ -60,13 +63,14 @@ impl Tracer {
     pub fn build(scene: &Scene) -> Self {
         let meshes = &scene.geometry.meshes;
         let unarranged = Self {
-            meshes: meshes.iter().map(bvh::build).collect(),
-            bounds: meshes.iter().map(bounds_of).collect(),
+            meshes: bvh::build_all(meshes).into(),
+            bounds: meshes.par_iter().map(bounds_of).collect::<Vec<_>>().into(),
             shapes: Arc::default(),
             top: Arc::default(),
             scene: scene.clone(),
             instructions: Instructions::Best,
             packets: true,
+            tight: true,
         };
         unarranged.with_scene(scene.clone())
     }
@@ -85,12 +89,20 @@ impl Tracer {
     fn with_scene(&self, scene: Scene) -> Self {
         let shapes = &scene.arrangement.shapes;
         let bounds: Vec<Bounds> = shapes.par_iter().map(bounds_of).collect();
+        let hierarchies = hierarchies_of(shapes);
+        let of_meshes = Bounded { bounds: &self.bounds, hierarchies: &self.meshes };
+        let of_shapes = Bounded { bounds: &bounds, hierarchies: &hierarchies };
         Self {
-            top: Arc::new(Top::new(&scene, &self.bounds, &bounds)),
-            shapes: hierarchies_of(shapes).into(),
+            top: Arc::new(Top::new(&scene, of_meshes, of_shapes, self.tight)),
+            shapes: hierarchies.into(),
             scene,
             ..self.clone()
         }
+    }
+
+    /// The same tracer with boxes around the placements that hold the whole box of the mesh.
+    pub(super) fn with_loose_boxes(&self) -> Self {
+        Self { tight: false, ..self.clone() }.with_scene(self.scene.clone())
     }
 
     /// The scene that rays are cast against.
@@ -219,9 +231,10 @@ impl Tracer {
             return;
         }
         let (count, before) = (range.len(), scratch.single.stats());
+        let carried = scratch.single.stream.carried();
         self.cast_singles::<S, false>(rays, range, hits, origins, &mut scratch.single);
         let effort = scratch.single.stats() - before;
-        scratch.policy.measured(count, effort, self.top.bvh.nodes.is_empty());
+        scratch.policy.measured(count, effort, scratch.single.stream.carried() - carried);
     }
 
     /// Writes the hits of rays of which some must come after a given hit ([`Rays::after`]). These rays make no packets: a packet
@@ -329,9 +342,7 @@ impl Tracer {
         let hits = &mut hits[range.clone()];
         let batch = self.batch(rays, range, origins);
         let mut nearest = NearestHits::new(batch.t_max);
-        let mut groups = 0..hits.len().div_ceil(8);
-        while let Some(group) = self.next_group::<S, AFTER>(&batch, false, &mut groups, &mut nearest, scratch)
-        {
+        while let Some(group) = self.next_group::<S, AFTER>(&batch, false, &mut nearest, scratch) {
             let rays = 8 * group..(8 * group + 8).min(hits.len());
             let (part, maps) = (batch.part(rays.clone()), &mut scratch.maps);
             self.surfaces().write_hits::<S>(&part, &nearest, &mut hits[rays], maps);
@@ -359,221 +370,85 @@ impl Tracer {
         nearest: &mut NearestHits,
         scratch: &mut Scratch,
     ) -> PacketEnd {
-        let limits = (rays.t_min, rays.t_max);
-        let Scratch {
-            top: stack,
-            mesh: mesh_stack,
-            directions,
-            origins: origin_buffer,
-            single,
-            rays: top_rays,
-            mesh_rays,
-            policy,
-        } = scratch;
+        if !self.top.bvh.nodes.is_empty() {
+            return self.cast_packet_among::<S, MULTI_ORIGIN>(rays, nearest, scratch);
+        }
+        let Scratch { mesh: stack, mesh_rays, policy, .. } = scratch;
         let ray_count = rays.directions.len();
         let budget = policy.budget(ray_count);
-        if self.top.bvh.nodes.is_empty() {
-            let bvh = &self.meshes[0];
-            let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
-                bvh,
-                0,
-                rays.origins,
-                rays.directions,
-                limits,
-                nearest,
-                mesh_rays,
-            ) else {
-                return PacketEnd::NoPyramid;
-            };
-            let Some(work) = packet.traverse_mesh::<S>(mesh_stack, budget) else {
-                policy.gave_up(ray_count);
-                return PacketEnd::GivenUp;
-            };
-            packet.write_hits(nearest, false);
-            policy.succeeded(ray_count, work);
-            return PacketEnd::Cast;
-        }
-        let Some(mut top) = RayPacket::<MULTI_ORIGIN>::new::<S>(
-            &self.top.bvh,
+        let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
+            &self.meshes[0],
             0,
             rays.origins,
             rays.directions,
-            limits,
+            (rays.t_min, rays.t_max),
             nearest,
-            top_rays,
+            mesh_rays,
         ) else {
             return PacketEnd::NoPyramid;
         };
-        // The work of the placements so far, and of the nodes above them.
-        let (mut work, visited) = (0, stack.visited);
-        top.push_root::<S>(stack);
-        while let Some(leaf) = top.next_leaf::<S>(stack) {
-            let done = work + PACKET_NODE * (stack.visited - visited);
-            if done > budget {
-                policy.gave_up(ray_count);
-                return PacketEnd::GivenUp;
-            }
-            work += PACKET_RAY * ray_count as u64;
-            let index = leaf.number;
-            let placement = &self.scene.arrangement.placements[index as usize];
-            let mut map = placement.mesh_from_scene();
-            let moved;
-            if placement.is_moving() {
-                if rays.are_of_one_time() {
-                    let Some(at) = single.maps.of(index, placement, rays.time_s(0)) else { continue };
-                    moved = *at;
-                    map = &moved;
-                } else {
-                    let more = self.visit_moving::<S>(
-                        index,
-                        rays,
-                        budget - done,
-                        nearest,
-                        (mesh_stack, mesh_rays),
-                        [directions, origin_buffer],
-                        single,
-                        policy.single_work(1),
-                    );
-                    let Some(more) = more else {
-                        policy.gave_up(ray_count);
-                        return PacketEnd::GivenUp;
-                    };
-                    work += more;
-                    top.update_depths(nearest);
-                    continue;
-                }
-            }
-            let origins = exact::carry(map, rays.origins, rays.directions, directions, origin_buffer);
-            let bvh = self.surfaces().bvh_of_mesh(placement.mesh);
-            if let Some(mut packet) = RayPacket::<MULTI_ORIGIN>::new::<S>(
-                bvh, index, origins, directions, limits, nearest, mesh_rays,
-            ) {
-                let Some(more) = packet.traverse_mesh::<S>(mesh_stack, budget - done) else {
-                    policy.gave_up(ray_count);
-                    return PacketEnd::GivenUp;
-                };
-                work += more;
-                packet.write_hits(nearest, true);
-            } else {
-                work += policy.single_work(ray_count);
-                for ray in 0..rays.directions.len() {
-                    let mut best = nearest.get(ray);
-                    let limits = rays.limits::<false>(ray);
-                    let (local, ray_stack) = (rays.ray(ray).carried_by(map), &mut single.mesh);
-                    self.intersect_mesh::<S, false>(index, local, &limits, false, &mut best, ray_stack);
-                    nearest.set(ray, best);
-                }
-            }
-            top.update_depths(nearest);
-        }
-        policy.succeeded(ray_count, work + PACKET_NODE * (stack.visited - visited));
+        let Some(work) = packet.traverse_mesh::<S>(stack, budget) else {
+            policy.gave_up(ray_count);
+            return PacketEnd::GivenUp;
+        };
+        packet.write_hits::<S>(nearest, false);
+        policy.succeeded(ray_count, work);
         PacketEnd::Cast
     }
 
     /// Finds the nearest hits (any hits, if `any`) of eight more rays of a batch, and returns which group of eight it was.
-    /// Groups come in any order. `groups` are the groups to come where rays are cast one by one.
+    /// Groups come in any order.
     #[inline(always)]
     fn next_group<S: F32x8, const AFTER: bool>(
         &self,
         rays: &Batch,
         any: bool,
-        groups: &mut Range<usize>,
         nearest: &mut NearestHits,
         scratch: &mut SingleScratch,
     ) -> Option<usize> {
-        if !self.top.bvh.nodes.is_empty() {
-            let group = groups.next()?;
-            nearest.clear();
-            for k in 0..(rays.directions.len() - 8 * group).min(8) {
-                let mut best = None;
-                let ray = 8 * group + k;
-                let limits = rays.limits::<AFTER>(ray);
-                let time_s = rays.time_s(ray);
-                self.cast_single::<S, AFTER>(rays.ray(ray), time_s, &limits, any, &mut best, scratch);
-                nearest.set(k, best);
-            }
-            return Some(group);
-        }
-        let (group, mut rest) = scratch.stream.next_group::<S, AFTER>(&self.meshes[0], rays, any, nearest)?;
+        let is_placed = !self.top.bvh.nodes.is_empty();
+        let targets = Targets { top: &self.top, surfaces: self.surfaces() };
+        let SingleScratch { stream, maps, .. } = scratch;
+        let (group, mut rest) = if is_placed {
+            S::run(NextGroup::<AFTER, true> { stream, targets, rays, any, nearest, maps })?
+        } else {
+            S::run(NextGroup::<AFTER, false> { stream, targets, rays, any, nearest, maps })?
+        };
         while rest != 0 {
             let k = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let mut best = None;
             let ray = 8 * group + k;
             let limits = rays.limits::<AFTER>(ray);
-            let (alone, stack) = (rays.ray(ray), &mut scratch.mesh);
-            self.intersect_mesh::<S, AFTER>(0, alone, &limits, any, &mut best, stack);
+            let alone = rays.ray(ray);
+            if is_placed {
+                self.cast_single::<S, AFTER>(alone, rays.time_s(ray), &limits, any, &mut best, scratch);
+            } else {
+                self.intersect_mesh::<S, AFTER>(0, alone, &limits, any, &mut best, &mut scratch.mesh);
+            }
             nearest.set(k, best);
         }
         Some(group)
     }
+}
 
-    /// Finds the nearest hit of one ray (any hit, if `any`) in a scene with a hierarchy over placements.
-    #[inline(always)]
-    fn cast_single<S: F32x8, const AFTER: bool>(
-        &self,
-        ray: LocalRay,
-        time_s: Option<f64>,
-        limits: &Limits,
-        any: bool,
-        best: &mut Option<NearestHit>,
-        scratch: &mut SingleScratch,
-    ) {
-        let Some(mut top) = SingleRay::new::<S>(ray, self.top.bvh.largest, limits) else {
-            return self.cast_in_f64(ray, time_s, limits, best, &mut scratch.scalar);
-        };
-        scratch.top.push_root(&self.top.bvh);
-        while let Some(index) = top.next_leaf::<S>(&self.top.bvh, &mut scratch.top) {
-            let local = if index == 0 {
-                ray
-            } else {
-                let placement = &self.scene.arrangement.placements[index as usize];
-                let Some(map) = scratch.maps.of(index, placement, time_s) else { continue };
-                ray.carried_by(map)
-            };
-            let stack = &mut scratch.mesh;
-            if AFTER {
-                for copy in self.top.with_copies(index) {
-                    self.intersect_mesh::<S, AFTER>(copy, local, limits, any, best, stack);
-                }
-            } else {
-                self.intersect_mesh::<S, AFTER>(index, local, limits, any, best, stack);
-            }
-            if let Some(best) = best {
-                if any {
-                    return;
-                }
-                top.limit(best.t);
-            }
-        }
-    }
+/// [`RayStream::next_group`] as a task, to keep its code out of that for packets.
+struct NextGroup<'a, 'r, const AFTER: bool, const PLACED: bool> {
+    stream: &'a mut RayStream,
+    targets: Targets<'a>,
+    rays: &'a Batch<'r>,
+    any: bool,
+    nearest: &'a mut NearestHits,
+    maps: &'a mut Maps,
+}
 
-    /// Replaces `best` by the nearest hit of one ray in one placement, if that is nearer. The ray is given in the placement's space.
+impl<const AFTER: bool, const PLACED: bool> SimdTask for NextGroup<'_, '_, AFTER, PLACED> {
+    type Output = Option<(usize, u32)>;
+
     #[inline(always)]
-    pub(super) fn intersect_mesh<S: F32x8, const AFTER: bool>(
-        &self,
-        placement: u32,
-        ray: LocalRay,
-        limits: &Limits,
-        any: bool,
-        best: &mut Option<NearestHit>,
-        stack: &mut RayStack,
-    ) {
-        let bvh = self.surfaces().bvh(placement);
-        let Some(mut single) = SingleRay::new::<S>(ray, bvh.largest, limits) else {
-            return self.intersect_placement_in_f64(placement, ray, limits, best, &mut Vec::new());
-        };
-        if let Some(best) = best {
-            single.limit(best.t);
-        }
-        stack.push_root(bvh);
-        while let Some(block_offset) = single.next_leaf::<S>(bvh, stack) {
-            let found =
-                single.test_leaf::<S, AFTER>(bvh, block_offset, placement, limits, best, &mut stack.stats);
-            if found && any {
-                return;
-            }
-        }
+    fn run<S: F32x8>(self) -> Option<(usize, u32)> {
+        let Self { stream, targets, rays, any, nearest, maps } = self;
+        stream.next_group::<S, AFTER, PLACED>(&targets, rays, any, nearest, maps)
     }
 }
 
@@ -651,9 +526,8 @@ impl<const AFTER: bool> SimdTask for BlockedTask<'_, '_, AFTER> {
         let mut nearest = NearestHits::new(rays.t_max);
         for (start, blocked) in (0..).step_by(STREAM_RUN).zip(blocked.chunks_mut(STREAM_RUN)) {
             let batch = tracer.batch(rays, start..start + blocked.len(), &mut origins);
-            let mut groups = 0..blocked.len().div_ceil(8);
             while let Some(group) =
-                tracer.next_group::<S, AFTER>(&batch, true, &mut groups, &mut nearest, &mut scratch.single)
+                tracer.next_group::<S, AFTER>(&batch, true, &mut nearest, &mut scratch.single)
             {
                 for (k, blocked) in blocked[8 * group..].iter_mut().take(8).enumerate() {
                     *blocked = nearest.get(k).is_some();
@@ -679,7 +553,7 @@ thread_local! {
 }
 
 /// How an attempt at a packet ended.
-enum PacketEnd {
+pub(super) enum PacketEnd {
     /// Its rays have their hits.
     Cast,
     /// Its rays are no narrow pyramid.

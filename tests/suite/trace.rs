@@ -257,6 +257,49 @@ fn placed_meshes_agree_with_brute_force() {
     }
 }
 
+/// Hundreds of small meshes, some of a single triangle, some in the very same place, some around all others with the rays inside,
+/// turned and mirrored. The rays fill streams and packets, and meet most placements with a few rays of a packet.
+#[test]
+fn heaps_of_placements_agree_with_brute_force() {
+    let mut random = Rng::new(23);
+    let meshes = vec![
+        soup(&mut random, 1, 0.5),
+        soup(&mut random, 9, 0.5),
+        cuboid([-0.5; 3], [0.5, 0.4, 0.3]),
+        sphere(0.5, DVec3::new(3.0, 0.0, 0.0), 2),
+        quad([DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y]),
+    ];
+    let mut placements = Vec::new();
+    for index in 0..300 {
+        let size = [0.2, 0.2, 0.2, 1.0, 12.0][random.below(5)];
+        let mut scale = DVec3::new(random.unit() + 0.1, random.unit() + 0.1, random.unit() + 0.1) * size;
+        if index % 3 == 0 {
+            scale.y = -scale.y;
+        }
+        let at = random.point() * 4.0;
+        let place = (index % 5, rotated(random.direction(), 6.0 * random.unit(), scale, at));
+        placements.push(place);
+        if index % 10 == 0 {
+            placements.extend([place, place]);
+        }
+    }
+    let scene = placed(meshes, placements);
+    assert!(scene.arrangement.placements.len() > 350, "{}", scene.arrangement.placements.len());
+    assert!(agrees(&scene, 120, 29, 3.0) > 8_000);
+
+    // Long calls: streams begin and end with all kinds of rays in them.
+    let tracers = tracers(&scene);
+    let directions: Vec<_> = (0..3000).map(|_| random.direction()).collect();
+    let origins: Vec<_> = (0..3000).map(|_| random.point() * 4.0 + scene.geometry.centre).collect();
+    for (batch, origins) in [Origins::Each(&origins), Origins::Common(origins[0])].into_iter().enumerate() {
+        for t_max in [4.0, f64::INFINITY] {
+            let rays = Rays { t_max, t_min: 0.01, ..Rays::unlimited(origins, &directions) };
+            let hits = same_hits(&scene, &tracers, 4 * batch, &rays);
+            assert!(hits > 100, "{hits} hits up to {t_max}");
+        }
+    }
+}
+
 #[test]
 #[should_panic(expected = "the ids of placement 2 do not rise")]
 fn an_arrangement_of_another_order_is_refused() {

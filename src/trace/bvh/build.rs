@@ -22,6 +22,25 @@ const PART: usize = 1 << 15;
 /// rounding here and subtracting an origin that is no farther out take three. (Rays from farther out add a slack of their own.)
 const PAD: f32 = 1.0 / (1 << 21) as f32;
 
+/// Builds the hierarchies over meshes.
+///
+/// Threads share out the parts of large meshes, which are built one after the other, so that the working memory stays that of a part
+/// a thread. Of the small meshes, of which there may be very many, each is built by one thread.
+///
+/// # Panics
+/// As [`build`] does.
+pub(in crate::trace) fn build_all(meshes: &[Mesh]) -> Vec<Bvh8> {
+    /// Smaller meshes are built by one thread. So many triangles a thread need less memory than a part.
+    const SMALL: usize = 1 << 12;
+    let is_small = |mesh: &Mesh| mesh.triangles.len() <= SMALL;
+    let small = meshes.par_iter().map(|mesh| if is_small(mesh) { build(mesh) } else { Bvh8::default() });
+    let mut all: Vec<Bvh8> = small.collect();
+    for (mesh, bvh) in meshes.iter().zip(&mut all).filter(|(mesh, _)| !is_small(mesh)) {
+        *bvh = build(mesh);
+    }
+    all
+}
+
 /// Builds the hierarchy over a mesh.
 ///
 /// # Panics
@@ -306,6 +325,9 @@ struct Tree {
 
 impl Tree {
     fn of_triangles(space: &Space, items: &mut [u32]) -> Self {
+        if items.len() <= WIDTH {
+            return Self::of_one_leaf(space, items);
+        }
         let boxes: Vec<Aabb> = items.iter().map(|&i| space.scaled(i)).collect();
         let bvh = binary::build(&boxes, WIDTH);
         let mut tree = Self { blocks: Vec::with_capacity(items.len() * 9), ..Self::default() };
@@ -317,6 +339,20 @@ impl Tree {
         });
         tree.nodes.shrink_to_fit();
         tree.blocks.shrink_to_fit();
+        tree
+    }
+
+    /// The tree over triangles that fit in one leaf.
+    fn of_one_leaf(space: &Space, items: &[u32]) -> Self {
+        let mut tree = Self { nodes: vec![Node::EMPTY], ..Self::default() };
+        tree.bounds = items.iter().map(|&i| space.scaled(i)).reduce(|a, b| a.union(&b)).unwrap_or_default();
+        let Aabb { min, max } = tree.bounds;
+        let leaf = tree.block(space, items);
+        let node = &mut tree.nodes[0];
+        node.child[0] = leaf;
+        for axis in 0..3 {
+            (node.planes[axis][0], node.planes[axis][WIDTH]) = (min[axis], max[axis]);
+        }
         tree
     }
 

@@ -13,7 +13,7 @@ use std::hint::select_unpredictable;
 
 use super::simd::{F32x8, F32x16, U32x8};
 
-pub(super) use build::{build, build_over};
+pub(super) use build::{build, build_all, build_over};
 
 /// The most children of a node, and the most triangles of a block.
 pub(super) const WIDTH: usize = 8;
@@ -203,6 +203,30 @@ impl<'a> LeafBlock<'a> {
                 S::U32x8::gather(blocks, y.add(vertex)).bitcast(),
                 S::U32x8::gather(blocks, z.add(vertex)).bitcast(),
             ];
+        }
+        (corners, ids)
+    }
+
+    /// [`LeafBlock::corners`] for triangles in the blocks of different hierarchies.
+    #[inline(always)]
+    pub fn corners_in_meshes<S: F32x8>(
+        blocks: [&[u32]; WIDTH],
+        triangles: &[u32; WIDTH],
+    ) -> ([[S; 3]; 3], [u32; WIDTH]) {
+        let (mut of_lanes, mut ids) = ([[[0.0; WIDTH]; 3]; 3], [0; WIDTH]);
+        for k in 0..WIDTH {
+            let triangle = TriangleRef(triangles[k]);
+            let block = LeafBlock::at(blocks[k], triangle.block_offset());
+            ids[k] = block.id(triangle.lane());
+            for (corner, position) in of_lanes.iter_mut().zip(block.positions(triangle.lane())) {
+                for (coordinate, x) in corner.iter_mut().zip(position) {
+                    coordinate[k] = x;
+                }
+            }
+        }
+        let mut corners = [[S::splat(0.0); 3]; 3];
+        for (corner, from) in corners.iter_mut().zip(&of_lanes) {
+            *corner = [S::load(&from[0]), S::load(&from[1]), S::load(&from[2])];
         }
         (corners, ids)
     }

@@ -93,7 +93,8 @@ impl<K: Kernel> KernelTracer<K> {
     pub fn new(exact: &Tracer) -> Self {
         let meshes = if K::ABOUT.common_origin { &[] } else { &exact.meshes[..] };
         let prepared = meshes.iter().map(|bvh| Prepared::new(bvh, Vec3::ZERO)).collect();
-        Self { exact: exact.clone(), prepared, seen: Mutex::default() }
+        // What a method finds beside a triangle must not depend on how tight the boxes above it are.
+        Self { exact: exact.with_loose_boxes(), prepared, seen: Mutex::default() }
     }
 
     /// Mesh 0 as seen from an origin, if enough rays come from there to make preparing it worthwhile.

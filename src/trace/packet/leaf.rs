@@ -101,16 +101,23 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
         }
     }
 
+    /// The rays of the packet in the scene's space that may meet a leaf's box before their nearest hits.
+    #[inline(always)]
+    pub fn rays_in<S: F32x8>(&self, leaf: &Leaf) -> RaySet {
+        let box_test = BoxTest::new(&leaf.bounds, leaf.bounds.largest_coordinate());
+        let mut found = 0;
+        for bundle in bits(leaf.bundles) {
+            let bundle = bundle & (BUNDLES - 1);
+            found |= RaySet::from(box_test.rays_in::<S>(self.rays, bundle)) << (16 * bundle);
+        }
+        found
+    }
+
     /// Compresses the rays of `bundles` that may meet a box into [`ActiveRays`](super::prepare::ActiveRays), and returns their number.
     #[inline(always)]
     fn gather_active<S: F32x8>(&mut self, b: &RelativeBox, m: f32, bundles: u32) -> usize {
         let RayData { g, moment, z_low, z_high, active, .. } = &mut *self.rays;
-        // Rounding g and the product g·w costs u of |g|·w ≤ 8M each, 16uM in all, of which this is twice.
-        let margin = 32.0 * U * m;
-        let begin = larger(-b.w[0], 0.0);
-        let (near, end) = (S::F32x16::splat(begin), S::F32x16::splat(b.w[1]));
-        let low = [S::F32x16::splat(-(b.u[0] + margin)), S::F32x16::splat(-(b.v[0] + margin))];
-        let high = [S::F32x16::splat(b.u[1] + margin), S::F32x16::splat(b.v[1] + margin)];
+        let box_test = BoxTest::new(b, m);
         let mut count = 0;
         active.bundle_count = 0;
         for bundle in bits(bundles) {
@@ -118,12 +125,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
             let (gu, gv) =
                 (S::F32x16::load(chunk(&g[0], 16 * bundle)), S::F32x16::load(chunk(&g[1], 16 * bundle)));
             let far = S::F32x16::load(chunk(z_high, 16 * bundle));
-            let (u, v) = ([gu.mul(near), gu.mul(end)], [gv.mul(near), gv.mul(end)]);
-            let alive = high[0].ge(u[0].min(u[1]))
-                & u[0].max(u[1]).ge(low[0])
-                & high[1].ge(v[0].min(v[1]))
-                & v[0].max(v[1]).ge(low[1])
-                & far.ge(near);
+            let alive = box_test.rays_of::<S>(gu, gv, far);
             if alive == 0 {
                 continue;
             }
@@ -316,13 +318,63 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
     pub(super) fn depth_of_best(&mut self, ray: usize) -> f64 {
         if self.known >> ray & 1 == 0 {
             let triangle = TriangleRef(self.rays.triangle[ray]);
-            let positions =
-                LeafBlock::at(&self.bvh.blocks, triangle.block_offset()).positions(triangle.lane());
-            self.rays.t[ray] =
-                Corners::from_positions(positions, self.origin(ray)).depth(self.directions[ray]);
+            self.rays.t[ray] = match &self.elsewhere {
+                Some(elsewhere) if self.here >> ray & 1 == 0 => {
+                    elsewhere.depth(ray, self.rays.foreign[ray], triangle)
+                }
+                _ => {
+                    let block = LeafBlock::at(&self.bvh.blocks, triangle.block_offset());
+                    let corners = Corners::from_positions(block.positions(triangle.lane()), self.origin(ray));
+                    corners.depth(self.directions[ray])
+                }
+            };
             self.known |= 1 << ray;
         }
         self.rays.t[ray]
+    }
+}
+
+/// The test of a box against the rays of a packet.
+struct BoxTest {
+    begin: f32,
+    end: f32,
+    /// The negated lower sides and the upper sides along u and v.
+    low: [f32; 2],
+    high: [f32; 2],
+}
+
+impl BoxTest {
+    /// The test of a box whose largest |coordinate| is `m`.
+    #[inline(always)]
+    fn new(b: &RelativeBox, m: f32) -> Self {
+        // Rounding g and the product g·w costs u of |g|·w ≤ 8M each, 16uM in all, of which this is twice.
+        let margin = 32.0 * U * m;
+        Self {
+            begin: larger(-b.w[0], 0.0),
+            end: b.w[1],
+            low: [-(b.u[0] + margin), -(b.v[0] + margin)],
+            high: [b.u[1] + margin, b.v[1] + margin],
+        }
+    }
+
+    /// The rays of a bundle that may meet the box before their nearest hits, one bit each.
+    #[inline(always)]
+    fn rays_in<S: F32x8>(&self, rays: &RayData, bundle: usize) -> u32 {
+        let [gu, gv] = &rays.g;
+        let (gu, gv) = (S::F32x16::load(chunk(gu, 16 * bundle)), S::F32x16::load(chunk(gv, 16 * bundle)));
+        self.rays_of::<S>(gu, gv, S::F32x16::load(chunk(&rays.z_high, 16 * bundle)))
+    }
+
+    /// The rays that may meet the box, one bit each, given g and the depths of their nearest hits.
+    #[inline(always)]
+    fn rays_of<S: F32x8>(&self, gu: S::F32x16, gv: S::F32x16, far: S::F32x16) -> u32 {
+        let (near, end) = (S::F32x16::splat(self.begin), S::F32x16::splat(self.end));
+        let (u, v) = ([gu.mul(near), gu.mul(end)], [gv.mul(near), gv.mul(end)]);
+        S::F32x16::splat(self.high[0]).ge(u[0].min(u[1]))
+            & u[0].max(u[1]).ge(S::F32x16::splat(self.low[0]))
+            & S::F32x16::splat(self.high[1]).ge(v[0].min(v[1]))
+            & v[0].max(v[1]).ge(S::F32x16::splat(self.low[1]))
+            & far.ge(near)
     }
 }
 

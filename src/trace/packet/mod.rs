@@ -25,7 +25,7 @@ mod traverse;
 
 use super::policy::{PACKET_LEAF, PACKET_LEAF_MET, PACKET_NODE};
 use super::simd::F32x8;
-pub(super) use prepare::{RayData, RayPacket, may_be_packet};
+pub(super) use prepare::{Elsewhere, RayData, RayPacket, may_be_packet};
 pub(super) use traverse::PacketStack;
 
 impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {

@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 
-use crate::trace::batch::{NearestHits, PACKET_RAYS, RaySet, chunk, chunk_mut, group_of};
-use crate::trace::bvh::Bvh8;
+use crate::trace::batch::{Batch, NearestHits, PACKET_RAYS, RaySet, chunk, chunk_mut, group_of, rays_of};
+use crate::trace::bvh::{Bvh8, TriangleRef};
 use crate::trace::exact::Real;
+use crate::trace::hit_attributes::Surfaces;
 use crate::trace::rays::Origins;
 use crate::trace::rounding::{TINY, U};
 use crate::trace::simd::{F32x8, F32x16, F64x8};
@@ -165,6 +166,26 @@ pub(in crate::trace) struct RayPacket<'a, const MULTI_ORIGIN: bool> {
     pub(super) offset: f32,
     /// The coordinate of o along w (not reversed).
     pub(super) start: f64,
+    /// Where the depths of hits in other meshes can be found, unless all of them are known.
+    pub elsewhere: Option<Elsewhere<'a>>,
+}
+
+/// What tells the depths of a packet's hits in other meshes.
+#[derive(Clone, Copy)]
+pub(in crate::trace) struct Elsewhere<'a> {
+    pub surfaces: Surfaces<'a>,
+    /// Rays in the scene's space.
+    pub rays: &'a Batch<'a>,
+    /// The number among these of each ray of the packet, if they are not the same rays.
+    pub numbers: Option<&'a [u8]>,
+}
+
+impl Elsewhere<'_> {
+    /// The f64 depth of a packet's ray in a triangle of a placement.
+    pub fn depth(&self, ray: usize, placement: u32, triangle: TriangleRef) -> f64 {
+        let number = self.numbers.map_or(ray, |numbers| usize::from(numbers[ray]));
+        self.surfaces.depth(self.rays.ray(number), self.rays.time_s(number), placement, triangle)
+    }
 }
 
 impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
@@ -223,7 +244,7 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             low: [0.0; 3],
             from: [[0.0; 2]; 3],
             rays,
-            known: RaySet::MAX,
+            known: !nearest.rough,
             hit: nearest.hit,
             here: 0,
             rectangle: [[0.0; 2 * BUNDLES]; 2],
@@ -233,6 +254,7 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             reach: 0.0,
             offset: 0.0,
             start: origin[w],
+            elsewhere: None,
         };
         let has_hits = nearest.hit != 0 || t_max.is_finite();
         let groups = directions.len().div_ceil(8);
@@ -281,11 +303,9 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             }
             if has_hits {
                 let z = S::F64x8::load(chunk(&nearest.t, 8 * group)).mul(along).add(start).to_f32();
-                // As in `bounds`.
-                let margin = z.mul_add(S::splat(4.0 * U), S::splat(TINY));
-                let is_finite = S::splat(f32::MAX).ge(z);
-                S::select(is_finite, z.sub(margin), z).store(chunk_mut(&mut packet.rays.z_low, 8 * group));
-                S::select(is_finite, z.add(margin), z).store(chunk_mut(&mut packet.rays.z_high, 8 * group));
+                let z_low = S::F64x8::load(chunk(&nearest.t_low, 8 * group)).mul(along).add(start).to_f32();
+                bounds_of_eight(z_low).0.store(chunk_mut(&mut packet.rays.z_low, 8 * group));
+                bounds_of_eight(z).1.store(chunk_mut(&mut packet.rays.z_high, 8 * group));
             }
         }
         let padded = groups * 8;
@@ -357,36 +377,104 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
         self.origins.of(ray)
     }
 
-    /// Takes over the depths of hits that were found in other meshes since.
-    pub fn update_depths(&mut self, nearest: &NearestHits) {
-        for ray in 0..self.directions.len() {
+    /// Takes over the depths of hits of some rays that were found in meshes since.
+    #[inline(always)]
+    pub fn update_depths<S: F32x8>(&mut self, nearest: &NearestHits, found: RaySet) {
+        if found == 0 {
+            return;
+        }
+        let whole_groups = self.directions.len() / 8;
+        for group in 0..whole_groups {
+            if found >> (8 * group) & 0xff != 0 {
+                self.update_depths_of_group::<S>(nearest, group);
+            }
+        }
+        for ray in rays_of(found & !(RaySet::MAX.checked_shr(128 - 8 * whole_groups as u32).unwrap_or(0))) {
             (self.rays.z_low[ray], self.rays.z_high[ray]) = self.along(ray, nearest.t[ray]);
         }
-        for (far, rays) in self.far.iter_mut().zip(self.rays.z_high.chunks_exact(16)) {
-            *far = rays.iter().copied().fold(-1.0, f32::max);
+        for bundle in 0..BUNDLES {
+            if found >> (16 * bundle) & 0xffff != 0 {
+                self.far[bundle] = self.farthest_of::<S>(bundle);
+            }
         }
-        self.farthest = self.far.into_iter().fold(-1.0, f32::max);
+        self.farthest = S::load(&self.far).reduce_max();
     }
 
-    /// Writes the hits that were found in this mesh to `nearest`, with their f64 depths if `with_depths`.
+    /// Takes over the depths of eight rays' nearest hits.
     #[inline(always)]
-    pub fn write_hits(mut self, nearest: &mut NearestHits, with_depths: bool) {
-        if self.here == RaySet::MAX && !with_depths {
+    fn update_depths_of_group<S: F32x8>(&mut self, nearest: &NearestHits, group: usize) {
+        let w = self.axes[2];
+        let mut buffer = [DVec3::ZERO; 8];
+        let along = S::F64x8::load_xyz(group_of(self.directions, group, &mut buffer))[w].abs();
+        let z = S::F64x8::load(chunk(&nearest.t, 8 * group)).mul(along).add(self.starts::<S>(group));
+        let (low, high) = bounds_of_eight(z.to_f32());
+        low.store(chunk_mut(&mut self.rays.z_low, 8 * group));
+        high.store(chunk_mut(&mut self.rays.z_high, 8 * group));
+    }
+
+    /// Writes the hits that were found in this mesh to `nearest`, with the bounds of their depths if `with_depths`. Returns the rays.
+    #[inline(always)]
+    pub fn write_hits<S: F32x8>(self, nearest: &mut NearestHits, with_depths: bool) -> RaySet {
+        if self.here == RaySet::MAX {
             nearest.triangle = self.rays.triangle;
             nearest.placement = [self.placement; PACKET_RAYS];
         } else {
-            let mut rest = self.here;
-            while rest != 0 {
-                let ray = rest.trailing_zeros() as usize;
-                rest &= rest - 1;
-                if with_depths {
-                    nearest.t[ray] = self.depth_of_best(ray);
-                }
+            for ray in rays_of(self.here) {
                 nearest.triangle[ray] = self.rays.triangle[ray];
                 nearest.placement[ray] = self.placement;
             }
         }
+        if with_depths {
+            self.write_depths::<S>(nearest);
+        }
         nearest.hit |= self.here;
+        self.here
+    }
+
+    /// Writes what is known of the depths of the hits in this mesh.
+    #[inline(always)]
+    fn write_depths<S: F32x8>(&self, nearest: &mut NearestHits) {
+        let w = self.axes[2];
+        let mut buffer = [DVec3::ZERO; 8];
+        for group in 0..self.directions.len().div_ceil(8) {
+            let here = (self.here >> (8 * group)) as u32 & 0xff;
+            if here == 0 {
+                continue;
+            }
+            // The difference of a bound and of where the ray starts, and the quotient, lose a few 2⁻⁵³ of both, for which 2⁻⁴⁸ are
+            // given. The bounds hold the exact depth with room for millions of times the error of the f64 depth, so hits whose bounds
+            // do not meet are in the order of their f64 depths, in whichever meshes they are.
+            let along = S::F64x8::load_xyz(group_of(self.directions, group, &mut buffer))[w].abs();
+            let start = self.starts::<S>(group);
+            let loss = start.abs().mul(S::F64x8::splat(1.0 / (1_u64 << 48) as f64));
+            let low = S::F64x8::from_f32(S::load(chunk(&self.rays.z_low, 8 * group)));
+            let high = S::F64x8::from_f32(S::load(chunk(&self.rays.z_high, 8 * group)));
+            let slack = 1.0 / (1_u64 << 48) as f64;
+            let low = low.mul(S::F64x8::splat(1.0 - slack)).sub(start).sub(loss).div(along);
+            let high = high.mul(S::F64x8::splat(1.0 + slack)).sub(start).add(loss).div(along);
+            let (mut lows, mut highs) = ([0.0; 8], [0.0; 8]);
+            low.store(&mut lows);
+            high.store(&mut highs);
+            for k in (0..8).filter(|k| here >> k & 1 != 0) {
+                (nearest.t_low[8 * group + k], nearest.t[8 * group + k]) = (lows[k], highs[k]);
+            }
+        }
+        let known = self.here & self.known;
+        for ray in rays_of(known) {
+            (nearest.t_low[ray], nearest.t[ray]) = (self.rays.t[ray], self.rays.t[ray]);
+        }
+        nearest.rough = nearest.rough & !self.here | self.here & !known;
+    }
+
+    /// Where the rays of a group start along w, counted from o.
+    #[inline(always)]
+    fn starts<S: F32x8>(&self, group: usize) -> S::F64x8 {
+        let zero = S::F64x8::splat(0.0);
+        let (true, Origins::Each(all)) = (MULTI_ORIGIN, self.origins) else { return zero };
+        let mut buffer = [DVec3::ZERO; 8];
+        let from = S::F64x8::load_xyz(group_of(all, group, &mut buffer))[self.axes[2]];
+        let start = from.sub(S::F64x8::splat(self.start));
+        if self.reversed { zero.sub(start) } else { start }
     }
 
     /// The largest `z_high` of a bundle's rays.
@@ -424,6 +512,14 @@ fn bounds(z: f64) -> (f32, f32) {
     let near = z as f32;
     let margin = near * (4.0 * U) + TINY;
     if near.is_finite() { (near - margin, near + margin) } else { (near, near) }
+}
+
+/// [`bounds`] of eight depths, given as they are rounded to f32.
+#[inline(always)]
+fn bounds_of_eight<S: F32x8>(z: S) -> (S, S) {
+    let margin = z.mul_add(S::splat(4.0 * U), S::splat(TINY));
+    let is_finite = S::splat(f32::MAX).ge(z);
+    (S::select(is_finite, z.sub(margin), z), S::select(is_finite, z.add(margin), z))
 }
 
 /// Reorders (x, y, z) to (u, v, w).
