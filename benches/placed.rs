@@ -381,7 +381,8 @@ fn small_meshes(count: usize) -> Scene {
 /// A boulder at a place, turned and scaled by chance.
 fn turned(rng: &mut Rng, at: DVec3) -> DAffine3 {
     let axis = (rng.point() + DVec3::new(0.0, 0.0, 1.5)).normalize();
-    let turn = DQuat::from_axis_angle(axis, 3.0 * rng.signed());
+    let (sin, cos) = libm::sincos(1.5 * rng.signed());
+    let turn = DQuat::from_xyzw(axis.x * sin, axis.y * sin, axis.z * sin, cos);
     DAffine3::from_scale_rotation_translation(DVec3::splat(0.8 + 0.4 * rng.unit()), turn, at)
 }
 
