@@ -27,7 +27,7 @@ use crate::output::{SensorFrame, StagedFile, WrittenFile};
 use crate::run::journal::Streams;
 use crate::run::memory::InFlight;
 use crate::run::record::{Line, Loss};
-use crate::run::{Item, Journal, Output, Plan, Session, Statistics};
+use crate::run::{Item, Journal, Output, Plan, Session};
 use crate::scan::Frame;
 
 /// What the frames of a run are cast with and written by.
@@ -189,16 +189,8 @@ impl Pipeline<'_> {
             contents.push(content);
         }
         streams.lock().unwrap_or_else(PoisonError::into_inner).add(&seen)?;
-        let line = Line {
-            sensor: seen.name.to_owned(),
-            frame: item.frame,
-            start_s: seen.capture.start_s,
-            outputs,
-            lost,
-            statistics: Statistics::of(frame),
-            rows: truth.rows.clone(),
-            drawn: drawn_by(&session.job),
-        };
+        let (rows, drawn) = (truth.rows.clone(), drawn_by(&session.job));
+        let line = Line { lost, rows, drawn, ..Line::of(&item, &seen, outputs) };
         Ok(Encoded { item, contents, line })
     }
 

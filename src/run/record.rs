@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::plan::Shard;
+use super::plan::{Item, Shard};
 use super::statistics::Statistics;
 use crate::error::Error;
-use crate::output::{SensorFrames, WrittenFile};
+use crate::output::{SensorFrame, SensorFrames, WrittenFile};
 
 /// The version of the file's format.
 const FORMAT: u32 = 1;
@@ -59,6 +59,22 @@ pub struct Line {
     /// What the job draws for the frames of this number.
     #[serde(default, skip_serializing_if = "Map::is_empty")]
     pub drawn: Map<String, Value>,
+}
+
+impl Line {
+    /// The line of a frame with these files, which have all of its values, in a run without tables and draws.
+    pub fn of(item: &Item, frame: &SensorFrame, outputs: Vec<WrittenFile>) -> Self {
+        Self {
+            sensor: frame.name.to_owned(),
+            frame: item.frame,
+            start_s: frame.capture.start_s,
+            outputs,
+            lost: Vec::new(),
+            statistics: Statistics::of(frame.frame),
+            rows: BTreeMap::new(),
+            drawn: Map::new(),
+        }
+    }
 }
 
 /// A file whose format could not hold all values of its frame.

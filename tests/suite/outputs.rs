@@ -12,6 +12,7 @@ use beamcast::output::{
     ChannelSpec, CloudFrame, EncodeError, Format, FormatSpec, Image, Kind, Names, SensorFrame, Sensors,
     Stream, Values,
 };
+use beamcast::run::record::Line;
 use beamcast::run::{Holding, Journal, Output, Plan, Selection, Session, Start, load_scene};
 use beamcast::scan::{Cause, Frame, Progress, Return};
 use beamcast::scene::Object;
@@ -593,7 +594,8 @@ fn a_format_of_ones_own_is_one_declaration() {
             journal.destination().write(&output.name, &content).unwrap()
         };
         let written = item.outputs.iter().map(write).collect();
-        journal.record(&item, &seen, written, Default::default()).unwrap();
+        journal.streams.add(&seen).unwrap();
+        journal.record(&Line::of(&item, &seen, written)).unwrap();
         returns += frame.return_count();
     }
     assert!(returns > 100);
