@@ -14,7 +14,7 @@ use super::pipeline::{Pipeline, timed};
 use super::terminal::{Terminal, Writing};
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::{Destination, SensorFrame, StagedFile, WrittenFile};
+use crate::output::{Destination, Manifest, SensorFrame, StagedFile, WrittenFile};
 use crate::run::record::Line;
 use crate::run::{Bytes, Holding, Item, Journal, Plan, Selection, Session, Start, Statistics};
 use crate::scan::Frame;
@@ -124,7 +124,7 @@ impl Stages {
             .map(|output| output.name)
             .collect();
         let mut destination = Destination::check(scratch.path(), names, false)?;
-        destination.prepare("")?;
+        destination.prepare(Manifest::NAME)?;
         let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build();
         let alone = alone.map_err(|e| Error::Usage(format!("a thread can't be had: {e}")))?;
         let mut stages = Self::default();

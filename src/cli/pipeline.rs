@@ -5,7 +5,7 @@
 //! no thread of the pool waits for the disk, and records the frames in their order. While the disk flushes the files of one
 //! frame, more frames may come: their files are flushed together.
 //!
-//! [`InFlight`] bounds the frames that are in memory and the files that are not on the disk yet, so that a slow disk holds the
+//! Two frames are in memory, and [`frames_waiting`] bounds the files that are not on the disk yet, so that a slow disk holds the
 //! casting up. The files are the same with any number of threads.
 
 use std::borrow::Cow;
@@ -25,7 +25,7 @@ use crate::config::Job;
 use crate::error::Error;
 use crate::output::{SensorFrame, StagedFile, WrittenFile};
 use crate::run::journal::Streams;
-use crate::run::memory::InFlight;
+use crate::run::memory::{FRAMES_IN_FLIGHT, frames_waiting};
 use crate::run::record::{Line, Loss};
 use crate::run::{Item, Journal, Output, Plan, Session};
 use crate::scan::Frame;
@@ -76,8 +76,8 @@ impl Pipeline<'_> {
     /// The first error in the order of the frames, which ends the run: the frames before it are recorded.
     pub fn run(&self, skipped: u64, journal: &mut Journal, tell: &mut Tell) -> Result<Times, Error> {
         let (encoding, streams) = (Mutex::default(), Mutex::new(std::mem::take(&mut journal.streams)));
-        let InFlight { frames, files } =
-            InFlight::of(&self.session.job.sensors, &self.session.job.output.formats);
+        let job = &self.session.job;
+        let files = FRAMES_IN_FLIGHT + frames_waiting(&job.sensors, &job.output.formats);
         let (give_room, room) = sync_channel(files);
         for _ in 0..files {
             let _ = give_room.send(());
@@ -99,7 +99,7 @@ impl Pipeline<'_> {
             // The sender ends with the tasks that hold a clone of it, and then the writer ends.
             let encode = &encode;
             let cast = rayon::in_place_scope(move |pool| {
-                self.cast_all(skipped, frames, &room, |number, session, item, frame, give_back| {
+                self.cast_all(skipped, &room, |number, session, item, frame, give_back| {
                     let send = send.clone();
                     pool.spawn(move |_| {
                         encode(number, &session, item, &frame, &send);
@@ -122,12 +122,11 @@ impl Pipeline<'_> {
     fn cast_all<'s>(
         &'s self,
         skipped: u64,
-        frames: usize,
         room: &Receiver<()>,
         encode: impl Fn(u64, Cow<'s, Session>, Item, Frame, SyncSender<Frame>),
     ) -> Result<Times, Error> {
-        let (give_back, free) = sync_channel(frames);
-        for _ in 1..frames {
+        let (give_back, free) = sync_channel(FRAMES_IN_FLIGHT);
+        for _ in 1..FRAMES_IN_FLIGHT {
             let _ = give_back.send(Frame::default());
         }
         let (mut frame, mut times) = (Frame::default(), Times::default());
@@ -144,7 +143,7 @@ impl Pipeline<'_> {
             if !is_whole {
                 break;
             }
-            // With two frames in memory the one before this is encoded when there is one free, so that frames are encoded in order.
+            // The memory is free when the frame before this one is encoded, so frames are added to the run's files in their order.
             let (next, wait) = timed(|| free.recv());
             times.wait += wait;
             let Ok(next) = next else { break };

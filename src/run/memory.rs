@@ -17,8 +17,8 @@ use crate::truth::SurfaceMotion;
 pub enum Holding {
     /// One frame after the other, and nothing that outlives it.
     Frame,
-    /// Frames of which one is cast while others are encoded in the job's formats, and the files that are still to be written:
-    /// see [`InFlight`].
+    /// A frame that is encoded in the job's formats at the same time, beside it the next one, which is being cast, and files that
+    /// wait for the disk.
     Files,
     /// One frame after the other, and the image of it.
     Image,
@@ -41,38 +41,24 @@ pub fn frame_bytes_a_pixel(sensor: &Sensor) -> u64 {
     Frame::bytes_a_pixel(sensor) as u64
 }
 
-/// What a run that writes files holds at the same time, so that casting, encoding and the disk need not wait for each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct InFlight {
-    /// Frames in memory: one that is cast, and those that are encoded. At least 2.
-    pub frames: usize,
-    /// Frames that are not on the disk yet, from the start of their cast until their files are. At least as many as `frames`.
-    pub files: usize,
+/// Frames that a run of many holds at the same time: one that is cast, and one that is encoded.
+pub const FRAMES_IN_FLIGHT: usize = 2;
+
+/// The frames of which the files may wait for the disk while two more are cast and encoded. There are many of small frames, so
+/// that one flush of the disk serves all that have come meanwhile.
+pub fn frames_waiting(sensors: &[MountedSensor], formats: &[Format]) -> usize {
+    const MOST_BYTES: u64 = 16 << 20;
+    const MOST: u64 = 64;
+    let bytes = |mounted: &MountedSensor| {
+        pixels(&mounted.sensor).saturating_mul(file_bytes_a_ray(&mounted.sensor, formats))
+    };
+    let largest = sensors.iter().map(bytes).max().unwrap_or(0).max(1);
+    (MOST_BYTES / largest).clamp(1, MOST) as usize
 }
 
-impl InFlight {
-    /// The memory that more frames than two may take, and the memory that the files of more may take: small frames are many, so
-    /// that one flush of the disk serves all that have come meanwhile.
-    const BUDGET_BYTES: u64 = 128 << 20;
-    /// With three frames two are encoded at a time. More than that gains nothing, because a frame's formats are encoded at the
-    /// same time.
-    const MOST_FRAMES: u64 = 3;
-    const MOST_FILES: u64 = 64;
-
-    /// What a run of such a rig holds. Frames that go into one file are encoded in their order, one after the other.
-    pub fn of(sensors: &[MountedSensor], formats: &[Format]) -> Self {
-        let largest = |bytes_a_ray: &dyn Fn(&Sensor) -> u64| {
-            let of = |mounted: &MountedSensor| {
-                pixels(&mounted.sensor).saturating_mul(bytes_a_ray(&mounted.sensor))
-            };
-            sensors.iter().map(of).max().unwrap_or(0).max(1)
-        };
-        let within = |bytes: u64, most: u64| (Self::BUDGET_BYTES / bytes).clamp(2, most) as usize;
-        let most_frames = if formats.iter().any(|format| format.is_of_run()) { 2 } else { Self::MOST_FRAMES };
-        let frames = within(largest(&|sensor| held_bytes_a_pixel(sensor, formats)), most_frames);
-        let files = within(largest(&|sensor| encoded_bytes_a_ray(sensor, formats)), Self::MOST_FILES);
-        Self { frames, files: files.max(frames) }
-    }
+/// Bytes that the files of a frame take for each ray.
+fn file_bytes_a_ray(sensor: &Sensor, formats: &[Format]) -> u64 {
+    formats.iter().map(|format| format.file_bytes_a_ray(sensor)).sum()
 }
 
 /// Bytes that a frame takes for each pixel with what is known of it beside its returns.
@@ -83,11 +69,6 @@ fn held_bytes_a_pixel(sensor: &Sensor, formats: &[Format]) -> u64 {
         + asked(|format| format.tells_waveforms(), Waveforms::bytes_a_pixel(sensor))
         + asked(|format| format.tells_motion(), size_of::<SurfaceMotion>())
         + asked(|format| format.tells_colors(), size_of::<[f32; 3]>())
-}
-
-/// Bytes that encoding a frame takes for each pixel, with its files.
-fn encoded_bytes_a_ray(sensor: &Sensor, formats: &[Format]) -> u64 {
-    formats.iter().map(|format| format.encoding_bytes_a_ray(sensor)).sum()
 }
 
 /// Bytes that a view takes for each point: three coordinates of 32 bits.
@@ -135,7 +116,7 @@ fn matching_bytes(sensor: &Sensor) -> u64 {
 pub fn of_frames(sensors: &[MountedSensor], frames: &[u64], formats: &[Format], holding: Holding) -> u64 {
     let (mut largest, mut all) = (0, 0_u64);
     let frames_of_all = frames.iter().fold(0, |all: u64, frames| all.saturating_add(*frames));
-    let in_flight = InFlight::of(sensors, formats);
+    let waiting = frames_waiting(sensors, formats) as u64;
     for (MountedSensor { sensor, .. }, &frames) in sensors.iter().zip(frames) {
         let frame = frame_bytes_a_pixel(sensor);
         let image = image_bytes_a_ray(sensor);
@@ -143,10 +124,10 @@ pub fn of_frames(sensors: &[MountedSensor], frames: &[u64], formats: &[Format], 
         let (once, kept) = match holding {
             Holding::Frame => (frame, 0),
             Holding::Files => {
-                let InFlight { frames, files } = in_flight;
-                let [frames, files] = [frames, files].map(|most| frames_of_all.min(most as u64));
-                let held = held_bytes_a_pixel(sensor, formats).saturating_mul(frames);
-                (held.saturating_add(encoded_bytes_a_ray(sensor, formats).saturating_mul(files)), 0)
+                let frames = frames_of_all.min(FRAMES_IN_FLIGHT as u64);
+                let files = frames_of_all.saturating_sub(1).min(waiting) * file_bytes_a_ray(sensor, formats);
+                let encoded: u64 = formats.iter().map(|format| format.encoding_bytes_a_ray(sensor)).sum();
+                (held_bytes_a_pixel(sensor, formats) * frames + encoded + files, 0)
             }
             Holding::Image => (frame + image, 0),
             Holding::Views => (frame, view + COPIES_OF_TEXT * TEXT_BYTES_A_RAY),
@@ -345,7 +326,8 @@ mod tests {
         assert_eq!(bytes(Holding::Frame), 300 * FRAME_BYTES_A_RAY);
         assert!(bytes(Holding::Files) > bytes(Holding::Frame));
         let of_many = |holding| of_frames(&rig, &[1000, 1], &[Format::EXR], holding);
-        assert_eq!(of_many(Holding::Files), bytes(Holding::Files));
+        // Of two frames the files of one wait for the disk, and of many those of 64 small ones.
+        assert_eq!(of_many(Holding::Files) - bytes(Holding::Files), 63 * 300 * 48);
         assert_eq!(of_many(Holding::Views) - bytes(Holding::Views), 999 * 100 * 80);
         assert_eq!(bytes(Holding::Image), 300 * (48 + FRAME_BYTES_A_RAY));
         let check = |compared, page| bytes(Holding::Check { compared, page, detection: false });
@@ -369,22 +351,15 @@ mod tests {
         assert!(bytes(Holding::Views) > bytes(Holding::Frame));
     }
 
-    /// Small frames are many, so that one flush of the disk serves many; of large ones there are two, as of those that go into one
-    /// file, which are encoded in their order.
     #[test]
-    fn frames_in_flight_are_bounded_by_their_bytes() {
-        let rig = |width, height| {
+    fn the_files_of_small_frames_wait_together() {
+        let waiting = |width, height| {
             let camera = Camera::from_hfov((width, height), Angle::deg(90.0), None).unwrap();
-            [mounted(Pattern::Camera(camera))]
+            frames_waiting(&[mounted(Pattern::Camera(camera))], &[Format::EXR])
         };
-        let of = |rig: &[MountedSensor], formats: &[Format]| InFlight::of(rig, formats);
-        assert_eq!(of(&rig(100, 100), &[Format::EXR]), InFlight { frames: 3, files: 64 });
-        assert_eq!(of(&rig(8000, 8000), &[Format::EXR]), InFlight { frames: 2, files: 2 });
-        assert_eq!(of(&[], &[]), InFlight { frames: 3, files: 64 });
-        let stream = Format::all().find(|format| format.is_of_run()).unwrap();
-        assert_eq!(of(&rig(100, 100), &[stream]).frames, 2);
-        let medium = of(&rig(1000, 1000), &[Format::EXR]);
-        assert!((2..64).contains(&medium.files) && medium.frames <= medium.files, "{medium:?}");
+        // An EXR takes 48 bytes a pixel at most.
+        assert_eq!([waiting(100, 100), waiting(2000, 50), waiting(8000, 8000)], [34, 3, 1]);
+        assert_eq!(frames_waiting(&[], &[]), 64);
     }
 
     #[test]

@@ -73,7 +73,8 @@ impl Matcher for Matches {
 
     fn start_matching(&mut self, mut add: impl for<'a> FnMut(Sequence<'a>)) {
         let Self { bytes, start, places, .. } = self;
-        let (mut at, mut from) = (*start, *start);
+        // ruzstd 0.8 can't write a block whose matches all follow each other, so its first byte is a literal.
+        let (mut at, mut from) = (*start + 1, *start);
         while let Some(word) = word_at(bytes, at) {
             let place = &mut places[hash(word)];
             // Of a place that is farther than 32 bits tell, the distance comes out too large.
@@ -137,6 +138,8 @@ mod tests {
             cloud,
             far,
         ];
+        // Blocks of nothing but matches: what repeats after so many bytes.
+        inputs.extend((6..40).map(|period| noise(period).cycle().take(3 * BLOCK + 5).collect()));
         // Runs within a block, about as long as the longest match.
         inputs.extend(
             [LONGEST - 1, LONGEST, LONGEST + 1, LONGEST + 5, 2 * LONGEST - 30]
