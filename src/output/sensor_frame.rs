@@ -223,7 +223,7 @@ pub(super) fn pose_as_toml(pose: &Pose) -> String {
     format!("{{ position_m = [{position}], quaternion_xyzw = [{quaternion}] }}")
 }
 
-/// The pose that [`pose_as_toml`] wrote. `None` if the text is none.
+/// The pose of a text as jobs and the attributes of images have it: an inline TOML table. `None` if the text is none.
 pub fn pose_of_toml(text: &str) -> Option<Pose> {
     // With its keys in quotes and colons behind them it is JSON.
     let key = |text: &str, key: &str| text.replacen(&format!("{key} ="), &format!("\"{key}\":"), 1);
