@@ -10,6 +10,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Mutex, PoisonError};
@@ -66,8 +67,8 @@ struct Encoded {
     line: Line,
 }
 
-/// The number of a frame among those that are cast, and its files.
-type Numbered = (u64, Result<Encoded, Error>);
+/// The number of a frame among those that are cast, and its files, unless what encodes it panics.
+type Numbered = (u64, thread::Result<Result<Encoded, Error>>);
 
 impl Pipeline<'_> {
     /// Casts the frames of the plan after the first `skipped`, writes their files and records them in the journal.
@@ -91,7 +92,8 @@ impl Pipeline<'_> {
             let writer = writer.map_err(|e| Error::Usage(format!("a thread can't be had: {e}")))?;
             let encode =
                 |number: u64, session: &Session, item: Item, frame: &Frame, send: &Sender<Numbered>| {
-                    let (encoded, time) = timed(|| self.encode(session, item, frame, &streams));
+                    let work = AssertUnwindSafe(|| self.encode(session, item, frame, &streams));
+                    let (encoded, time) = timed(|| catch_unwind(work));
                     *encoding.lock().unwrap_or_else(PoisonError::into_inner) += time;
                     // Nobody receives it after an error.
                     let _ = send.send((number, encoded));
@@ -107,7 +109,7 @@ impl Pipeline<'_> {
                     });
                 })
             });
-            let written = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            let written = writer.join().unwrap_or_else(|panic| resume_unwind(panic));
             Ok::<_, Error>((cast, written))
         })?;
         journal.streams = streams.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -204,7 +206,10 @@ impl Pipeline<'_> {
     ) -> Result<Times, Error> {
         let (mut next, mut early, mut times) = (0, BTreeMap::new(), Times::default());
         while let Ok(first) = encoded.recv() {
-            early.extend(std::iter::once(first).chain(encoded.try_iter()));
+            for (number, frame) in std::iter::once(first).chain(encoded.try_iter()) {
+                // A panic ends the run: those who wait for this frame would wait for ever.
+                early.insert(number, frame.unwrap_or_else(|panic| resume_unwind(panic)));
+            }
             let mut batch = Vec::new();
             while let Some(frame) = early.remove(&next) {
                 batch.push(frame);
@@ -292,4 +297,85 @@ pub fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
     let start = Instant::now();
     let done = work();
     (done, start.elapsed())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::config::load_job;
+    use crate::output::{EncodeError, Format, FormatSpec, Kind};
+    use crate::run::{Holding, Selection, Start, load_scene};
+
+    /// The frame that the formats below can't encode.
+    const BAD: u64 = 5;
+
+    const FAILS: FormatSpec = FormatSpec {
+        name: "fails",
+        about: "fails at a frame",
+        ending: "fails",
+        kind: Kind::File(|seen, _| match seen.capture.frame {
+            BAD => Err(EncodeError::new("this frame does not fit".to_owned())),
+            frame => Ok(frame.to_string().into_bytes()),
+        }),
+        ..FormatSpec::PLAIN
+    };
+
+    const PANICS: FormatSpec = FormatSpec {
+        name: "panics",
+        about: "panics at a frame",
+        ending: "panics",
+        kind: Kind::File(|seen, _| match seen.capture.frame {
+            BAD => panic!("this frame is a trap"),
+            frame => Ok(frame.to_string().into_bytes()),
+        }),
+        ..FormatSpec::PLAIN
+    };
+
+    /// Runs 40 frames of a small sensor in a format, and gives what comes of it and the numbers of the frames that were told of.
+    fn run(spec: &'static FormatSpec) -> (thread::Result<Result<Times, Error>>, Vec<u64>) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/room_vlp16.toml");
+        let overrides = ["sensor.vlp16.rotating.columns=36", "sequence.frames=40"].map(str::to_owned);
+        let mut job = load_job(&path, &overrides).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        job.output.dir = folder.path().to_owned();
+        job.output.formats = vec![Format::of(spec)];
+        let plan = Plan::of(&job, &Selection::ALL, Holding::Files).unwrap();
+        let mut journal = Journal::check(&job, &plan, Start::New).unwrap();
+        let scene = load_scene(&mut job, &[]).unwrap().scene;
+        let session = Session::open(job, &scene);
+        journal.begin(&session, &plan, &mut |_, _| unreachable!()).unwrap();
+        let (interrupt, writing) = (Interrupt::default(), Writing::of(40, 40));
+        let (session, plan) = (&session, &plan);
+        let pipeline =
+            Pipeline { session, plan, scene_folders: &[], interrupt: &interrupt, writing: &writing };
+        let mut told = Vec::new();
+        let mut tell = |item: &Item, line: Line| {
+            assert!(
+                folder.path().join(&line.outputs[0].path).exists(),
+                "a file has its name when it is told of"
+            );
+            told.push(item.frame);
+            Ok(())
+        };
+        let outcome = catch_unwind(AssertUnwindSafe(|| pipeline.run(0, &mut journal, &mut tell)));
+        (outcome, told)
+    }
+
+    #[test]
+    fn the_frames_before_one_that_fails_are_written() {
+        let (outcome, told) = run(&FAILS);
+        let error = outcome.unwrap().unwrap_err().to_string();
+        assert!(error.contains("this frame does not fit") && error.contains("000005.fails"), "{error}");
+        assert_eq!(told, (0..BAD).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_panic_ends_a_run() {
+        let (outcome, told) = run(&PANICS);
+        let message = *outcome.unwrap_err().downcast::<&str>().unwrap();
+        assert_eq!(message, "this frame is a trap");
+        assert!(told.iter().copied().eq(0..told.len() as u64) && told.len() as u64 <= BAD, "{told:?}");
+    }
 }
