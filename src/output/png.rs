@@ -238,8 +238,8 @@ fn smallest(numbers: &[f32], places: [usize; 2]) -> [f32; 2] {
 /// The colours of a scale by the upper bits of ranges.
 ///
 /// Within a cell of ranges with equal upper bits, the colour is that of both ends if these have the same. Else it is computed. A
-/// colour of Turbo that goes another way and comes back needs 0.8 % of the scale for it, and a cell is shorter; what is closer than
-/// that are thresholds at which the last bits decide, a millionth of the scale.
+/// colour of Turbo that goes another way and comes back needs 0.8 % of the scale for it, and a cell is shorter. Closer together are
+/// only thresholds at which the last bits decide: there a colour can be one step of 255 off, as in 3 of the street's 262,144 pixels.
 struct Colours<'s> {
     scale: &'s Scale,
     /// The bits of a range that are below those of its cell.
