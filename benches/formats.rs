@@ -7,6 +7,7 @@
 //! written to a disk. A format with one file for each run is encoded as a run of the frame alone. `--rounds N` chooses the
 //! number of rounds.
 
+mod arguments;
 mod timing;
 
 use std::path::Path;
@@ -19,6 +20,7 @@ use beamcast::scan::{Frame, Progress};
 use beamcast::sensor::{Camera, Pattern, Sensor};
 use beamcast::truth::surface_colors;
 
+use arguments::Arguments;
 use timing::thread_time;
 
 /// The least duration of a measurement, because the scheduler accounts for CPU time only every few milliseconds.
@@ -36,12 +38,8 @@ const WITH_OPTIONS: &[&str] = &[
 ];
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    if arguments.iter().any(|argument| argument == "--test") {
-        return; // `cargo test --benches` asks for no measurement.
-    }
-    let option = |name: &str| arguments.iter().position(|a| a == name).and_then(|at| arguments.get(at + 1));
-    let rounds: usize = option("--rounds").map_or(5, |n| n.parse().expect("a number of rounds"));
+    let Some(arguments) = Arguments::read() else { return };
+    let rounds = arguments.rounds(5);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     let [lidar, camera] = pool.install(|| {
         let session = session();

@@ -16,6 +16,7 @@
 //! `lidar` and `camera` are rays from one point. `bounce` are rays from where the camera's rays hit, in all directions, as of
 //! light that goes on from there, and `shadow` asks whether a lamp sees what these hit.
 
+mod arguments;
 mod timing;
 
 use std::path::Path;
@@ -27,6 +28,7 @@ use beamcast::scene::{Material, Scene, SceneBuilder, SourceInstance, SourceMesh,
 use beamcast::trace::{Cast, Hit, Origins, Rays, Tracer};
 use glam::{DAffine3, DQuat, DVec3};
 
+use arguments::Arguments;
 use timing::thread_time;
 
 /// The pixels of a tile, and the tiles of a strip, which is one batch: those of a scan.
@@ -37,18 +39,12 @@ const TILES: usize = 16;
 const BOUNCES: usize = 16;
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let option = |name: &str| {
-        arguments.iter().position(|a| a == name).and_then(|at| arguments.get(at + 1)).map(String::as_str)
-    };
-    if arguments.iter().any(|a| a == "--test") {
-        return; // `cargo test --benches` asks for no measurement.
-    }
-    let rounds: usize = option("--rounds").map_or(5, |n| n.parse().expect("a number of rounds"));
+    let Some(arguments) = Arguments::read() else { return };
+    let rounds = arguments.rounds(5);
     let is_chosen = |option: Option<&str>, name: &str| option.is_none_or(|wanted| name.starts_with(wanted));
     println!("{:<18} {:<8} {:>9} {:>8}  {:<16}", "scene", "pattern", "Mrays/s", "hit", "hash");
     for (name, make) in scenes() {
-        if !is_chosen(option("--scene"), &name) {
+        if !is_chosen(arguments.option("--scene"), &name) {
             continue;
         }
         let (scene, eye) = make();
@@ -65,7 +61,7 @@ fn main() {
             continue;
         }
         for (pattern, batches) in patterns(&tracer, eye) {
-            if is_chosen(option("--pattern"), pattern) {
+            if is_chosen(arguments.option("--pattern"), pattern) {
                 let count: usize = batches.iter().map(|batch| batch.directions.len()).sum();
                 let seconds = least_time(rounds, &tracer, &batches);
                 let (hits, hash) = hash(&tracer, &batches);
@@ -74,7 +70,7 @@ fn main() {
                     count as f64 / seconds * 1e-6,
                     hits as f64 / count as f64 * 100.0
                 );
-                if option("--counts").is_some() {
+                if arguments.option("--counts").is_some() {
                     counts(&tracer, &batches, count);
                 }
             }

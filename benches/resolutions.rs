@@ -6,6 +6,7 @@
 //! thread. A ratio below 0.9 is marked: there, packets cost more than they save. `--scene NAME` and `--rounds N` choose, and
 //! `--counts yes` prints the work behind each figure.
 
+mod arguments;
 mod timing;
 
 use std::path::Path;
@@ -16,6 +17,7 @@ use beamcast::scene::{Material, Scene, SceneBuilder, SourceInstance, SourceMesh,
 use beamcast::trace::{Cast, Hit, Origins, Rays, Tracer};
 use glam::{DAffine3, DVec3};
 
+use arguments::Arguments;
 use timing::thread_time;
 
 /// The pixels of a tile, and the tiles of a strip, which is one batch: those of a scan.
@@ -23,18 +25,12 @@ const TILE: (usize, usize) = (8, 16);
 const TILES: usize = 16;
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let option = |name: &str| {
-        arguments.iter().position(|a| a == name).and_then(|at| arguments.get(at + 1)).map(String::as_str)
-    };
-    if arguments.iter().any(|a| a == "--test") {
-        return; // `cargo test --benches` asks for no measurement.
-    }
-    let rounds: usize = option("--rounds").map_or(7, |n| n.parse().expect("a number of rounds"));
+    let Some(arguments) = Arguments::read() else { return };
+    let rounds = arguments.rounds(7);
     println!("{:<10} {:<18} {:>10} {:>10} {:>7}", "scene", "pattern", "Mrays/s", "singly", "ratio");
     let mut cliffs = 0;
     for (name, scene, eye) in [room(), street(), street_flattened(), forest(), terrain()] {
-        if option("--scene").is_some_and(|wanted| wanted != name) {
+        if arguments.option("--scene").is_some_and(|wanted| wanted != name) {
             continue;
         }
         let scene = scene();
@@ -50,7 +46,7 @@ fn main() {
             let mark = if ratio < 0.9 { " <" } else { "" };
             let label = pattern.label();
             println!("{name:<10} {label:<18} {:>10.3} {:>10.3} {ratio:>7.2}{mark}", rate(both), rate(singly));
-            if option("--counts").is_some() {
+            if arguments.option("--counts").is_some() {
                 counts(&tracer, eye, &strips, rays, both);
                 counts(&alone, eye, &strips, rays, singly);
             }

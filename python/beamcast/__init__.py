@@ -38,7 +38,7 @@ __all__ = [
     "diff",
 ]
 
-# What needs NumPy is imported when it is asked for: the command does without, and starts in half the time.
+# The modules that need NumPy are imported when they are asked for: the command does without, and starts in half the time.
 _PLACES = {
     "Frame": "_job",
     "INVALID_ID": "_scene",

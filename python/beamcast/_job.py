@@ -300,7 +300,7 @@ class Job:
 
     @property
     def label_names(self) -> dict[int, str]:
-        """What labels stand for, in words."""
+        """The names of labels."""
         return self._native.label_names()
 
     @property

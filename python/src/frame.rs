@@ -19,9 +19,9 @@ use crate::work::on_threads;
 pub struct NativeFrame {
     /// The session that cast it.
     pub session: Session,
-    /// Which frame it is.
+    /// The sensor and the number of the frame.
     pub item: Item,
-    /// What the sensor saw.
+    /// The returns.
     pub frame: Frame,
 }
 

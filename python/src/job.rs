@@ -92,7 +92,7 @@ impl NativeJob {
         self.session.job.resolved.to_string()
     }
 
-    /// What labels stand for, in words.
+    /// The names of labels.
     fn label_names(&self) -> std::collections::BTreeMap<u32, String> {
         self.session.label_names()
     }

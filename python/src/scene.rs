@@ -212,7 +212,7 @@ impl NativeScene {
         } else {
             return Err(PyTypeError::new_err("vertices are float32 or float64, with the shape (n, 3)"));
         };
-        // What is wrong with a mesh is told where it is added.
+        // A mesh is checked when it is added, and not at the first cast.
         Scene::check_arrays(&mesh.arrays()).map_err(|error| PyValueError::new_err(error.to_string()))?;
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         if state.is_of_file {

@@ -301,7 +301,7 @@ def test_a_forked_process_casts(room):
 
     rays = np.random.default_rng(7).standard_normal((50_000, 6))
     expected = room.cast_rays(rays)["t_hit"]
-    # What the processes inherit: nothing is built again.
+    # The processes inherit the scene as it is built, so nothing is built again.
     SHARED.update(scene=room, rays=rays)
     pool = multiprocessing.get_context("fork").Pool(2)
     try:

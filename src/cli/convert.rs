@@ -98,11 +98,7 @@ pub fn run(args: &Args, terminal: &Terminal) -> Result<(), Error> {
     let (file, notes) = convert_file(&args.path, recorded, &order(target))?;
     interrupt.check()?;
     interrupt.uncut(|| write_file(&args.target, &file))?;
-    let written = WrittenFile {
-        path: args.target.to_string_lossy().into_owned(),
-        bytes: file.len() as u64,
-        blake3: blake3::hash(&file).to_hex().to_string(),
-    };
+    let written = WrittenFile::of(&args.target.to_string_lossy(), &file);
     tell(args, &Converted { files: vec![written], notes }, terminal)
 }
 

@@ -1,6 +1,7 @@
 //! `beamcast bench --end-to-end`: what the stages of a run cost, and how fast they are together.
 
 use std::fmt::Write as _;
+use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -14,13 +15,13 @@ use super::pipeline::{Pipeline, timed};
 use super::terminal::{Terminal, Writing};
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::{Destination, Manifest, SensorFrame, StagedFile, WrittenFile};
+use crate::output::{Destination, Manifest, StagedFile, WrittenFile};
 use crate::run::record::Line;
 use crate::run::{Bytes, Holding, Item, Journal, Plan, Selection, Session, Start, Statistics};
 use crate::scan::Frame;
 use crate::source::words::counted;
 
-/// What is run, and how.
+/// The frames to run, and the way in which they are measured.
 pub struct Settings<'a> {
     /// The frames.
     pub selection: Selection,
@@ -89,13 +90,13 @@ fn nearest_folder(path: &Path) -> PathBuf {
     path.ancestors().find(is_there).map_or_else(|| PathBuf::from("."), Path::to_path_buf)
 }
 
-/// What the stages take for a frame, each by itself, in seconds: means over the frames that were sampled.
+/// The times of the stages, each by itself: sums over the frames that were sampled.
 #[derive(Default)]
 struct Stages {
     frames: u32,
     /// On one thread.
     cast: Duration,
-    /// What is known of a frame beside its returns, and its statistics.
+    /// The truth of a frame beside its returns, and its statistics.
     truth: Duration,
     /// The formats, by their names.
     encode: Vec<(&'static str, Duration)>,
@@ -131,17 +132,14 @@ impl Stages {
         let mut frame = Frame::default();
         for item in plan.items(job).take(settings.samples) {
             let session = session.of_frame(item.frame, &settings.scenes.allowed_folders)?;
-            // The first cast is not timed: its memory is new.
-            for is_timed in [stages.frames > 0, true] {
-                let cast = || timed(|| session.cast_into(&mut frame, &item, interrupt.progress()));
-                let (is_whole, time) = alone.install(cast);
-                interrupt.check()?;
-                debug_assert!(is_whole, "a frame is cut off by a signal only");
-                if is_timed {
-                    stages.cast += time;
-                    break;
-                }
+            let mut cast =
+                || alone.install(|| timed(|| session.cast_into(&mut frame, &item, interrupt.progress())));
+            if stages.frames == 0 {
+                cast(); // into memory that is new
             }
+            stages.cast += cast().1;
+            // A frame is cut off by a signal only.
+            interrupt.check()?;
             let files = alone.install(|| stages.encode(&session, &item, &frame, interrupt))?;
             let (staged, time) = timed(|| -> Result<Vec<StagedFile>, Error> {
                 files.iter().map(|(file, content)| destination.stage(&file.path, content)).collect()
@@ -164,17 +162,14 @@ impl Stages {
         frame: &Frame,
         interrupt: &Interrupt,
     ) -> Result<Vec<(WrittenFile, Vec<u8>)>, Error> {
-        let (truth, time) =
-            timed(|| (session.truth(item, frame, interrupt.progress()), Statistics::of(frame)).0);
+        let (truth, time) = timed(|| {
+            black_box(Statistics::of(frame));
+            session.truth(item, frame, interrupt.progress())
+        });
         self.truth += time;
         interrupt.check()?;
         let truth = truth.unwrap_or_default();
-        let seen = SensorFrame {
-            motions: &truth.motions,
-            colors: &truth.colors,
-            boxes: truth.boxes.as_deref(),
-            ..session.sensor_frame(item, frame)
-        };
+        let seen = session.frame_with_truth(item, frame, &truth);
         let mut files = Vec::new();
         for output in &item.outputs {
             let (content, time) = timed(|| session.encode(output, &seen));

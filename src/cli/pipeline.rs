@@ -9,7 +9,6 @@
 //! casting up. The files are the same with any number of threads.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
@@ -24,7 +23,7 @@ use super::interrupt::Interrupt;
 use super::terminal::Writing;
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::{SensorFrame, StagedFile, WrittenFile};
+use crate::output::{StagedFile, WrittenFile};
 use crate::run::journal::Streams;
 use crate::run::memory::{FRAMES_IN_FLIGHT, frames_waiting};
 use crate::run::record::{Line, Loss};
@@ -50,10 +49,6 @@ pub struct Times {
     pub encode: Duration,
     /// Writing files, flushing them, and recording frames.
     pub write: Duration,
-    /// The part of `write` in which the disk flushed.
-    pub flush: Duration,
-    /// Waiting of the thread that casts, for a frame's memory and for the disk.
-    pub wait: Duration,
 }
 
 /// What is called with each frame whose files are on the disk, in the order of the plan.
@@ -67,8 +62,8 @@ struct Encoded {
     line: Line,
 }
 
-/// The number of a frame among those that are cast, and its files, unless what encodes it panics.
-type Numbered = (u64, thread::Result<Result<Encoded, Error>>);
+/// The end of encoding a frame: its files, an error, or a panic.
+type Outcome = thread::Result<Result<Encoded, Error>>;
 
 impl Pipeline<'_> {
     /// Casts the frames of the plan after the first `skipped`, writes their files and records them in the journal.
@@ -90,21 +85,20 @@ impl Pipeline<'_> {
         let (cast, written) = thread::scope(|threads| {
             let writer = thread::Builder::new().name("writer".into()).spawn_scoped(threads, write);
             let writer = writer.map_err(|e| Error::Usage(format!("a thread can't be had: {e}")))?;
-            let encode =
-                |number: u64, session: &Session, item: Item, frame: &Frame, send: &Sender<Numbered>| {
-                    let work = AssertUnwindSafe(|| self.encode(session, item, frame, &streams));
-                    let (encoded, time) = timed(|| catch_unwind(work));
-                    *encoding.lock().unwrap_or_else(PoisonError::into_inner) += time;
-                    // Nobody receives it after an error.
-                    let _ = send.send((number, encoded));
-                };
+            let encode = |session: &Session, item: Item, frame: &Frame, send: &Sender<Outcome>| {
+                let work = AssertUnwindSafe(|| self.encode(session, item, frame, &streams));
+                let (encoded, time) = timed(|| catch_unwind(work));
+                *encoding.lock().unwrap_or_else(PoisonError::into_inner) += time;
+                // Nobody receives it after an error.
+                let _ = send.send(encoded);
+            };
             // The sender ends with the tasks that hold a clone of it, and then the writer ends.
             let encode = &encode;
             let cast = rayon::in_place_scope(move |pool| {
-                self.cast_all(skipped, &room, |number, session, item, frame, give_back| {
+                self.cast_all(skipped, &room, |session, item, frame, give_back| {
                     let send = send.clone();
                     pool.spawn(move |_| {
-                        encode(number, &session, item, &frame, &send);
+                        encode(&session, item, &frame, &send);
                         let _ = give_back.send(frame);
                     });
                 })
@@ -113,45 +107,41 @@ impl Pipeline<'_> {
             Ok::<_, Error>((cast, written))
         })?;
         journal.streams = streams.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let Times { write, flush, .. } = written?;
+        let write = written?;
         self.interrupt.check()?;
         let encode = encoding.into_inner().unwrap_or_else(PoisonError::into_inner);
-        Ok(Times { encode, write, flush, ..cast? })
+        Ok(Times { cast: cast?, encode, write })
     }
 
     /// Casts the frames, each into memory that was given back, as soon as there is room for its files. `encode` is given each with its
-    /// number, its session and its item, and gives the memory back. Returns the times of casting and waiting.
+    /// session and its item, and gives the memory back. Returns the time of casting.
     fn cast_all<'s>(
         &'s self,
         skipped: u64,
         room: &Receiver<()>,
-        encode: impl Fn(u64, Cow<'s, Session>, Item, Frame, SyncSender<Frame>),
-    ) -> Result<Times, Error> {
+        encode: impl Fn(Cow<'s, Session>, Item, Frame, SyncSender<Frame>),
+    ) -> Result<Duration, Error> {
         let (give_back, free) = sync_channel(FRAMES_IN_FLIGHT);
         for _ in 1..FRAMES_IN_FLIGHT {
             let _ = give_back.send(Frame::default());
         }
-        let (mut frame, mut times) = (Frame::default(), Times::default());
+        let (mut frame, mut casting) = (Frame::default(), Duration::ZERO);
         let skipped = usize::try_from(skipped).unwrap_or(usize::MAX);
-        for (number, item) in (0..).zip(self.plan.items(&self.session.job).skip(skipped)) {
-            let (has_room, wait) = timed(|| room.recv());
-            times.wait += wait;
-            if has_room.is_err() {
+        for item in self.plan.items(&self.session.job).skip(skipped) {
+            if room.recv().is_err() {
                 break;
             }
             let session = self.session.of_frame(item.frame, self.scene_folders)?;
             let (is_whole, cast) = timed(|| session.cast_into(&mut frame, &item, self.interrupt.progress()));
-            times.cast += cast;
+            casting += cast;
             if !is_whole {
                 break;
             }
-            // The memory is free when the frame before this one is encoded, so frames are added to the run's files in their order.
-            let (next, wait) = timed(|| free.recv());
-            times.wait += wait;
-            let Ok(next) = next else { break };
-            encode(number, session, item, std::mem::replace(&mut frame, next), give_back.clone());
+            // The memory is free when the frame before this one is encoded, so frames are encoded in their order.
+            let Ok(next) = free.recv() else { break };
+            encode(session, item, std::mem::replace(&mut frame, next), give_back.clone());
         }
-        Ok(times)
+        Ok(casting)
     }
 
     /// Encodes a frame in all its formats at the same time, and adds it to the files of the run.
@@ -166,12 +156,7 @@ impl Pipeline<'_> {
         let Some(truth) = session.truth(&item, frame, interrupt.progress()) else {
             return Err(interrupt.check().err().unwrap_or(Error::Interrupted { signal: 0 }));
         };
-        let seen = SensorFrame {
-            motions: &truth.motions,
-            colors: &truth.colors,
-            boxes: truth.boxes.as_deref(),
-            ..session.sensor_frame(&item, frame)
-        };
+        let seen = session.frame_with_truth(&item, frame, &truth);
         let encode = |output: &Output| -> Result<(WrittenFile, Vec<u8>, u64), Error> {
             interrupt.check()?;
             writing.begin();
@@ -195,35 +180,29 @@ impl Pipeline<'_> {
         Ok(Encoded { item, contents, line })
     }
 
-    /// Writes the files of frames as they come, records the frames in their order, and makes room for as many. Returns the
-    /// times of that.
+    /// Writes the files of frames as they come, records the frames, and makes room for as many. Returns the time of that.
     fn write_all(
         &self,
-        encoded: Receiver<Numbered>,
+        encoded: Receiver<Outcome>,
         give_room: SyncSender<()>,
         journal: &mut Journal,
         tell: &mut Tell,
-    ) -> Result<Times, Error> {
-        let (mut next, mut early, mut times) = (0, BTreeMap::new(), Times::default());
+    ) -> Result<Duration, Error> {
+        let mut writing = Duration::ZERO;
         while let Ok(first) = encoded.recv() {
-            for (number, frame) in std::iter::once(first).chain(encoded.try_iter()) {
-                // A panic ends the run: those who wait for this frame would wait for ever.
-                early.insert(number, frame.unwrap_or_else(|panic| resume_unwind(panic)));
-            }
-            let mut batch = Vec::new();
-            while let Some(frame) = early.remove(&next) {
-                batch.push(frame);
-                next += 1;
-            }
+            // A panic ends the run: the thread that casts would wait for ever for room for the frame's files.
+            let frames = std::iter::once(first).chain(encoded.try_iter());
+            let batch: Vec<_> =
+                frames.map(|frame| frame.unwrap_or_else(|panic| resume_unwind(panic))).collect();
             let count = batch.len();
-            let (written, time) = timed(|| self.write_batch(batch, journal, tell, &mut times.flush));
-            times.write += time;
+            let (written, time) = timed(|| self.write_batch(batch, journal, tell));
+            writing += time;
             written?;
             for _ in 0..count {
                 let _ = give_room.send(());
             }
         }
-        Ok(times)
+        Ok(writing)
     }
 
     /// Writes the files of frames, flushes all of them to the disk, and then gives them their names and records the frames. The
@@ -233,7 +212,6 @@ impl Pipeline<'_> {
         batch: Vec<Result<Encoded, Error>>,
         journal: &mut Journal,
         tell: &mut Tell,
-        flush: &mut Duration,
     ) -> Result<(), Error> {
         self.interrupt.check()?;
         let mut failure = None;
@@ -250,9 +228,8 @@ impl Pipeline<'_> {
                 }
             }
             let sync = |frame: &Staged| frame.files.iter().try_for_each(StagedFile::sync);
-            let (unflushed, time) =
-                timed(|| frames.iter().position(|frame| sync(frame).map_err(|e| failure = Some(e)).is_err()));
-            *flush += time;
+            let unflushed =
+                frames.iter().position(|frame| sync(frame).map_err(|e| failure = Some(e)).is_err());
             frames.truncate(unflushed.unwrap_or(frames.len()));
             let mut recorded = Vec::new();
             for Staged { item, files, line } in frames {

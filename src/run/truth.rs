@@ -59,6 +59,17 @@ impl Session {
         Some(truth)
     }
 
+    /// A frame that was cast, with what is true of it.
+    pub fn frame_with_truth<'f>(
+        &'f self,
+        item: &Item,
+        frame: &'f Frame,
+        truth: &'f FrameTruth<'f>,
+    ) -> SensorFrame<'f> {
+        let FrameTruth { motions, colors, boxes, .. } = truth;
+        SensorFrame { motions, colors, boxes: boxes.as_deref(), ..self.sensor_frame(item, frame) }
+    }
+
     /// The boxes of objects, of which there are none if the job asks for none.
     fn boxes(&self, item: &Item, seen: &SensorFrame, progress: &Progress) -> Option<Vec<BoxTruth<'_>>> {
         let Some(Tracked { targets, alone: Some(alone) }) = self.tracked.as_deref() else {
