@@ -50,39 +50,40 @@ impl Manifest<'_> {
 
     /// The content of the file without the outputs, which [`Self::write`] adds. The frames of a job that has one of each sensor
     /// go without saying.
-    pub fn head(&self) -> Value {
+    pub fn head(&self) -> String {
         let file = |f: &SourceFile| json!({ "name": f.name, "bytes": f.bytes, "blake3": f.blake3 });
         let inputs: Vec<_> = self.inputs.iter().chain(&self.scene.geometry.files).map(file).collect();
-        let mut head = json!({
+        let mut text = json_lines(&json!({
             "format": FORMAT,
             "tool": { "name": env!("CARGO_PKG_NAME"), "version": env!("CARGO_PKG_VERSION") },
             "seed": self.seed,
             "job": self.job,
             "inputs": inputs,
-            "scene": scene(self.scene, self.labels),
-        });
+        }));
+        text.truncate(opened(&text).len());
+        text += ",\n  \"scene\": ";
+        add_scene(self.scene, self.labels, &mut text);
         if self.frames.iter().any(|sensor| sensor.of > 1) {
             let row = |sensor: &SensorFrames| json!({ "sensor": sensor.sensor, "first": sensor.first, "count": sensor.count, "of": sensor.of });
-            head["frames"] = self.frames.iter().map(row).collect();
+            text += ",\n  \"frames\": ";
+            text += &json_indented(&self.frames.iter().map(row).collect(), 2);
         }
-        head
+        text + CLOSE
     }
 
     /// Writes a manifest as JSON, with the keys in a fixed order and a line for each file. Paths are as the user wrote them or
-    /// relative to the manifest. The outputs come one by one, and so does what was `drawn` for frames, by their numbers: there may be
-    /// any number of them.
+    /// relative to the manifest. `head` is [`Self::head`]. The outputs come one by one, and so does what was `drawn` for frames, by
+    /// their numbers: there may be any number of them.
     ///
     /// # Errors
     /// An error if the file can't be written.
     pub fn write(
-        head: &Value,
+        head: &str,
         outputs: impl Iterator<Item = WrittenFile>,
         drawn: impl Iterator<Item = (u64, Map<String, Value>)>,
         file: &mut impl Write,
     ) -> io::Result<()> {
-        let text = json_lines(head);
-        let open = text.strip_suffix("\n}\n").unwrap_or(&text);
-        write!(file, "{open},\n  \"outputs\": [")?;
+        write!(file, "{},\n  \"outputs\": [", opened(head))?;
         let mut row = String::new();
         let mut is_first = true;
         for WrittenFile { path, bytes, blake3 } in outputs {
@@ -107,17 +108,31 @@ impl Manifest<'_> {
     }
 }
 
-/// The names behind the ids of the outputs. Ids count from 1, and 0 means nothing. The label of a triangle is the first that
+/// The end of a manifest's text.
+const CLOSE: &str = "\n}\n";
+
+/// A manifest's text without its end, to which keys can be added.
+fn opened(text: &str) -> &str {
+    text.strip_suffix(CLOSE).unwrap_or(text)
+}
+
+/// Adds the names behind the ids of the outputs. Ids count from 1, and 0 means nothing. The label of a triangle is the first that
 /// exists of: the job's label for the instance, the job's label for the material, the scene file's label for the instance, and
 /// 0.
 ///
 /// Instances that follow each other with the same name and labels, such as those of an instanced mesh, are one entry with the
-/// first id and the `last`.
-fn scene(scene: &Scene, labels: &BTreeMap<String, u32>) -> Value {
-    let objects = &scene.geometry.objects;
-    let mut instances = Vec::new();
+/// first id and the `last`. There may be millions of entries, so each is made when it is written.
+fn add_scene(scene: &Scene, labels: &BTreeMap<String, u32>, text: &mut String) {
+    let before = json!({
+        "centre_m": scene.geometry.centre.to_array(),
+        "triangles": scene.triangle_count(),
+        "skipped_triangles": scene.geometry.skipped_triangles,
+    });
+    let before = json_indented(&before, 2);
+    *text += before.strip_suffix("\n  }").unwrap_or(&before);
+    *text += ",\n    \"instances\": [";
     let mut first = 0;
-    for run in objects.chunk_by(PartialEq::eq) {
+    for run in scene.geometry.objects.chunk_by(PartialEq::eq) {
         let mut entry = Map::new();
         entry.insert("id".into(), id_of(first).into());
         if run.len() > 1 {
@@ -127,9 +142,11 @@ fn scene(scene: &Scene, labels: &BTreeMap<String, u32>) -> Value {
         for (key, label) in [("job_label", run[0].job_label), ("file_label", run[0].file_label)] {
             label.map(|label| entry.insert(key.into(), label.into()));
         }
-        instances.push(Value::Object(entry));
+        *text += if first == 0 { "\n      " } else { ",\n      " };
+        write_row(&entry, text);
         first += run.len() as u32;
     }
+    *text += if first == 0 { "]," } else { "\n    ]," };
     let materials: Vec<_> = scene
         .geometry
         .materials
@@ -146,14 +163,8 @@ fn scene(scene: &Scene, labels: &BTreeMap<String, u32>) -> Value {
     }
     let labels: Map<String, Value> =
         by_label.into_iter().map(|(label, names)| (label.to_string(), names.into())).collect();
-    json!({
-        "centre_m": scene.geometry.centre.to_array(),
-        "triangles": scene.triangle_count(),
-        "skipped_triangles": scene.geometry.skipped_triangles,
-        "instances": instances,
-        "labels": labels,
-        "materials": materials,
-    })
+    let after = json_indented(&json!({ "labels": labels, "materials": materials }), 2);
+    *text += after.strip_prefix('{').unwrap_or(&after);
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ use crate::output::recorded::{
 };
 use crate::output::{
     CloudFormat, Destination, EncodeError, FileNames, Format, ImageFormat, LAS_SCALE, Manifest, WrittenFile,
+    json_lines,
 };
 use crate::source::words::quoted;
 
@@ -244,7 +245,7 @@ pub fn convert_bag(
     }
     let source = path.file_name().unwrap_or_default().to_string_lossy();
     let of = json!({ "recording": source, "topic": bag.topics()[topic].name, "messages": [numbers.start, numbers.end] });
-    writing.finish(&json!({ "converted": of }))
+    writing.finish(&json_lines(&json!({ "converted": of })))
 }
 
 /// Reads the only message of a recording that is wanted.
@@ -299,7 +300,7 @@ impl Writing {
     }
 
     /// Writes the manifest, which makes the folder complete.
-    fn finish(self, head: &Value) -> Result<Converted, Error> {
+    fn finish(self, head: &str) -> Result<Converted, Error> {
         let Self { destination, mut converted } = self;
         destination.flush();
         converted.files.sort_by(|a, b| a.path.cmp(&b.path));
@@ -347,7 +348,7 @@ fn is_table(output: &str) -> bool {
 }
 
 /// The manifest without its outputs: that of the folder, whose job names the format that the frames have now.
-fn head(folder: &Folder, target: Target) -> Result<Value, Error> {
+fn head(folder: &Folder, target: Target) -> Result<String, Error> {
     const MOST_BYTES: u64 = 64 << 20;
     let bytes = folder.read_bytes(Manifest::NAME, MOST_BYTES)?;
     let head = read_manifest(&bytes[..], |_: Output| ());
@@ -358,7 +359,7 @@ fn head(folder: &Folder, target: Target) -> Result<Value, Error> {
         output.insert("formats".to_owned(), json!([target.name()]));
     }
     head["converted"] = json!({ "manifest": blake3::hash(&bytes).to_hex().to_string() });
-    Ok(head)
+    Ok(json_lines(&head))
 }
 
 /// The names of the files that are written.

@@ -7,8 +7,6 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
 use super::plan::{Item, Output, Plan, Shard};
 use super::record::{self, Header, Line, Merged, Reader, Writer};
 use super::session::Session;
@@ -18,6 +16,7 @@ use crate::error::Error;
 use crate::output::recorded::read_manifest;
 use crate::output::{
     Destination, EncodeError, Format, GrowingFile, Manifest, Note, SensorFrame, Stream, WrittenFile,
+    json_lines,
 };
 use crate::scene::SourceFile;
 
@@ -351,7 +350,7 @@ fn notes_for(table: &Table, mut line: Line) -> Vec<Note> {
 }
 
 /// The manifest of a session's run, without its outputs.
-fn head_of(session: &Session, plan: &Plan) -> Value {
+fn head_of(session: &Session, plan: &Plan) -> String {
     let job = &session.job;
     let read = |file: &InputFile| SourceFile {
         name: file.name.clone(),
@@ -371,7 +370,7 @@ fn is_finished_as(folder: &Path, own: &Header) -> Result<bool, Error> {
     let mut head = read_manifest(file, |_| ()).map_err(|e| Error::output(&path, e))?;
     // What was drawn follows from the rest.
     head.as_object_mut().and_then(|head| head.remove("drawn"));
-    match record::difference_of_manifests(&own.manifest, &head) {
+    match record::difference_of_manifests(&own.manifest, &json_lines(&head)) {
         Some(difference) => Err(Error::output(
             path,
             format!("{difference}; --overwrite begins anew, --out DIR writes elsewhere"),

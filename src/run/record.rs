@@ -18,7 +18,7 @@ use crate::error::Error;
 use crate::output::{SensorFrame, SensorFrames, WrittenFile};
 
 /// The version of the file's format.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// The longest line that is read. The header tells of a scene's instances: 12 MB for a hundred thousand.
 const MAX_LINE_BYTES: u64 = 256 << 20;
@@ -33,8 +33,9 @@ pub struct Header {
     pub shard: Shard,
     /// The names of the run's tables.
     pub tables: Vec<String>,
-    /// The manifest that the whole run will have, without its outputs.
-    pub manifest: Value,
+    /// The text of the manifest that the whole run will have, without its outputs. It is text, because a scene can have millions of
+    /// instances, of which values take ten times the memory.
+    pub manifest: String,
 }
 
 /// The other lines: a frame that is finished, which means that all its files are on the disk.
@@ -87,8 +88,8 @@ pub struct Loss {
 }
 
 impl Header {
-    /// The header of a part of a run.
-    pub fn new(sensors: Vec<SensorFrames>, shard: Shard, tables: Vec<String>, manifest: Value) -> Self {
+    /// The header of a part of a run. `manifest` is [`Manifest::head`](crate::output::Manifest::head).
+    pub fn new(sensors: Vec<SensorFrames>, shard: Shard, tables: Vec<String>, manifest: String) -> Self {
         Self { journal: FORMAT, sensors, shard, tables, manifest }
     }
 
@@ -107,8 +108,12 @@ impl Header {
     }
 }
 
-/// The same for the manifests of two runs, without their outputs.
-pub fn difference_of_manifests(own: &Value, other: &Value) -> Option<String> {
+/// The same for the texts of the manifests of two runs, without their outputs.
+pub fn difference_of_manifests(own: &str, other: &str) -> Option<String> {
+    if own == other {
+        return None;
+    }
+    let [own, other] = [own, other].map(|text| serde_json::from_str::<Value>(text).unwrap_or_default());
     if own == other {
         return None;
     }
@@ -131,7 +136,7 @@ pub fn difference_of_manifests(own: &Value, other: &Value) -> Option<String> {
             .map(|file| (file["name"].as_str().unwrap_or_default().to_owned(), file["blake3"].clone()))
             .collect()
     };
-    let (own_files, other_files) = (names(own), names(other));
+    let (own_files, other_files) = (names(&own), names(&other));
     let is_other = |pair: &(&(String, Value), &(String, Value))| pair.0 != pair.1;
     if let Some(((name, _), _)) = own_files.iter().zip(&other_files).find(is_other) {
         return Some(format!("was written when {name:?} had another content"));
@@ -344,7 +349,7 @@ mod tests {
             "tool": { "version": "1" }, "seed": 3, "job": { "sensor": [{ "rate_hz": 10.0 }] },
             "inputs": [{ "name": "a.glb", "blake3": "0" }], "scene": {},
         });
-        Header::new(sensors.to_vec(), shard, vec![], manifest)
+        Header::new(sensors.to_vec(), shard, vec![], manifest.to_string())
     }
 
     fn line(sensor: &str, frame: u64, start_s: f64) -> Line {
@@ -436,15 +441,22 @@ mod tests {
         };
         assert_eq!(said(&|_| {}), None);
         let of = |change: &dyn Fn(&mut Header)| said(change).unwrap();
-        assert!(of(&|h| h.manifest["seed"] = 7.into()).contains("the seed 7, and this run has 3"));
-        assert!(of(&|h| h.manifest["tool"]["version"] = "2".into()).contains("version \"2\" of the program"));
+        let of_manifest = |change: &dyn Fn(&mut Value)| {
+            of(&|header| {
+                let mut manifest = serde_json::from_str(&header.manifest).unwrap();
+                change(&mut manifest);
+                header.manifest = manifest.to_string();
+            })
+        };
+        assert!(of_manifest(&|m| m["seed"] = 7.into()).contains("the seed 7, and this run has 3"));
+        assert!(of_manifest(&|m| m["tool"]["version"] = "2".into()).contains("version \"2\" of the program"));
         assert!(
-            of(&|h| h.manifest["job"]["sensor"][0]["rate_hz"] = 5.into()).contains("`sensor[0].rate_hz`")
+            of_manifest(&|m| m["job"]["sensor"][0]["rate_hz"] = 5.into()).contains("`sensor[0].rate_hz`")
         );
         assert!(
-            of(&|h| h.manifest["inputs"][0]["blake3"] = "1".into()).contains("\"a.glb\" had another content")
+            of_manifest(&|m| m["inputs"][0]["blake3"] = "1".into()).contains("\"a.glb\" had another content")
         );
-        assert!(of(&|h| h.manifest["scene"] = json!({ "triangles": 1 })).contains("another scene"));
+        assert!(of_manifest(&|m| m["scene"] = json!({ "triangles": 1 })).contains("another scene"));
         assert!(of(&|h| h.sensors[0].count = 3).contains("other frames"));
     }
 }
