@@ -120,6 +120,7 @@ impl Through {
         shares.clear();
         shares.resize(hits.len(), 1.0);
         next.clear();
+        (now.most_depth, next.most_depth) = (batch.most_depth, batch.most_depth);
         // Takes one more hit of a ray into account. Returns whether the ray goes on behind it.
         let goes_on = |ray: usize, sight: &mut Sight, hit: &Hit| {
             let opacity = scene.opacity(hit.placement, hit.triangle, hit.u, hit.v);

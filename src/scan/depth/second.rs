@@ -45,7 +45,7 @@ impl<'a, C: Cast> Second<'a, C> {
             seen.push(number);
         }
         let blocked = sights.are_blocked(self.scene, self.tracer);
-        let is_blocked = seen.iter().zip(blocked).filter(|(_, is_blocked)| *is_blocked);
+        let is_blocked = seen.iter().zip(blocked).filter(|(_, is_blocked)| **is_blocked);
         is_blocked.map(|(&ray, _)| strip.pixel(batch, ray, columns)).collect()
     }
 }

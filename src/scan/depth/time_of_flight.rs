@@ -116,7 +116,12 @@ struct Memory {
     /// The number of the pixel in the part of each ray.
     of_pixel: Vec<u32>,
     rays: Bundle,
-    indirect: IndirectWave,
+    /// What each ray meets.
+    lit: Vec<Option<Lit>>,
+    /// The light that comes straight back to each pixel, and the electrons of sunlight in it.
+    direct: Vec<Direct>,
+    ambient: Vec<f64>,
+    indirect: Indirect,
     light: Light,
 }
 
@@ -213,6 +218,17 @@ struct IndirectWay {
     length_m: f64,
 }
 
+/// The indirect light of a part.
+#[derive(Default)]
+struct Indirect {
+    wave: IndirectWave,
+    /// The rays from the surfaces that the wave meets.
+    next: IndirectWave,
+    /// The paths by way of these surfaces, and the lines from the source to them.
+    paths: Vec<Path>,
+    shadows: Sights,
+}
+
 /// Rays of indirect light that are cast together.
 #[derive(Default)]
 struct IndirectWave {
@@ -285,15 +301,16 @@ impl<C: Cast> Camera<'_, C> {
             (first_row + pixel / columns) * self.capture.columns() + first_column + pixel % columns
         };
         self.send(&poses, (first_row, first_column), columns, memory);
-        let Memory { of_pixel, rays, indirect, light } = memory;
+        let Memory { of_pixel, rays, lit, direct, ambient, indirect, light } = memory;
         let frequencies_hz = self.unwrapper.frequencies_hz();
         light.begin(rows * columns, frequencies_hz.len());
         rays.cast(self.scene, self.tracer);
 
         let mut shader = Shader::new(self.scene, self.sensing.wavelength_m);
         let white = self.sensing.electrons_at_1_m / self.samples() as f64;
-        let mut direct: Vec<Direct> = vec![Direct::default(); rows * columns];
-        let mut lit: Vec<Option<Lit>> = Vec::with_capacity(rays.len());
+        direct.clear();
+        direct.resize(rows * columns, Direct::default());
+        lit.clear();
         for (ray, hit) in rays.hits.iter().enumerate() {
             let Some(hit) = hit else {
                 lit.push(None);
@@ -309,7 +326,8 @@ impl<C: Cast> Camera<'_, C> {
                 direct[pixel as usize].add(electrons, ray, one.surface.object);
             }
         }
-        let mut ambient = vec![0.0; rows * columns];
+        ambient.clear();
+        ambient.resize(rows * columns, 0.0);
         if let Some(sun) = self.scene.environment.sun.filter(|_| self.sensing.sun_electrons > 0.0) {
             let rays_lit: Vec<usize> = (0..lit.len()).filter(|&ray| lit[ray].is_some()).collect();
             let place = |(lit, &ray): (&Lit, &usize)| lit.place(rays.rays.ray(ray).time_s);
@@ -320,7 +338,7 @@ impl<C: Cast> Camera<'_, C> {
             }
         }
         if self.sensing.indirect_rays > 0 {
-            self.add_indirect(&number_of, (of_pixel, rays, &lit), indirect, light, &mut shader);
+            self.add_indirect(&number_of, (of_pixel, rays, lit), indirect, light, &mut shader);
         }
         let of_pixels = light.of_pixels.chunks_exact_mut(frequencies_hz.len());
         of_pixels
@@ -379,10 +397,11 @@ impl<C: Cast> Camera<'_, C> {
         &self,
         number_of: &impl Fn(usize) -> usize,
         (of_pixel, rays, lit): (&[u32], &Bundle, &[Option<Lit>]),
-        wave: &mut IndirectWave,
+        indirect: &mut Indirect,
         light: &mut Light,
         shader: &mut Shader,
     ) {
+        let wave = &mut indirect.wave;
         let count = self.sensing.indirect_rays as usize;
         let samples = self.samples();
         wave.rays.clear();
@@ -416,7 +435,7 @@ impl<C: Cast> Camera<'_, C> {
         }
         for bounce in 1..=self.sensing.bounces {
             let is_last = bounce == self.sensing.bounces;
-            self.meet_others(wave, bounce, is_last, light, shader);
+            self.meet_others(indirect, bounce, is_last, light, shader);
         }
     }
 
@@ -424,16 +443,17 @@ impl<C: Cast> Camera<'_, C> {
     /// them.
     fn meet_others(
         &self,
-        wave: &mut IndirectWave,
+        indirect: &mut Indirect,
         bounce: u32,
         is_last: bool,
         light: &mut Light,
         shader: &mut Shader,
     ) {
+        let Indirect { wave, next, paths, shadows } = indirect;
         wave.cast(self.scene, self.tracer);
-        let mut shadows = Sights::default();
-        let mut found = Vec::new();
-        let mut next = IndirectWave::default();
+        next.rays.clear();
+        paths.clear();
+        shadows.clear();
         for (number, hit) in wave.hits.iter().enumerate() {
             let Some(hit) = hit else { continue };
             let way = wave.rays.known()[number];
@@ -449,7 +469,7 @@ impl<C: Cast> Camera<'_, C> {
             let cosine = far.normal.dot(to_source) / range_m;
             if cosine > 0.0 {
                 let electrons = way.electrons * cosine / (range_m * range_m);
-                found.push(Path { pixel: way.pixel, electrons, length_m: way.length_m + range_m });
+                paths.push(Path { pixel: way.pixel, electrons, length_m: way.length_m + range_m });
                 // From the source, so that all lines have one origin if the camera stands still.
                 shadows.push(way.source, far.point, time_s);
             }
@@ -464,10 +484,10 @@ impl<C: Cast> Camera<'_, C> {
 
         shadows.sort();
         let blocked = shadows.are_blocked(self.scene, self.tracer);
-        for (path, _) in found.into_iter().zip(blocked).filter(|(_, blocked)| !blocked) {
+        for (path, _) in paths.iter().zip(blocked).filter(|(_, blocked)| !**blocked) {
             light.add(path.pixel, path.electrons, path.length_m, self.unwrapper.frequencies_hz());
         }
-        *wave = next;
+        std::mem::swap(wave, next);
     }
 
     /// The camera's measurement of the light of a pixel at each frequency. `brightest` gives the return of one of its sub-rays.
