@@ -13,7 +13,7 @@ use exr::meta::attribute::{ChannelDescription, LineOrder, SampleType, Text};
 use exr::meta::header::{Header, LayerAttributes};
 use rayon::prelude::*;
 
-use super::zip::{Segment, Zip, raw};
+use super::zip::{Segment, Zip, add_raw};
 
 /// A channel of a part.
 #[derive(Clone)]
@@ -46,6 +46,11 @@ impl Part<'_> {
             .with_encoding(compression, BlockDescription::ScanLines, LineOrder::Increasing)
             .with_attributes(self.attributes.clone())
     }
+
+    fn bytes_a_line(&self) -> usize {
+        let bytes = |channel: &PartChannel| if channel.kind == SampleType::F16 { 2 } else { 4 };
+        self.columns * self.channels.iter().map(bytes).sum::<usize>()
+    }
 }
 
 /// The memory of a thread, which is used again for each block.
@@ -66,17 +71,23 @@ pub(super) fn compress(parts: &[Part], compression: Compression, level: u8) -> R
             let Memory { values, zip } = memory;
             let part = &parts[index.layer];
             values.resize_with(values.len().max(part.channels.len()), Vec::new);
-            let segments = segments(part, *index, values);
             match compression {
-                Compression::ZIP1 | Compression::ZIP16 => Ok(Chunk {
-                    layer_index: index.layer,
-                    compressed_block: CompressedBlock::ScanLine(CompressedScanLineBlock {
-                        y_coordinate: index.pixel_position.y() as i32,
-                        compressed_pixels_le: zip.pack(&segments, level),
-                    }),
-                }),
-                _ => UncompressedBlock { index: *index, data: native(&segments) }
-                    .compress_to_chunk(&meta.headers),
+                Compression::ZIP1 | Compression::ZIP16 => {
+                    zip.begin(part.bytes_a_line() * index.pixel_size.height());
+                    each_line(part, *index, values, |segments| zip.add(segments));
+                    Ok(Chunk {
+                        layer_index: index.layer,
+                        compressed_block: CompressedBlock::ScanLine(CompressedScanLineBlock {
+                            y_coordinate: index.pixel_position.y() as i32,
+                            compressed_pixels_le: zip.finish(level),
+                        }),
+                    })
+                }
+                _ => {
+                    let mut data = Vec::with_capacity(part.bytes_a_line() * index.pixel_size.height());
+                    each_line(part, *index, values, |segments| add_native(segments, &mut data));
+                    UncompressedBlock { index: *index, data }.compress_to_chunk(&meta.headers)
+                }
             }
         };
         let chunks: Vec<Result<Chunk>> = blocks.par_iter().map_init(Memory::default, chunk).collect();
@@ -88,33 +99,29 @@ pub(super) fn compress(parts: &[Part], compression: Compression, level: u8) -> R
     Ok(file)
 }
 
-/// The values of a block: line by line, and in a line channel by channel.
-fn segments<'v>(part: &Part, index: BlockIndex, values: &'v mut [Vec<u32>]) -> Vec<Segment<'v>> {
+/// Calls `add` with each line of a block, channel by channel. Only one line's values are there at a time, which the cache holds.
+fn each_line(part: &Part, index: BlockIndex, values: &mut [Vec<u32>], mut add: impl FnMut(&[Segment])) {
     let first = index.pixel_position.y();
-    let lines = index.pixel_size.height();
-    values.iter_mut().for_each(Vec::clear);
-    (part.values)(first..first + lines, values);
-    let line = |line: usize| line * part.columns..(line + 1) * part.columns;
-    let of_line = |number| {
-        let values = &*values;
-        part.channels.iter().map(move |channel| Segment {
-            values: &values[channel.column][line(number)],
+    for line in first..first + index.pixel_size.height() {
+        values.iter_mut().for_each(Vec::clear);
+        (part.values)(line..line + 1, values);
+        let of_channel = |channel: &PartChannel| Segment {
+            values: &values[channel.column],
             is_half: channel.kind == SampleType::F16,
-        })
-    };
-    (0..lines).flat_map(of_line).collect()
+        };
+        add(&part.channels.iter().map(of_channel).collect::<Vec<_>>());
+    }
 }
 
-/// The bytes of a block in the order of this machine, which the library's own compressors take.
-fn native(segments: &[Segment]) -> Vec<u8> {
+/// Adds the bytes of a line in the order of this machine, which the library's own compressors take.
+fn add_native(segments: &[Segment], bytes: &mut Vec<u8>) {
     if cfg!(target_endian = "little") {
-        return raw(segments);
+        return add_raw(segments, bytes);
     }
-    let swapped = |segment: &Segment| -> Vec<u8> {
+    for segment in segments {
         match segment.is_half {
-            true => segment.values.iter().flat_map(|value| (*value as u16).to_ne_bytes()).collect(),
-            false => segment.values.iter().flat_map(|value| value.to_ne_bytes()).collect(),
+            true => bytes.extend(segment.values.iter().flat_map(|value| (*value as u16).to_ne_bytes())),
+            false => bytes.extend(segment.values.iter().flat_map(|value| value.to_ne_bytes())),
         }
-    };
-    segments.iter().flat_map(swapped).collect()
+    }
 }

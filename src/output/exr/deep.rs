@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::attributes::{Value, attributes};
-use super::zip::{Segment, Zip, raw};
+use super::zip::{Segment, Zip, add_raw};
 use crate::output::channel::{BYTES_A_VALUE, ChannelSpec, Place, Values, channel, repeated_for_opencv};
 use crate::output::deflate::{LEVEL, level};
 use crate::output::format::{Content, EncodeError, FormatSpec, Kind};
@@ -143,7 +143,11 @@ fn line(
     let [of_counts, of_values] = [&counts, &values].map(|values| [Segment { values, is_half: false }]);
     let [packed_counts, packed_values] = match compressor {
         Some((zip, level)) => [of_counts, of_values].map(|segments| zip.pack(&segments, level)),
-        None => [of_counts, of_values].map(|segments| raw(&segments)),
+        None => [of_counts, of_values].map(|segments| {
+            let mut bytes = Vec::new();
+            add_raw(&segments, &mut bytes);
+            bytes
+        }),
     };
     let mut chunk = int(row)?.to_le_bytes().to_vec();
     for length in [packed_counts.len(), packed_values.len(), of_values[0].bytes()] {

@@ -21,40 +21,39 @@ impl Segment<'_> {
     }
 }
 
-/// The bytes of a block that is not compressed, little-endian.
-pub(super) fn raw(segments: &[Segment]) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(segments.iter().map(Segment::bytes).sum());
+/// Adds the bytes of values that are not compressed, little-endian.
+pub(super) fn add_raw(segments: &[Segment], bytes: &mut Vec<u8>) {
     for segment in segments {
         match segment.is_half {
             true => bytes.extend(segment.values.iter().flat_map(|value| (*value as u16).to_le_bytes())),
             false => bytes.extend(segment.values.iter().flat_map(|value| value.to_le_bytes())),
         }
     }
-    bytes
 }
 
 /// The compressor, whose memory is used again for each block.
 #[derive(Default)]
 pub(super) struct Zip {
+    /// The bytes of the block at even places, and then those at odd places.
     planes: Vec<u8>,
+    /// The bytes of the block that are there.
+    filled: usize,
     differences: Vec<u8>,
 }
 
 impl Zip {
-    /// The bytes of a block at a level of deflate. What would not get smaller stays as it is, which readers tell by its length.
-    pub fn pack(&mut self, segments: &[Segment], level: u8) -> Vec<u8> {
-        self.split(segments);
-        self.differentiate();
-        let packed = zlib(&self.differences, level);
-        if packed.len() < self.planes.len() { packed } else { raw(segments) }
+    /// Begins a block of so many bytes.
+    pub fn begin(&mut self, bytes: usize) {
+        self.planes.resize(bytes, 0);
+        self.filled = 0;
     }
 
-    /// Fills the planes with the bytes at even places, and then with those at odd places.
-    fn split(&mut self, segments: &[Segment]) {
-        let length = segments.iter().map(Segment::bytes).sum();
-        self.planes.resize(length, 0);
+    /// Adds values that follow those that are there: their bytes at even places to one plane, and those at odd places to the other.
+    pub fn add(&mut self, segments: &[Segment]) {
+        let middle = self.planes.len() / 2;
+        let (even, odd) = self.planes.split_at_mut(middle);
         // A value has 2 bytes or 4, so each begins at an even place.
-        let (mut even, mut odd) = self.planes.split_at_mut(length / 2);
+        let (mut even, mut odd) = (&mut even[self.filled / 2..], &mut odd[self.filled / 2..]);
         for segment in segments {
             let (of_even, of_odd);
             (of_even, even) = even.split_at_mut(segment.bytes() / 2);
@@ -70,11 +69,33 @@ impl Zip {
                     (*even, *odd) = ([a, c], [b, d]);
                 }
             }
+            self.filled += segment.bytes();
         }
     }
 
+    /// The bytes of a block that is whole, at a level of deflate. What would not get smaller stays as it is, which readers tell by its
+    /// length.
+    pub fn finish(&mut self, level: u8) -> Vec<u8> {
+        self.differentiate();
+        let packed = zlib(&self.differences, level);
+        if packed.len() < self.planes.len() { packed } else { self.raw() }
+    }
+
+    /// The bytes of a block of these values at a level of deflate: [`Self::begin`], [`Self::add`] and [`Self::finish`].
+    pub fn pack(&mut self, segments: &[Segment], level: u8) -> Vec<u8> {
+        self.begin(segments.iter().map(Segment::bytes).sum());
+        self.add(segments);
+        self.finish(level)
+    }
+
+    /// The bytes of the block.
+    fn raw(&self) -> Vec<u8> {
+        let (even, odd) = self.planes.split_at(self.planes.len() / 2);
+        even.iter().zip(odd).flat_map(|(even, odd)| [*even, *odd]).collect()
+    }
+
     fn differentiate(&mut self) {
-        let Self { planes, differences } = self;
+        let Self { planes, differences, .. } = self;
         differences.resize(planes.len(), 0);
         let (Some(first), Some((first_plane, _))) = (differences.first_mut(), planes.split_first()) else {
             return;
@@ -113,9 +134,13 @@ mod tests {
             let [words, halves] =
                 [false, true].map(|is_half| [&smooth, &noise].map(|values| Segment { values, is_half }));
             for segments in [&words[..1], &words, &halves, &[words[0], halves[1], words[1]]] {
-                let bytes = raw(segments);
+                let mut bytes = Vec::new();
+                add_raw(segments, &mut bytes);
                 for level in [1, 4] {
                     let packed = zip.pack(segments, level);
+                    zip.begin(bytes.len());
+                    segments.iter().for_each(|segment| zip.add(&[*segment]));
+                    assert_eq!(zip.finish(level), packed, "segments may come one by one");
                     assert!(packed.len() <= bytes.len());
                     assert_eq!(unpack(&packed, bytes.len()), bytes);
                 }
@@ -128,6 +153,8 @@ mod tests {
     fn raw_bytes_are_little_endian() {
         let segments = [(false, [0x0403_0201]), (true, [0x0605])];
         let segments = segments.each_ref().map(|(is_half, values)| Segment { values, is_half: *is_half });
-        assert_eq!(raw(&segments), [1, 2, 3, 4, 5, 6]);
+        let mut bytes = Vec::new();
+        add_raw(&segments, &mut bytes);
+        assert_eq!(bytes, [1, 2, 3, 4, 5, 6]);
     }
 }
