@@ -182,6 +182,27 @@ class Frame:
         made = self._made[name, number] = flat.reshape(self.shape)
         return made
 
+    def range_jacobian(self, number: int = 0) -> NDArray[np.float64]:
+        """The derivative (rows, columns, 6) of the ideal range of each pixel's return of this number by the pose of the sensor.
+
+        The sensor is moved in its own frame: each beam's world_from_sensor(t), at the beam's own time t, becomes
+        world_from_sensor(t)·exp(ξ). ξ is a translation τ in metres along the axes x (forward), y (left) and z (up) of the sensor's
+        frame, and a rotation vector φ in radians about the same axes through its origin; a camera has these axes, too, and not those
+        of its optical frame. A wrong mount does this to all beams of a frame alike, whether the sensor moves or not: the pose on the
+        body, body_from_sensor, becomes body_from_sensor·exp(ξ).
+
+        The columns are ∂r/∂τx, ∂r/∂τy, ∂r/∂τz, without a unit, and ∂r/∂φx, ∂r/∂φy, ∂r/∂φz in metres a radian:
+        ∂r/∂τ = −n / (n·d) and ∂r/∂φ = −(p × n) / (n·d), with the unit direction d of the beam, the point p that it meets and the normal
+        n of the triangle there, in the sensor's frame and float64. Where a sensor's ranges are distances from its origin and not
+        lengths of beams (Hesai's), they are p·d / |p| of that. The triangle stays where it is at the beam's time, and the derivative
+        holds as long as the beam stays on it.
+
+        NaN where there is no return; where a return does not come straight off one surface (`cause` is not "surface"); and where the
+        beam grazes its triangle, with |n·d| below 1e-6: it leaves any triangle before the derivative holds. Of a sensor that measures
+        it is the derivative of the range of the pulse's axis on the return's triangle, without the sensor's errors.
+        """
+        return self._native.range_jacobian(number).reshape(*self.shape, 6)
+
     @property
     def returns(self) -> dict[str, NDArray[Any]]:
         """All returns, row by row of the image, as columns of one length n: `row`, `column`, `return` (its number in its pixel),

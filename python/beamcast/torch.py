@@ -19,7 +19,11 @@ except ImportError as error:
 
 
 class Channels:
-    """A transform that gives the named channels of a frame as arrays, of which a loader makes batches."""
+    """A transform that gives the named channels of a frame as arrays, of which a loader makes batches.
+
+    Numbers of 32 bits without a sign (ids, labels, causes) become int64: that is what PyTorch's losses take, and older versions of it have
+    no other type for them.
+    """
 
     def __init__(self, *names: str) -> None:
         """Takes the names of channels, as `Frame.keys` lists them."""
@@ -27,7 +31,8 @@ class Channels:
 
     def __call__(self, frame: Frame) -> dict[str, NDArray[np.generic]]:
         """The channels of a frame by their names."""
-        return {name: frame[name] for name in self.names}
+        channels = {name: frame[name] for name in self.names}
+        return {name: values.astype("int64") if values.dtype == "uint32" else values for name, values in channels.items()}
 
 
 class Frames(Dataset[Any]):

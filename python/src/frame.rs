@@ -5,7 +5,7 @@ use beamcast::output::{
     BOXES, CHANNELS, CloudFrame, CloudTime, Image, NO_RETURN_M, Point, Samples, channel, id_of,
 };
 use beamcast::run::Item;
-use beamcast::truth::{surface_colors, surface_motions};
+use beamcast::truth::{range_jacobians, surface_colors, surface_motions};
 use beamcast::{Cause, Frame, SensorFrame, Session};
 use numpy::{PyArray1, PyArrayMethods as _};
 use pyo3::exceptions::{PyKeyError, PyValueError};
@@ -85,6 +85,17 @@ impl NativeFrame {
             (0..frame.pixels()).map(range).collect()
         })?;
         Ok(PyArray1::from_vec(py, ranges))
+    }
+
+    /// The derivatives of each pixel's return of this number by the sensor's pose, six a pixel, row by row; NaN where there is none.
+    fn range_jacobian<'py>(&self, py: Python<'py>, number: usize) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let derivatives = on_threads(py, 1, |_| -> Vec<f64> {
+            let tracer = self.session.frame_tracer(&self.item);
+            let of_slots = range_jacobians(tracer.scene(), &self.seen().capture, &self.frame);
+            let of = |pixel| self.frame.slot(pixel, number).map_or([f64::NAN; 6], |slot| of_slots[slot]);
+            (0..self.frame.pixels()).flat_map(of).collect()
+        })?;
+        Ok(PyArray1::from_vec(py, derivatives))
     }
 
     /// A channel of each pixel's return of this number, row by row.

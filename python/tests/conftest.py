@@ -11,6 +11,12 @@ from meshes import box
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.fixture
+def examples(monkeypatch):
+    """Lets a test import the examples."""
+    monkeypatch.syspath_prepend(str(ROOT / "python" / "examples"))
+
+
 @pytest.fixture(scope="session")
 def room():
     """A scene of two boxes, one in the other: geometry 0 from -2 to 2, geometry 1 from -0.5 to 0.5."""

@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 
+use super::facet::{Facet, placement_of};
 use super::surface::weights;
 use crate::scan::{Frame, NO_OBJECT};
-use crate::scene::{Placement, Scene};
+use crate::scene::Scene;
 use crate::sensor::{Capture, Pulse};
 
 /// The linear red, green and blue of each return's surface in the light of a lamp at the sensor, 0 to 1, by the slot of the return:
@@ -36,38 +37,11 @@ pub fn surface_colors(scene: &Scene, capture: &Capture, frame: &Frame) -> Vec<[f
     colors
 }
 
-/// The placement of the triangle with this id, and its number in the placement's mesh. Of the shapes that a mesh has one after the
-/// other it is that of the time, or any if the mesh is hidden then: a sensor may have seen it at another time of its exposure.
-fn placement_of(scene: &Scene, triangle: u32, time_s: f64) -> Option<(u32, u32)> {
-    let placements = &scene.arrangement.placements;
-    let end = placements.partition_point(|placement| placement.first_triangle <= triangle);
-    let first_triangle = placements[..end].last()?.first_triangle;
-    let local = triangle - first_triangle;
-    let has_it = |placement: &Placement| (local as usize) < scene.mesh(placement.mesh).triangles.len();
-    let candidates =
-        || (0..end).rev().take_while(|&number| placements[number].first_triangle == first_triangle);
-    let of_time = |&number: &usize| placements[number].mesh_from_scene_at(time_s).is_some();
-    let found = candidates().filter(|&number| has_it(&placements[number]));
-    let number = found.clone().find(of_time).or_else(|| found.clone().next())?;
-    Some((number as u32, local))
-}
-
 /// The barycentric weights of the second and the third corner of a triangle at the place that is nearest, in weights, to where a
 /// pulse's axis meets its plane. `None` if it meets none.
 fn place_on(scene: &Scene, number: u32, triangle: u32, capture: &Capture, pulse: &Pulse) -> Option<[f64; 2]> {
-    let placement = &scene.arrangement.placements[number as usize];
-    let mesh_from_scene = placement.mesh_from_scene_at(capture.cast_at_s(pulse.time_s))?;
-    let world_from_sensor = capture.world_from_sensor(pulse.time_s);
-    let origin = world_from_sensor.point(pulse.origin) - scene.geometry.centre;
-    let origin = mesh_from_scene.transform_point3(origin);
-    let direction = mesh_from_scene.transform_vector3(world_from_sensor.direction(pulse.direction));
-    let mesh = scene.mesh(placement.mesh);
-    let corners = mesh.triangles[triangle as usize]
-        .map(|vertex| DVec3::from_array(mesh.positions[vertex as usize].map(f64::from)));
-    let [a, b, c] = corners;
-    let normal = (b - a).cross(c - a);
-    let along = normal.dot(a - origin) / normal.dot(direction);
-    let within = weights(corners, origin + direction * along)?.map(|weight| weight.max(0.0));
+    let facet = Facet::of(scene, number, triangle, capture, pulse)?;
+    let within = weights(facet.corners, facet.point(facet.along_m()))?.map(|weight| weight.max(0.0));
     let sum: f64 = within.iter().sum();
     (sum.is_finite() && sum > 0.0).then(|| [within[1] / sum, within[2] / sum])
 }

@@ -1,4 +1,5 @@
-//! Ground truth of a frame beside its ranges: the boxes of objects and how the points of surfaces move.
+//! Ground truth of a frame beside its ranges: the boxes of objects, how the points of surfaces move, and how ranges change with the
+//! sensor's pose.
 //!
 //! ```text
 //! target     the objects that boxes are made for
@@ -7,11 +8,15 @@
 //! image      where targets are in a camera's image
 //! color      the colours of the surfaces that returns come from
 //! surface    how the points that returns come from move
+//! jacobian   the derivatives of ranges by the sensor's pose
+//! facet      the flat triangle that a return comes from
 //! ```
 
 mod boxes;
 mod color;
+mod facet;
 mod image;
+mod jacobian;
 mod oriented;
 mod surface;
 mod target;
@@ -19,6 +24,7 @@ mod target;
 pub use boxes::{BoxTruth, boxes};
 pub use color::surface_colors;
 pub use image::{Bounds, Shown};
+pub use jacobian::{LEAST_COSINE, range_jacobians};
 pub use oriented::OrientedBox;
 pub use surface::{SurfaceMotion, surface_motions};
 pub use target::{Choice, Target, Targets};
