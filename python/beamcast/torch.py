@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ._job import Frame, Job
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from ._job import Channels, Frame, Job
 
 try:
     from torch.utils.data import Dataset, IterableDataset, get_worker_info
@@ -18,16 +14,7 @@ except ImportError as error:
     raise ImportError("beamcast.torch needs PyTorch: pip install torch") from error
 
 
-class Channels:
-    """A transform that gives the named channels of a frame as arrays, of which a loader makes batches."""
-
-    def __init__(self, *names: str) -> None:
-        """Takes the names of channels, as `Frame.keys` lists them."""
-        self.names = names
-
-    def __call__(self, frame: Frame) -> dict[str, NDArray[np.generic]]:
-        """The channels of a frame by their names."""
-        return {name: frame[name] for name in self.names}
+__all__ = ["Channels", "FrameStream", "Frames"]
 
 
 class Frames(Dataset[Any]):
