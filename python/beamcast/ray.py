@@ -34,7 +34,7 @@ except ImportError as error:
 
 __all__ = ["Channels", "Progress", "Seen", "Summary", "frames", "run"]
 
-# A part is some frames at least, so that one is cast while those before it are encoded; and merging opens each part's journal three times,
+# A part is some frames at least, so that one is cast while those before it are encoded; and merging opens each part's journal twice,
 # where a process may have 1024 files open.
 _LEAST_FRAMES, _LEAST_PARTS, _MOST_PARTS = 8, 8, 256
 # The tasks that an actor has at a time: it does one, and the next is there already.
@@ -68,8 +68,10 @@ class Progress:
     speed: float
 
     def __str__(self) -> str:
-        left = f", {math.ceil((self.of - self.frames) / self.speed)} s left" if self.speed > 0 else ""
-        return f"{self.frames} of {self.of} frames, {self.nodes} nodes, {self.speed:.1f} frames/s{left}"
+        left = self.of - self.frames
+        time_left = f", {math.ceil(left / self.speed)} s left" if self.speed > 0 and left else ""
+        nodes = "1 node" if self.nodes == 1 else f"{self.nodes} nodes"
+        return f"{self.frames} of {self.of} frames, {nodes}, {self.speed:.1f} frames/s{time_left}"
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,7 @@ class Summary:
         files: The files of frames that this run has written.
         bytes: The bytes of these files.
         seconds: The time that the run took.
-        nodes: The frames that each node has finished, by the nodes' names.
+        nodes: The frames of the parts that each node has finished, by the nodes' names, without those that were there already.
         shards: The parts that the run was made of.
     """
 
@@ -228,14 +230,13 @@ def _frames(
                 return
             while waiting and crew.give("cast", waiting[0], waiting[0][1]):
                 waiting.popleft()
-            if next_ not in come:
-                for task, result, _ in crew.wait():
-                    if result is _LOST:
-                        # In the order of the frames, of which the first is waited for.
-                        waiting = deque(heapq.merge(waiting, [task]))
-                    else:
-                        come[task[0]] = result
-            while next_ in come:
+            for task, result, _ in crew.wait(0.0 if next_ in come else _EVERY_S / 2):
+                if result is _LOST:
+                    # In the order of the frames, of which the first is waited for.
+                    waiting = deque(heapq.merge(waiting, [task]))
+                else:
+                    come[task[0]] = result
+            if next_ in come:
                 yield come.pop(next_)
                 next_ += 1
 
@@ -270,7 +271,8 @@ class _Parts:
             if not crew.give("write", part, self.frames, (part, self.shards)):
                 return
             heapq.heappop(self.waiting)
-            self._lines.setdefault(part, _Lines(self._journal(part)))
+            if part not in self._lines:
+                self._lines[part] = _Lines(self._journal(part))
 
     def take(self, part: int, result: Any, name: str) -> None:
         """Takes what came of a part."""
@@ -288,8 +290,7 @@ class _Parts:
         self.left -= 1
         self.done += frames
         # Those that were there when a node went on with the part are an earlier run's, or a lost node's of this run.
-        before = self._lines.pop(part).before
-        self.earlier += before
+        self.earlier += min(earlier, self._lines.pop(part).before)
         self.files += files
         self.bytes += size
         self.nodes[name] = self.nodes.get(name, 0) + frames - earlier
@@ -479,13 +480,13 @@ class _Crew:
         member.tasks[getattr(member.actor, method).remote(*arguments)] = task
         return True
 
-    def wait(self) -> list[tuple[Any, Any, str]]:
-        """Waits a moment for tasks. Gives each that has come to its end with its result, or `_LOST`, and the node's name."""
+    def wait(self, seconds: float = _EVERY_S / 2) -> list[tuple[Any, Any, str]]:
+        """Waits so long for a task. Gives each that has come to its end with its result, or `_LOST`, and the node's name."""
         owners = {ref: member for member in self._members.values() for ref in member.tasks}
         if not owners:
-            time.sleep(_EVERY_S / 4)
+            time.sleep(seconds)
             return []
-        ready, _ = ray.wait(list(owners), num_returns=1, timeout=_EVERY_S / 2)
+        ready, _ = ray.wait(list(owners), num_returns=1, timeout=seconds)
         found = []
         for ref in ready:
             member = owners[ref]
