@@ -138,6 +138,11 @@ def test_pods_write_what_one_process_writes(tools, drive_file, whole_drive, tmp_
 
     said, code = merged()
     assert code != 0, "nothing is there to be merged"
+    # A job that is wrong is not tried again, whatever else ends a pod.
+    [wrong, moved] = job["spec"]["podFailurePolicy"]["rules"]
+    assert (wrong["action"], wrong["onExitCodes"]["containerName"], moved["action"]) == ("FailJob", scan["name"], "Ignore")
+    pod = start({"command": [word.replace("drive.toml", "none.toml") for word in scan["command"]]}, JOB_COMPLETION_INDEX="0")
+    assert "none.toml" in pod.communicate()[1] and pod.returncode in wrong["onExitCodes"]["values"]
     for index in range(parts):
         if index == 1:
             said, code = merged()
