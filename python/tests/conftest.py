@@ -1,5 +1,6 @@
 """What the tests share. They run against the package that is installed."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,8 @@ import beamcast
 from meshes import box
 
 ROOT = Path(__file__).resolve().parents[2]
+# Ray would tell its makers that it is used.
+os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 COMMAND = [sys.executable, "-m", "beamcast"]
 
 

@@ -1,5 +1,6 @@
 """Runs on a cluster of Ray, whose nodes are processes of this machine, give what one process gives."""
 
+import io
 import os
 import signal
 import subprocess
@@ -22,9 +23,11 @@ import beamcast.ray  # noqa: E402
 @pytest.fixture(scope="module")
 def cluster():
     """A cluster of a head without CPUs and two nodes, to which this process is connected."""
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
-    cluster.add_node(num_cpus=1)
-    cluster.add_node(num_cpus=1)
+    # The least that Ray takes, for servers with little shared memory.
+    memory = {"object_store_memory": 80 << 20}
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False, **memory})
+    for _ in range(2):
+        cluster.add_node(num_cpus=1, **memory)
     ray.init(address=cluster.address, log_to_driver=False, logging_level="warning")
     cluster.wait_for_nodes()
     yield cluster
@@ -32,16 +35,25 @@ def cluster():
     cluster.shutdown()
 
 
-def test_two_nodes_write_what_one_process_writes(cluster, job_file, whole, tmp_path, monkeypatch):
-    told, most = [], []
-    give = beamcast.ray._Crew.give
+def when_open(monkeypatch, nodes):
+    """Lets nodes have tasks only when so many have opened the job, however long they take to start. Returns a list that gets the
+    largest number of tasks that a node has."""
+    give, most, deadline = beamcast.ray._Crew.give, [], time.monotonic() + 150
 
-    def noting(crew, *task):
-        given = give(crew, *task)
-        most.append(max(len(member.tasks) for member in crew._members.values()) if crew._members else 0)
+    def gated(crew, *task):
+        given = (crew.size >= nodes or time.monotonic() > deadline) and give(crew, *task)
+        most.append(max((len(member.tasks) for member in crew._members.values()), default=0))
         return given
 
-    monkeypatch.setattr(beamcast.ray._Crew, "give", noting)
+    monkeypatch.setattr(beamcast.ray._Crew, "give", gated)
+    # Progress is told so often that no run is over before it is.
+    monkeypatch.setattr(beamcast.ray, "_EVERY_S", 0.01)
+    return most
+
+
+def test_two_nodes_write_what_one_process_writes(cluster, job_file, whole, tmp_path, monkeypatch):
+    told = []
+    most = when_open(monkeypatch, 2)
     summary = beamcast.ray.run(job_file, out=tmp_path / "out", progress=told.append)
     # A node has one part that it writes, and one that waits, however many there are.
     assert max(most) <= 2
@@ -66,8 +78,9 @@ def test_frames_and_parts_can_be_chosen(cluster, job_file, tmp_path):
     assert_same(tmp_path / "out", files(tmp_path / "one"))
 
 
-def test_a_node_is_lost_and_another_comes(cluster, drive_file, whole_drive, tmp_path):
-    extra = cluster.add_node(num_cpus=1)
+def test_a_node_is_lost_and_another_comes(cluster, drive_file, whole_drive, tmp_path, monkeypatch):
+    when_open(monkeypatch, 3)
+    extra = cluster.add_node(num_cpus=1, object_store_memory=80 << 20)
     came = []
 
     def change(progress):
@@ -76,10 +89,7 @@ def test_a_node_is_lost_and_another_comes(cluster, drive_file, whole_drive, tmp_
                 # Its processes die at whatever they are at.
                 cluster.remove_node(extra, allow_graceful=False)
         elif not came:
-            came.append(cluster.add_node(num_cpus=1))
-        if progress.nodes < 3:
-            # The others do the parts that they have, and no more, so that some are left for a node that takes long to start.
-            time.sleep(1.0)
+            came.append(cluster.add_node(num_cpus=1, object_store_memory=80 << 20))
 
     summary = beamcast.ray.run(drive_file, out=tmp_path / "out", shards=60, progress=change)
     assert extra not in cluster.list_all_nodes() and came
@@ -92,16 +102,32 @@ def test_a_node_is_lost_and_another_comes(cluster, drive_file, whole_drive, tmp_
     cluster.remove_node(came[0])
 
 
-def stopped(cluster, path, out, files, number):
-    """Runs a job by a process of its own, and sends that a signal when so many files are there. Returns what it has said."""
-    program = "import sys, beamcast.ray as r; r.run(sys.argv[1], out=sys.argv[2], address=sys.argv[3], shards=12, progress=True)"
-    process = subprocess.Popen([sys.executable, "-c", program, str(path), str(out), cluster.address], stderr=subprocess.PIPE, text=True)
+DRIVER = """
+import pathlib, sys, time
+import beamcast.ray as r
+
+path, out, address, frames, mark = sys.argv[1:]
+r._EVERY_S = 0.01
+
+def progress(now):
+    if now.frames >= int(frames):
+        pathlib.Path(mark).touch()
+        time.sleep(600)
+
+r.run(path, out=out, address=address, shards=60, progress=progress)
+"""
+
+
+def stopped(cluster, path, out, frames, number):
+    """Runs a job by a process of its own, and sends that a signal when so many frames are finished. Returns what it has said."""
+    mark = out.with_name(f"at-{frames}")
+    process = subprocess.Popen([sys.executable, "-c", DRIVER, path, out, cluster.address, str(frames), mark], stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
-    while len(list(out.glob("*/*.exr"))) < files and process.poll() is None and time.monotonic() < deadline:
+    while not mark.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.02)
     process.send_signal(number)
     _, said = process.communicate(timeout=120)
-    assert process.returncode != 0 and "of 120 frames" in said, said
+    assert mark.exists() and process.returncode != 0, said
     return said
 
 
@@ -109,12 +135,12 @@ def test_a_run_that_is_stopped_goes_on_later(cluster, drive_file, whole_drive, t
     out = tmp_path / "out"
     # The driver has no time to end anything, and its nodes end with it.
     stopped(cluster, drive_file, out, 10, signal.SIGKILL)
-    assert len(list(out.glob("*/*.exr"))) < 60 and list(out.glob("journal-*-of-12.jsonl"))
-    assert "KeyboardInterrupt" in stopped(cluster, drive_file, out, 70, signal.SIGINT)
+    assert list(out.glob("journal-*-of-60.jsonl"))
+    assert "KeyboardInterrupt" in stopped(cluster, drive_file, out, 50, signal.SIGINT)
     assert not (out / "manifest.json").exists()
     summary = beamcast.ray.run(drive_file, out=out)
     # The number of parts is that of the journals.
-    assert summary.shards == 12 and 60 < summary.earlier < 120 and sum(summary.nodes.values()) == 120 - summary.earlier
+    assert summary.shards == 60 and 50 <= summary.earlier < 120 and sum(summary.nodes.values()) == 120 - summary.earlier
     assert_same(out, whole_drive)
 
 
@@ -198,6 +224,17 @@ def test_what_the_driver_finds_wrong_starts_no_node(job_file, tmp_path, monkeypa
 def test_too_many_cpus_are_told(cluster, job_file, tmp_path):
     with pytest.raises(beamcast.UsageError, match="no node has 64 CPUs: they have"):
         beamcast.ray.run(job_file, out=tmp_path / "out", cpus=64)
+
+
+@pytest.mark.parametrize(("is_terminal", "shown"), [(True, "\r\x1b[K{}\r\x1b[K{}\n"), (False, "{}\n{}\n")])
+def test_a_line_shows_the_progress(is_terminal, shown):
+    stream = io.StringIO()
+    stream.isatty = lambda: is_terminal
+    first, last = (beamcast.ray.Progress(frames, 9, 1, 2.0, 1.5) for frames in (3, 9))
+    assert str(first) == "3 of 9 frames, 1 node, 1.5 frames/s, 4 s left" and str(last) == "9 of 9 frames, 1 node, 1.5 frames/s"
+    for progress in (first, last):
+        beamcast.ray._show(stream, progress)
+    assert stream.getvalue() == shown.format(first, last)
 
 
 @pytest.mark.parametrize(("frames", "parts"), [(1, 1), (6, 6), (20, 8), (100, 13), (1000, 125), (1_000_000, 256)])
