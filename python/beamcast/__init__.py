@@ -3,12 +3,14 @@
 - `Scene` casts rays of arrays, with the names, shapes and types of Open3D's RaycastingScene.
 - `Job` runs a job's sensors against its scene, and gives the frames as arrays.
 - `Sensor` gives the directions of a sensor's beams.
+- `beamcast.ray` runs jobs on a cluster of Ray, and `beamcast.torch` has datasets for PyTorch.
 - `check` and `diff` hold jobs to their baselines and compare outputs, as the commands of these names do.
 
 Lengths are metres, times seconds and angles radians, unless a name says otherwise. The world is right-handed with z up; a sensor's
 frame has x forward, y left and z up; a camera's optical frame has x right, y down and z forward.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from . import _native
@@ -49,13 +51,15 @@ _PLACES = {
     "check": "_reports",
     "diff": "_reports",
 }
+# So are those that need more: PyTorch and Ray.
+_MODULES = ("ray", "torch")
 
 
 def __getattr__(name: str) -> object:
+    if name in _MODULES:
+        return import_module(f".{name}", __name__)
     if name not in _PLACES:
         raise AttributeError(f"module 'beamcast' has no attribute {name!r}")
-    from importlib import import_module
-
     value = getattr(import_module(f".{_PLACES[name]}", __name__), name)
     globals()[name] = value
     return value

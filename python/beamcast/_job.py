@@ -259,6 +259,18 @@ class Frame:
         return f"<beamcast.Frame {self.sensor}/{self.number:06}: {rows} × {columns}, {returns} returns>"
 
 
+class Channels:
+    """A transform that gives the named channels of a frame as arrays, which go to another process or into a batch."""
+
+    def __init__(self, *names: str) -> None:
+        """Takes the names of channels, as `Frame.keys` lists them."""
+        self.names = names
+
+    def __call__(self, frame: Frame) -> dict[str, NDArray[np.generic]]:
+        """The channels of a frame by their names."""
+        return {name: frame[name] for name in self.names}
+
+
 class Job:
     """A job: a rig of sensors, a scene, and a sequence of frames.
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from . import _job
 from ._job import Frame, Job
 
 if TYPE_CHECKING:
@@ -17,22 +18,19 @@ try:
 except ImportError as error:
     raise ImportError("beamcast.torch needs PyTorch: pip install torch") from error
 
+__all__ = ["Channels", "FrameStream", "Frames"]
 
-class Channels:
+
+class Channels(_job.Channels):
     """A transform that gives the named channels of a frame as arrays, of which a loader makes batches.
 
     Numbers of 32 bits without a sign (ids, labels, causes) become int64: that is what PyTorch's losses take, and older versions of it have
     no other type for them.
     """
 
-    def __init__(self, *names: str) -> None:
-        """Takes the names of channels, as `Frame.keys` lists them."""
-        self.names = names
-
     def __call__(self, frame: Frame) -> dict[str, NDArray[np.generic]]:
         """The channels of a frame by their names."""
-        channels = {name: frame[name] for name in self.names}
-        return {name: values.astype("int64") if values.dtype == "uint32" else values for name, values in channels.items()}
+        return {name: values.astype("int64") if values.dtype == "uint32" else values for name, values in super().__call__(frame).items()}
 
 
 class Frames(Dataset[Any]):

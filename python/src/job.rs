@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use beamcast::run::{Holding, Item, Plan, Selection};
+use beamcast::cli::part::{self, Part};
+use beamcast::run::{Holding, Item, Plan, Selection, Shard};
 use beamcast::source::{Diagnostic, Severity};
 use beamcast::{Error, Frame, Progress, Session, load_job, run};
 use pyo3::exceptions::PyIndexError;
@@ -82,6 +83,45 @@ impl NativeJob {
         Ok(NativeFrame { session, item, frame })
     }
 
+    /// The folder that the job's outputs go to, relative to the process's own if the job's path was.
+    fn output_dir(&self) -> PathBuf {
+        self.session.job.output.dir.clone()
+    }
+
+    /// The name and the BLAKE3 hash of each file that was read: the job, what it names, and the scene.
+    fn inputs(&self) -> Vec<(String, String)> {
+        let of_job = self.session.job.inputs.iter().map(|file| (file.name.clone(), file.blake3.clone()));
+        let of_scene = self.session.scene().geometry.files.iter();
+        of_job.chain(of_scene.map(|file| (file.name.clone(), file.blake3.clone()))).collect()
+    }
+
+    /// Checks that part of a run can be written to the folder, and gives its number of frames.
+    fn check_part(
+        &self,
+        py: Python<'_>,
+        out: PathBuf,
+        frames: (u64, u64),
+        shard: (u64, u64),
+    ) -> PyResult<u64> {
+        let check = || Part::of(&self.session, &selection(frames, shard), &out, &self.allowed_folders);
+        py.detach(|| check().map(|part| part.frames())).map_err(|error| exception(py, &error))
+    }
+
+    /// Writes part of a run, or goes on with it. Gives its frames, those of them that were finished earlier, and the files and bytes of
+    /// the others. It works on the threads of [`start_threads`], and ends by no signal: the process can be killed.
+    fn write_part(
+        &self,
+        py: Python<'_>,
+        out: PathBuf,
+        frames: (u64, u64),
+        shard: (u64, u64),
+    ) -> PyResult<(u64, u64, u64, u64)> {
+        let write =
+            || Part::of(&self.session, &selection(frames, shard), &out, &self.allowed_folders)?.write();
+        let written = py.detach(write).map_err(|error| exception(py, &error))?;
+        Ok((written.frames, written.earlier, written.files, written.bytes))
+    }
+
     /// The warnings about the job and its scene.
     fn warnings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         dictionaries(py, &self.warnings)
@@ -101,6 +141,17 @@ impl NativeJob {
     fn object_names(&self) -> Vec<String> {
         self.session.scene().geometry.objects.iter().map(|object| object.name.clone()).collect()
     }
+}
+
+/// Starts the threads on which the process writes parts of runs. It can do so once.
+#[pyfunction]
+pub fn start_threads(py: Python<'_>, threads: u16) -> PyResult<()> {
+    part::start_threads(threads).map_err(|error| exception(py, &error))
+}
+
+/// The frames from the first up to and without the end, and the part of this index of so many.
+fn selection((first, end): (u64, u64), (index, count): (u64, u64)) -> Selection {
+    Selection { frames: first..end, shard: Shard { index, count } }
 }
 
 impl NativeJob {

@@ -23,7 +23,7 @@ mod _native {
     #[pymodule_export]
     use crate::frame::NativeFrame;
     #[pymodule_export]
-    use crate::job::NativeJob;
+    use crate::job::{NativeJob, start_threads};
     #[pymodule_export]
     use crate::scene::NativeScene;
     #[pymodule_export]

@@ -1,6 +1,9 @@
 """What the tests share. They run against the package that is installed."""
 
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,6 +12,9 @@ import beamcast
 from meshes import box
 
 ROOT = Path(__file__).resolve().parents[2]
+# Ray would tell its makers that it is used.
+os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+COMMAND = [sys.executable, "-m", "beamcast"]
 
 
 @pytest.fixture
@@ -66,3 +72,38 @@ formats = ["npz", "npy"]
 @pytest.fixture(scope="session")
 def job(job_file):
     return beamcast.Job(job_file)
+
+
+@pytest.fixture(scope="session")
+def drive_file(job_file):
+    """The job with more frames, each of which takes a while."""
+    path = job_file.parent / "drive.toml"
+    text = job_file.read_text("utf-8").replace("frames = 4", "frames = 60").replace("columns = 180", "columns = 720")
+    path.write_text(text.replace('"npz", "npy"', '"exr", "npy"'), "utf-8")
+    return path
+
+
+def files(folder):
+    folder = Path(folder)
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def scanned(path, out):
+    subprocess.run([*COMMAND, "scan", "-q", str(path), "--out", str(out)], check=True)
+    return files(out)
+
+
+@pytest.fixture(scope="session")
+def whole(job_file, tmp_path_factory):
+    return scanned(job_file, tmp_path_factory.mktemp("whole"))
+
+
+@pytest.fixture(scope="session")
+def whole_drive(drive_file, tmp_path_factory):
+    return scanned(drive_file, tmp_path_factory.mktemp("drive"))
+
+
+def assert_same(folder, expected):
+    found = files(folder)
+    assert sorted(found) == sorted(expected)
+    assert [name for name in found if found[name] != expected[name]] == []

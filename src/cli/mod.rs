@@ -22,6 +22,7 @@ mod kernels;
 mod lint;
 mod merge;
 mod outline;
+pub mod part;
 mod parts;
 mod pipeline;
 mod presets;

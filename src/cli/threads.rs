@@ -18,6 +18,11 @@ pub struct Args {
 }
 
 impl Args {
+    /// So many threads.
+    pub fn of(threads: u16) -> Self {
+        Self { threads: Some(threads) }
+    }
+
     /// Starts the threads. Nothing works in parallel before that: a pool that the system refuses has a message this way, and
     /// does not end the process.
     ///

@@ -65,6 +65,8 @@ pub fn merge(folder: &Path) -> Result<Whole, Error> {
     for (reader, (_, path)) in readers.iter_mut().zip(&found) {
         count(reader, path, folder, &mut whole)?;
     }
+    // They are opened again twice, and a process may have no more than a thousand files open.
+    drop(readers);
     let has_frames = header.sensors.iter().filter(|sensor| sensor.count > 0);
     let of_frames = has_frames.map(|sensor| sensor.sensor.clone());
     let tables: Vec<Table> = header.tables.iter().filter_map(|name| Table::named(name)).collect();
