@@ -123,6 +123,20 @@ impl Geometry {
         if self.origin_step_m > 0.0 { rounded_origin(origin, self.origin_step_m) } else { origin }
     }
 
+    /// [`Geometry::ray_origin`] of several rays. This is inlined, so that the caller's instructions compute it.
+    #[inline(always)]
+    pub(crate) fn ray_origins(&self, in_world: &[DVec3], to: &mut Vec<DVec3>) {
+        to.resize(in_world.len(), DVec3::ZERO);
+        for (to, origin) in to.iter_mut().zip(in_world) {
+            *to = *origin - self.centre;
+        }
+        if self.origin_step_m > 0.0 {
+            for origin in to {
+                *origin = rounded_origin(*origin, self.origin_step_m);
+            }
+        }
+    }
+
     /// What the labels stand for, in words: the names that `given`, the job's `[labels]`, has for a number, else the names of
     /// the objects that the file gives that label.
     pub fn label_names(&self, given: &BTreeMap<String, u32>) -> BTreeMap<u32, String> {

@@ -67,7 +67,7 @@ impl<'a> Surfaces<'a> {
         hits: &mut [Option<Hit>],
         maps: &mut Maps,
     ) {
-        let mut last = None;
+        let (mut last, mut rows) = (None, [None, None]);
         let mut buffer = [DVec3::ZERO; 8];
         for (group, hits) in hits.chunks_mut(8).enumerate() {
             let found = nearest.hits_of_group(group) & ((1 << hits.len()) - 1);
@@ -79,7 +79,15 @@ impl<'a> Surfaces<'a> {
             }
             let directions = group_of(rays.directions, group, &mut buffer);
             if found == 0xff
-                && self.write_hits_of_one_triangle::<S>(rays, directions, nearest, group, hits, &mut last)
+                && (self.write_hits_of_one_triangle::<S>(rays, directions, nearest, group, hits, &mut last)
+                    || self.write_hits_of_eight::<S>(
+                        rays,
+                        directions,
+                        nearest,
+                        group,
+                        hits,
+                        &mut rows[group % 2],
+                    ))
             {
                 continue;
             }
@@ -131,6 +139,59 @@ impl<'a> Surfaces<'a> {
         let (t, u, v) = (store(t), store(u), store(v));
         for (k, hit) in hits.iter_mut().enumerate() {
             *hit = Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement: 0, triangle });
+        }
+        true
+    }
+
+    /// Writes the hits of a group of eight rays if all of them hit placement 0; otherwise returns false. `last` are the triangles that
+    /// such a group hit before. Rows of an image that are one above the other start at the same points if the sensor turns, and
+    /// mostly hit the same triangles.
+    #[inline(always)]
+    fn write_hits_of_eight<S: F32x8>(
+        &self,
+        rays: &Batch,
+        directions: &[DVec3; 8],
+        nearest: &NearestHits,
+        group: usize,
+        hits: &mut [Option<Hit>],
+        last: &mut Option<EightFacets<S::F64x8>>,
+    ) -> bool {
+        let (triangles, placements) = nearest.triangles_of_group(group);
+        if *placements != [0; 8] {
+            return false;
+        }
+        let mut buffer = [DVec3::ZERO; 8];
+        let origins = match rays.origins {
+            Origins::Common(origin) => [origin; 8],
+            Origins::Each(origins) => *group_of(origins, group, &mut buffer),
+        };
+        let EightFacets { facet, normal, ids, .. } = match last {
+            Some(last) if last.triangles == *triangles && bits(&last.origins) == bits(&origins) => last,
+            _ => {
+                let [x, y, z] = S::F64x8::load_xyz(&origins);
+                let (corners, all_ids) =
+                    LeafBlock::corners::<S>(&self.bvh(0).blocks, S::U32x8::load(triangles));
+                let mut ids = [0; 8];
+                all_ids.store(&mut ids);
+                let origin = Xyz(x, y, z);
+                let [a, b, c] = [in_f64(corners[0]), in_f64(corners[1]), in_f64(corners[2])];
+                let facet = Facet::new([a.sub(origin), b.sub(origin), c.sub(origin)]);
+                let normal = facet.normal.normalized();
+                let normal = [store(normal.0), store(normal.1), store(normal.2)];
+                last.insert(EightFacets { triangles: *triangles, origins, facet, normal, ids })
+            }
+        };
+        let [x, y, z] = S::F64x8::load_xyz(directions);
+        let d = Xyz(x, y, z);
+        let (t, within) = facet.plane_depth(d);
+        if within != 0xff {
+            return false;
+        }
+        let (u, v) = facet.weights(d);
+        let (t, u, v) = (store(t), store(u), store(v));
+        for (k, hit) in hits.iter_mut().enumerate() {
+            let normal = DVec3::new(normal[0][k], normal[1][k], normal[2][k]);
+            *hit = Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement: 0, triangle: ids[k] });
         }
         true
     }
@@ -274,6 +335,21 @@ struct SharedFacet {
     facet: Facet<f64>,
     normal: DVec3,
     id: u32,
+}
+
+/// Triangles of placement 0, each as seen from the origin of one of eight rays, kept for the next eight that hit the same from there.
+struct EightFacets<R> {
+    triangles: [u32; 8],
+    origins: [DVec3; 8],
+    facet: Facet<R>,
+    normal: [[f64; 8]; 3],
+    ids: [u32; 8],
+}
+
+/// The bits of points, by which 0 is not −0.
+#[inline(always)]
+fn bits(points: &[DVec3; 8]) -> [[u64; 3]; 8] {
+    points.map(|p| [p.x.to_bits(), p.y.to_bits(), p.z.to_bits()])
 }
 
 /// One corner in all lanes.

@@ -259,8 +259,7 @@ impl Tracer {
                 if all.iter().all(|o| *o == all[0]) {
                     Origins::Common(geometry.ray_origin(all[0]))
                 } else {
-                    buffer.clear();
-                    buffer.extend(all.iter().map(|&origin| geometry.ray_origin(origin)));
+                    geometry.ray_origins(all, buffer);
                     Origins::Each(buffer)
                 }
             }

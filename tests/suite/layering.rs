@@ -144,7 +144,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
         "only the container of bags compresses with Zstandard",
     ),
     ("lz4_flex::", &["output/recorded/mcap.rs"], "only the container of bags unpacks LZ4"),
-    ("unsafe", &["trace/simd/x86/"], "intrinsics are the one thing that needs it"),
+    ("unsafe", &["trace/simd/x86/"], "intrinsics, and asking for huge pages, are all that needs it"),
 ];
 
 #[test]

@@ -13,6 +13,7 @@ use super::binary;
 use super::{BLOCK_OFFSET_WORDS, Bvh8, Child, HEADER, MAX_BLOCK_OFFSET, MAX_VERTICES, Node, TAIL, WIDTH};
 use crate::scene::Mesh;
 use crate::scene::bounds::Bounds;
+use crate::trace::simd::prefer_huge_pages;
 
 /// The most triangles of a part. Parts are so large that the seams between them hardly cost any speed, and so small that their
 /// working memory is small.
@@ -131,9 +132,11 @@ impl Space<'_> {
                 let first = over_parts.nodes[leaf].first_index as usize;
                 Child::leaf(over_parts.primitive_indices[first])
             });
-            bvh.nodes.reserve_exact(nodes + top.nodes.len());
+            top.nodes.reserve_exact(nodes);
             bvh.nodes = top.nodes;
         }
+        prefer_huge_pages(&mut bvh.nodes);
+        prefer_huge_pages(&mut bvh.blocks);
         let first = bvh.nodes.len() as u32;
         let mut starts = Vec::with_capacity(trees.len());
         for tree in trees {

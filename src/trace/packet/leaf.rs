@@ -27,12 +27,26 @@
 //! between the quotients of the ends of the two intervals.
 //!
 //! # Origins that differ
-//! For a ray whose line crosses w = 0 at s, E becomes −2 det(g, b−s, c−s) = E + 2m·(c−b) with m = g × s (the moment of the line,
-//! as in Plücker coordinates), and T becomes T − s·N. Let S be the largest |s_u| or |s_v|. The components of m add up to at
+//! For a ray whose line crosses w = 0 at s = (s_u, s_v, 0), E becomes −2 det(g, b−s, c−s) = E + 2m·(c−b) with m = g × s (the moment of
+//! the line, as in Plücker coordinates), and T becomes T − s·N. Let S be the largest |s_u| or |s_v|. The components of m add up to at
 //! most 2S·G, and each is off by at most 7u·S·G. Their products with c−b (off by uL) and the sums of these add 44 + 24 units of
 //! u·G·L·S to the error of E, and the longer sum adds another 12 of u·G·L·M: with the 52 above at most 68 of u·G·L·(M + S).
 //! [`EDGE_MULTI_ORIGIN`] is 72. The error of T − s·N grows by 32 units of u·L²·S and 6 of u·L²·M, for which [`VOLUME`] has room.
 //! The side from which rays see a triangle is known only if |T| is larger than |s·N| as well.
+//!
+//! # Aims
+//! A moment takes five products an edge in place of two, and most leaves are so small that none is needed. Let the middle of the leaf's
+//! box be at the depth 1/k. There the ray is at P = s + g/k, which is seen from o along g′ = g + k·s. So the ray is tested as if it
+//! came from o along g′, which is right in the middle of the box, and not far off elsewhere: the ray's own edge function is that of
+//! g′ plus 2k·det(s, b−P, c−b). (Replace s by P in det(g, b−s, c−s), which moves b and c along the ray, and g by g′ − k·s.) Let the
+//! corners be at most h before or behind the middle, let W be the box's sides, |e| ≤ min(W, L) those of c−b, and S_u and S_v the bounds
+//! of |s|. A ray that meets the box is within B = W + S + |g|·h of every corner at the depth of the middle, along u and v. So the
+//! determinant is at most S_u·(B_v·|e_w| + h·|e_v|) + S_v·(h·|e_u| + B_u·|e_w|). What lies flat along the rays has a small W in one
+//! axis, so this is small where the edge functions are. Where it is not ([`AIMED`]), too many tests would be left to
+//! [`exact`](crate::trace::exact), and moments are computed.
+//!
+//! The rounding of g′ (that of g, s, the product and the sum) is at most three times that of g, so the error of Ê becomes 60 units of
+//! u·G′·L·M, with G′ = G + k·(S_u + S_v). [`EDGE_AIMED`] is 64.
 //!
 //! Every bound has the absolute term [`TINY`] besides. Where numbers overflow, the bounds become infinite and everything is
 //! decided by [`exact`](crate::trace::exact): slowly, and right.
@@ -54,6 +68,11 @@ use crate::trace::simd::{F32x8, F32x16, Mask8, U32x8, Vec3x8};
 pub(super) const EDGE: f32 = 56.0;
 /// The error of an edge function where origins differ, in units of u·G·L·(M + S).
 pub(super) const EDGE_MULTI_ORIGIN: f32 = 72.0;
+/// The error of the edge function of g′, in units of u·G′·L·M.
+pub(super) const EDGE_AIMED: f32 = 64.0;
+/// Rays are aimed at the middle of a leaf if that changes edge functions by no more than this share of the area B_u·B_v that the leaf
+/// takes up as seen from o: about one test in fifty is then left undecided by it, which costs less than moments do.
+const AIMED: f32 = 1.0 / 1024.0;
 /// The error of a triangle's volume T, in units of u·L²·M, or of u·L²·(M + S) where origins differ.
 pub(super) const VOLUME: f32 = 64.0;
 /// The error of the denominator of a depth, in units of u·G·L².
@@ -74,6 +93,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
     pub(super) fn test_leaf<S: F32x8>(&mut self, leaf: &Leaf) {
         let Leaf { number: block_offset, bounds: ref b, bundles } = *leaf;
         let m = b.largest_coordinate();
+        let middle = if MULTI_ORIGIN { Middle::of(self, b, m) } else { Middle::NONE };
         let count = self.gather_active::<S>(b, m, bundles);
         if count == 0 {
             return;
@@ -81,7 +101,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
         let block = LeafBlock::at(&self.bvh.blocks, block_offset);
         self.rays.active.stats.leaves += 1;
         self.rays.active.stats.tests += (count * block.triangles) as u64;
-        let prepared = PreparedTriangles::<S, MULTI_ORIGIN>::new(self, &block, m);
+        let prepared = PreparedTriangles::<S, MULTI_ORIGIN>::new(self, &block, m, &middle);
         let mut outcome = Outcome::default();
         for first in (0..count).step_by(8) {
             self.rays_against_triangles::<S>(block_offset, &prepared, first, count, &mut outcome);
@@ -116,7 +136,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
     /// Compresses the rays of `bundles` that may meet a box into [`ActiveRays`](super::prepare::ActiveRays), and returns their number.
     #[inline(always)]
     fn gather_active<S: F32x8>(&mut self, b: &RelativeBox, m: f32, bundles: u32) -> usize {
-        let RayData { g, moment, z_low, z_high, active, .. } = &mut *self.rays;
+        let RayData { g, offset, z_low, z_high, active, .. } = &mut *self.rays;
         let box_test = BoxTest::new(b, m);
         let mut count = 0;
         active.bundle_count = 0;
@@ -137,7 +157,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
                 .compress_store(alive, chunk_mut(&mut active.z_low, count));
             far.compress_store(alive, chunk_mut(&mut active.z_high, count));
             if MULTI_ORIGIN {
-                for (from, to) in moment.iter().zip(&mut active.moment) {
+                for (from, to) in offset.iter().zip(&mut active.offset) {
                     S::F32x16::load(chunk(from, 16 * bundle)).compress_store(alive, chunk_mut(to, count));
                 }
             }
@@ -159,19 +179,18 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
     ) {
         let active = &mut self.rays.active;
         let (gu, gv) = (S::load(chunk(&active.g[0], first)), S::load(chunk(&active.g[1], first)));
-        let m = if MULTI_ORIGIN {
-            let [u, v, w] = &active.moment;
-            Vec3x8(S::load(chunk(u, first)), S::load(chunk(v, first)), S::load(chunk(w, first)))
+        let [su, sv] = if MULTI_ORIGIN {
+            [S::load(chunk(&active.offset[0], first)), S::load(chunk(&active.offset[1], first))]
         } else {
-            Vec3x8::splat([0.0; 3])
+            [S::splat(0.0); 2]
         };
+        let lines = p.lines([gu, gv], [su, sv]);
         let (inner, outer) = (S::F32x16::splat(p.edge_error), S::F32x16::splat(-p.edge_error));
         // The triangles that a ray may pass through, and those that it certainly passes through if their orientation is known.
         // Each ray has a byte, each triangle a bit.
         let (mut may, mut does, mut unsure) = (0_u64, 0_u64, 0_u64);
         for two in 0..4 {
-            let (gu, gv) = (S::F32x16::broadcast_two(gu, 2 * two), S::F32x16::broadcast_two(gv, 2 * two));
-            let [ea, eb, ec] = p.edges_of(gu, gv, m, 2 * two);
+            let [ea, eb, ec] = p.edges_of(&lines, 2 * two);
             let least = ea.min(eb).min(ec);
             may |= u64::from(least.ge(outer)) << (16 * two);
             does |= u64::from(least.ge(inner)) << (16 * two);
@@ -205,7 +224,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
             let slope = normal.dot_ray(gu, gv);
             let mut volume = p.volume.permute(lane);
             if MULTI_ORIGIN {
-                volume = normal.less_offset(m, volume);
+                volume = normal.less_offset(su, sv, volume);
             }
             let (z_low, z_high) = p.depths(slope, volume);
             let sure = does.test(bit).and(slope.ge(least_slope));
@@ -378,13 +397,77 @@ impl BoxTest {
     }
 }
 
+/// The middle of a leaf's box, where rays from different origins are aimed at.
+pub(super) struct Middle {
+    /// k, the inverse of its depth along w.
+    pub per_depth: f32,
+    /// 2k·S_u and 2k·S_v.
+    offset: [f32; 2],
+    /// The sides W of the box, and the bounds B_u and B_v of b−P.
+    sides: [f32; 3],
+    bounds: [f32; 2],
+    /// The bound h.
+    half: f32,
+}
+
+impl Middle {
+    /// For rays that share their origin.
+    const NONE: Self =
+        Self { per_depth: 0.0, offset: [0.0; 2], sides: [0.0; 3], bounds: [0.0; 2], half: 0.0 };
+
+    /// The middle of a box whose largest |coordinate| is `m`. All bounds have `m`·2⁻¹⁸ of room for their own roundings, and for those of
+    /// the box's test.
+    #[inline(always)]
+    pub fn of<const MULTI_ORIGIN: bool>(packet: &RayPacket<MULTI_ORIGIN>, b: &RelativeBox, m: f32) -> Self {
+        let room = 64.0 * U * m;
+        let [su, sv] = packet.offset;
+        // A box that reaches back to o has no direction, and k must not overflow.
+        let least = (m + larger(su, sv)) * (1.0 / 1024.0);
+        let depth = larger(0.5 * (larger(-b.w[0], 0.0) + b.w[1]), least);
+        let half = larger(b.w[1] - depth, depth + b.w[0]) + room + 8.0 * U * depth;
+        let per_depth = 1.0 / depth;
+        let sides = [b.u, b.v, b.w].map(|[lower, upper]| lower + upper + room);
+        let bound = |k: usize| sides[k] + packet.offset[k] + packet.steep[k] * half + room;
+        Self {
+            per_depth,
+            offset: [2.0 * per_depth * su, 2.0 * per_depth * sv],
+            sides,
+            bounds: [bound(0), bound(1)],
+            half,
+        }
+    }
+
+    /// The area B_u·B_v.
+    #[inline(always)]
+    fn area(&self) -> f32 {
+        self.bounds[0] * self.bounds[1]
+    }
+
+    /// The bound of 2k·|det(s, b−P, c−b)| for sides c−b no longer than `side` along any axis.
+    #[inline(always)]
+    pub fn edge_error(&self, side: f32) -> f32 {
+        let [eu, ev, ew] = self.sides.map(|most| if side < most { side } else { most });
+        let ([bu, bv], h) = (self.bounds, self.half);
+        let error = self.offset[0] * (bv * ew + h * ev) + self.offset[1] * (h * eu + bu * ew);
+        error * (1.0 + 32.0 * U)
+    }
+}
+
+/// Eight rays as edge functions take them: g, or g′ where they are aimed, and 2·m for the moment m, where that is needed.
+pub(super) struct Lines<S> {
+    g: [S; 2],
+    moment: Vec3x8<S>,
+}
+
 /// The triangles of a block, prepared for the packet's origin. They are oriented such that a ray that passes through a triangle
 /// has positive edge functions and a positive denominator.
 pub(super) struct PreparedTriangles<S: F32x8, const MULTI_ORIGIN: bool> {
     /// The vectors (c−b) × (c+b) of the edges opposite a, b and c, for two rays: an edge function is g·edge.
     edges: [[S::F32x16; 3]; 3],
-    /// The vectors of the edges themselves, oriented as `edges` are, if origins differ.
+    /// The vectors of the edges themselves, oriented as `edges` are, for moments.
     sides: [[S::F32x16; 3]; 3],
+    /// k, if rays from different origins are aimed at the middle of the leaf.
+    pub aimed: Option<f32>,
     pub normal: Vec3x8<S>,
     /// |T|.
     pub volume: S,
@@ -398,9 +481,9 @@ pub(super) struct PreparedTriangles<S: F32x8, const MULTI_ORIGIN: bool> {
 }
 
 impl<S: F32x8, const MULTI_ORIGIN: bool> PreparedTriangles<S, MULTI_ORIGIN> {
-    /// Prepares the triangles of a block whose largest |coordinate| relative to o is `m`.
+    /// Prepares the triangles of a block whose largest |coordinate| relative to o is `m`, and whose box has this middle.
     #[inline(always)]
-    pub fn new(packet: &RayPacket<MULTI_ORIGIN>, block: &LeafBlock, m: f32) -> Self {
+    pub fn new(packet: &RayPacket<MULTI_ORIGIN>, block: &LeafBlock, m: f32, middle: &Middle) -> Self {
         let turn = S::splat(if packet.reversed { -0.0 } else { 0.0 });
         let corners = block.corner_vertices::<S>();
         let [u, v, w] = packet.axes;
@@ -417,9 +500,19 @@ impl<S: F32x8, const MULTI_ORIGIN: bool> PreparedTriangles<S, MULTI_ORIGIN> {
         let volume = a.0.mul_add(normal.0, a.1.mul_add(normal.1, a.2.mul(normal.2)));
 
         let side = block.extent() * (1.0 + 4.0 * U) + 4.0 * U * m;
-        let (edge, m) = if MULTI_ORIGIN { (EDGE_MULTI_ORIGIN, m + packet.offset) } else { (EDGE, m) };
-        let edge_error = edge * U * packet.reach * side * m + TINY;
-        let volume_error = VOLUME * U * side * side * m + TINY;
+        let [su, sv] = packet.offset;
+        let (mut edge_error, mut aimed) = (EDGE * U * packet.reach * side * m + TINY, None);
+        if MULTI_ORIGIN {
+            let off = middle.edge_error(side);
+            if off <= AIMED * middle.area() {
+                let reach = packet.reach + middle.per_depth * (su + sv);
+                edge_error = EDGE_AIMED * U * reach * side * m + off + TINY;
+                aimed = Some(middle.per_depth);
+            } else {
+                edge_error = EDGE_MULTI_ORIGIN * U * packet.reach * side * (m + larger(su, sv)) + TINY;
+            }
+        }
+        let volume_error = VOLUME * U * side * side * (m + larger(su, sv)) + TINY;
         let slope_error = SLOPE * U * packet.reach * side * side + TINY;
 
         // (c−b) × (c+b) is −2 b × c, so for a triangle with T < 0 the edge functions are positive inside.
@@ -429,7 +522,7 @@ impl<S: F32x8, const MULTI_ORIGIN: bool> PreparedTriangles<S, MULTI_ORIGIN> {
             ac.cross(c.add(a)).flip_signs(volume.sign_bits()).in_both_halves(),
             ab.cross(a.add(b)).flip_signs(against).in_both_halves(),
         ];
-        let sides = if MULTI_ORIGIN {
+        let sides = if MULTI_ORIGIN && aimed.is_none() {
             [
                 bc.flip_signs(against).in_both_halves(),
                 ac.flip_signs(volume.sign_bits()).in_both_halves(),
@@ -441,7 +534,8 @@ impl<S: F32x8, const MULTI_ORIGIN: bool> PreparedTriangles<S, MULTI_ORIGIN> {
         let size = volume.abs();
         // |s·N|. The factor covers the rounding of N and of this sum.
         let shift = if MULTI_ORIGIN {
-            normal.0.abs().add(normal.1.abs()).mul(S::splat(packet.offset * (1.0 + 32.0 * U)))
+            let (u, v) = (S::splat(su * (1.0 + 32.0 * U)), S::splat(sv * (1.0 + 32.0 * U)));
+            normal.0.abs().mul_add(u, normal.1.abs().mul(v))
         } else {
             S::splat(0.0)
         };
@@ -453,6 +547,7 @@ impl<S: F32x8, const MULTI_ORIGIN: bool> PreparedTriangles<S, MULTI_ORIGIN> {
         Self {
             edges,
             sides,
+            aimed,
             normal: normal.flip_signs(volume.sign_bits()),
             volume: size,
             oriented: known,
@@ -463,21 +558,39 @@ impl<S: F32x8, const MULTI_ORIGIN: bool> PreparedTriangles<S, MULTI_ORIGIN> {
         }
     }
 
-    /// The edge functions of all triangles for two rays with these g, whose moments are lanes `first` and `first` + 1 of `m`.
+    /// What the edge functions take of eight rays, which are given by g and s.
     #[inline(always)]
-    pub fn edges_of(&self, gu: S::F32x16, gv: S::F32x16, m: Vec3x8<S>, first: usize) -> [S::F32x16; 3] {
-        let [a, b, c] = self.edges;
-        let mut edges = [dot_ray(a, gu, gv), dot_ray(b, gu, gv), dot_ray(c, gu, gv)];
-        if MULTI_ORIGIN {
-            let m = [
-                S::F32x16::broadcast_two(m.0, first),
-                S::F32x16::broadcast_two(m.1, first),
-                S::F32x16::broadcast_two(m.2, first),
-            ];
-            let [a, b, c] = self.sides;
-            edges = [dot_onto(a, m, edges[0]), dot_onto(b, m, edges[1]), dot_onto(c, m, edges[2])];
+    pub fn lines(&self, g: [S; 2], [su, sv]: [S; 2]) -> Lines<S> {
+        let none = Vec3x8::splat([0.0; 3]);
+        if !MULTI_ORIGIN {
+            return Lines { g, moment: none };
         }
-        edges
+        let [gu, gv] = g;
+        if let Some(per_depth) = self.aimed {
+            let per_depth = S::splat(per_depth);
+            return Lines { g: [su.mul_add(per_depth, gu), sv.mul_add(per_depth, gv)], moment: none };
+        }
+        let (u, v) = (sv.add(sv).neg(), su.add(su));
+        Lines { g, moment: Vec3x8(u, v, gu.add(gu).mul_sub(sv, gv.mul(v))) }
+    }
+
+    /// The edge functions of all triangles for two of these rays, `first` and `first` + 1.
+    #[inline(always)]
+    pub fn edges_of(&self, lines: &Lines<S>, first: usize) -> [S::F32x16; 3] {
+        let [a, b, c] = self.edges;
+        let gu = S::F32x16::broadcast_two(lines.g[0], first);
+        let gv = S::F32x16::broadcast_two(lines.g[1], first);
+        let edges = [dot_ray(a, gu, gv), dot_ray(b, gu, gv), dot_ray(c, gu, gv)];
+        if !MULTI_ORIGIN || self.aimed.is_some() {
+            return edges;
+        }
+        let m = [
+            S::F32x16::broadcast_two(lines.moment.0, first),
+            S::F32x16::broadcast_two(lines.moment.1, first),
+            S::F32x16::broadcast_two(lines.moment.2, first),
+        ];
+        let [a, b, c] = self.sides;
+        [dot_onto(a, m, edges[0]), dot_onto(b, m, edges[1]), dot_onto(c, m, edges[2])]
     }
 
     /// Bounds of z = T/D for a denominator D of at least four times its error δ, with one division: for x = δ/D ≤ ¼,

@@ -50,8 +50,8 @@ pub(in crate::trace) fn may_be_packet(bvh: &Bvh8, origins: Origins) -> bool {
 pub(in crate::trace) struct RayData {
     /// g_u and g_v.
     pub(super) g: [[f32; PACKET_RAYS]; 2],
-    /// 2·m for the moment m = g × s, that is (−2s_v, 2s_u, 2(g_u·s_v − g_v·s_u)), if the origins differ.
-    pub(super) moment: [[f32; PACKET_RAYS]; 3],
+    /// s_u and s_v, if the origins differ.
+    pub(super) offset: [[f32; PACKET_RAYS]; 2],
     /// Bounds of the depth along w of the nearest hit. They are −1 in lanes without a ray.
     pub(super) z_low: [f32; PACKET_RAYS],
     pub(super) z_high: [f32; PACKET_RAYS],
@@ -77,7 +77,7 @@ impl Default for RayData {
         let none = [0.0; PACKET_RAYS];
         Self {
             g: [none; 2],
-            moment: [none; 3],
+            offset: [none; 2],
             z_low: none,
             z_high: none,
             triangle: [0; PACKET_RAYS],
@@ -93,8 +93,8 @@ impl Default for RayData {
 pub(super) struct ActiveRays {
     /// g_u and g_v.
     pub g: [[f32; CAPACITY]; 2],
-    /// As in [`RayData::moment`], if the origins differ.
-    pub moment: [[f32; CAPACITY]; 3],
+    /// As in [`RayData::offset`], if the origins differ.
+    pub offset: [[f32; CAPACITY]; 2],
     /// Bounds of the depths of the nearest hits.
     pub z_low: [f32; CAPACITY],
     pub z_high: [f32; CAPACITY],
@@ -116,7 +116,7 @@ impl Default for ActiveRays {
         let none = [0.0; CAPACITY];
         Self {
             g: [none; 2],
-            moment: [none; 3],
+            offset: [none; 2],
             z_low: none,
             z_high: none,
             triangle: [0; CAPACITY],
@@ -160,12 +160,14 @@ pub(in crate::trace) struct RayPacket<'a, const MULTI_ORIGIN: bool> {
     pub(super) farthest: f32,
     /// Depths along w up to here may be below `t_min`.
     pub(super) near: f32,
+    /// The bounds of |g_u| and |g_v|.
+    pub(super) steep: [f32; 2],
     /// The bound G = 1 + max|g_u| + max|g_v|.
     pub(super) reach: f32,
-    /// The largest |s_u| or |s_v|, or 0 if all rays start at one point.
-    pub(super) offset: f32,
-    /// The coordinate of o along w (not reversed).
-    pub(super) start: f64,
+    /// The bounds of |s_u| and |s_v|, or 0 if all rays start at one point.
+    pub(super) offset: [f32; 2],
+    /// The point o.
+    pub(super) start: DVec3,
     /// Where the depths of hits in other meshes can be found, unless all of them are known.
     pub elsewhere: Option<Elsewhere<'a>>,
 }
@@ -217,11 +219,7 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
         let axes = [(w + 1) % 3, (w + 2) % 3, w];
         let reversed = sum[w] < 0.0;
         let side = if reversed { -1.0 } else { 1.0 };
-        let mut origin = first_origin(origins);
-        if let (true, Origins::Each(all)) = (MULTI_ORIGIN, origins) {
-            // No ray starts before o along w.
-            origin[w] = side * all.iter().map(|o| o[w] * side).fold(f64::INFINITY, f64::min);
-        }
+        let origin = common_point::<S>(origins, w, side);
         let size = f64::from(bvh.largest).max(origin.abs().max_element());
         // The cubes of coordinates must stay within f32's range. (In this form NaN does not pass.)
         let is_in_range = size < 1e12;
@@ -251,15 +249,16 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             far: [-1.0; BUNDLES],
             farthest: -1.0,
             near: 0.0,
+            steep: [0.0; 2],
             reach: 0.0,
-            offset: 0.0,
-            start: origin[w],
+            offset: [0.0; 2],
+            start: origin,
             elsewhere: None,
         };
         let has_hits = nearest.hit != 0 || t_max.is_finite();
         let groups = directions.len().div_ceil(8);
         let zero = S::F64x8::splat(0.0);
-        let (mut steepest, mut longest, mut latest) = (zero, zero, zero);
+        let (mut steepest, mut longest, mut latest) = ([zero; 2], zero, zero);
         // The bounds of s_u and s_v.
         let (mut least_s, mut most_s) =
             ([S::F64x8::splat(f64::INFINITY); 2], [S::F64x8::splat(f64::NEG_INFINITY); 2]);
@@ -271,16 +270,16 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             let along = dw.mul(sides);
             let per_w = S::F64x8::splat(1.0).div(along);
             let (gu, gv) = (du.mul(per_w), dv.mul(per_w));
-            let steep = gu.abs().max(gv.abs());
+            let steep = [gu.abs(), gv.abs()];
             // In this form NaN, infinity and a wrong sign do not pass.
             let passes = S::F64x8::splat(1.0 / LENGTHS).le(along)
                 & along.le(S::F64x8::splat(LENGTHS))
-                & gu.abs().le(S::F64x8::splat(STEEPEST))
-                & gv.abs().le(S::F64x8::splat(STEEPEST));
+                & steep[0].le(S::F64x8::splat(STEEPEST))
+                & steep[1].le(S::F64x8::splat(STEEPEST));
             if passes != 0xff {
                 return None;
             }
-            steepest = steepest.max(steep);
+            steepest = [steepest[0].max(steep[0]), steepest[1].max(steep[1])];
             longest = longest.max(along);
             let [all_u, all_v] = &mut packet.rays.g;
             gu.to_f32().store(chunk_mut(all_u, 8 * group));
@@ -293,11 +292,9 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
                 latest = latest.max(start);
                 let su = ou.sub(S::F64x8::splat(origin[axes[0]])).sub(gu.mul(start));
                 let sv = ov.sub(S::F64x8::splat(origin[axes[1]])).sub(gv.mul(start));
-                let two = S::F64x8::splat(2.0);
-                let [m_u, m_v, m_w] = &mut packet.rays.moment;
-                sv.mul(S::F64x8::splat(-2.0)).to_f32().store(chunk_mut(m_u, 8 * group));
-                su.mul(two).to_f32().store(chunk_mut(m_v, 8 * group));
-                gu.mul(sv).sub(gv.mul(su)).mul(two).to_f32().store(chunk_mut(m_w, 8 * group));
+                let [all_u, all_v] = &mut packet.rays.offset;
+                su.to_f32().store(chunk_mut(all_u, 8 * group));
+                sv.to_f32().store(chunk_mut(all_v, 8 * group));
                 least_s = [least_s[0].min(su), least_s[1].min(sv)];
                 most_s = [most_s[0].max(su), most_s[1].max(sv)];
             }
@@ -317,23 +314,26 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
             packet.rays.z_low[directions.len()..].fill(-1.0);
             packet.rays.z_high[directions.len()..].fill(-1.0);
         }
-        packet.reach = (1.0 + 2.0 * most(steepest)) as f32 * (1.0 + 2.0 * U);
+        let steepest = [most(steepest[0]), most(steepest[1])];
+        packet.steep = steepest.map(|steep| steep as f32 * (1.0 + 2.0 * U));
+        packet.reach = (1.0 + steepest[0] + steepest[1]) as f32 * (1.0 + 2.0 * U);
         let latest = most(latest);
         packet.near = bounds(t_min * most(longest) + latest).1;
         let mut grown = [[0.0_f32; 2]; 3];
         if MULTI_ORIGIN {
             let least_s = [least(least_s[0]), least(least_s[1])];
             let most_s = [most(most_s[0]), most(most_s[1])];
-            let offset = least_s.into_iter().chain(most_s).fold(0.0, |a: f64, b| a.max(b.abs()));
+            let offset = [0, 1].map(|axis| least_s[axis].abs().max(most_s[axis].abs()));
             // In this form NaN does not pass.
-            let is_near = offset.max(latest) <= f64::from(bvh.largest) * SPREAD;
+            let farthest = f64::from(bvh.largest) * SPREAD;
+            let is_near = offset[0] <= farthest && offset[1] <= farthest && latest <= farthest;
             if !is_near {
                 return None;
             }
-            packet.offset = offset as f32 * (1.0 + 2.0 * U) + TINY;
-            // Rounding s and adding it cost 2u of it.
-            let margin = packet.offset * (4.0 * U);
+            packet.offset = offset.map(|offset| offset as f32 * (1.0 + 2.0 * U) + TINY);
             for axis in 0..2 {
+                // Rounding s and adding it cost 2u of it.
+                let margin = packet.offset[axis] * (4.0 * U);
                 grown[axis] = [most_s[axis] as f32 + margin, least_s[axis] as f32 - margin];
             }
         }
@@ -473,7 +473,7 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
         let (true, Origins::Each(all)) = (MULTI_ORIGIN, self.origins) else { return zero };
         let mut buffer = [DVec3::ZERO; 8];
         let from = S::F64x8::load_xyz(group_of(all, group, &mut buffer))[self.axes[2]];
-        let start = from.sub(S::F64x8::splat(self.start));
+        let start = from.sub(S::F64x8::splat(self.start[self.axes[2]]));
         if self.reversed { zero.sub(start) } else { start }
     }
 
@@ -490,7 +490,7 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
         let w = self.axes[2];
         let start = match (MULTI_ORIGIN, self.origins) {
             (true, Origins::Each(origins)) => {
-                let from = origins[ray][w] - self.start;
+                let from = origins[ray][w] - self.start[w];
                 if self.reversed { -from } else { from }
             }
             _ => 0.0,
@@ -499,11 +499,27 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
     }
 }
 
-fn first_origin(origins: Origins) -> DVec3 {
-    match origins {
-        Origins::Common(origin) => origin,
-        Origins::Each(origins) => origins[0],
+/// The point o of a packet: the origin that rays share, or a point near their origins such that none lies before it along w, and s is
+/// small on both sides.
+#[inline(always)]
+fn common_point<S: F32x8>(origins: Origins, w: usize, side: f64) -> DVec3 {
+    let all = match origins {
+        Origins::Common(origin) => return origin,
+        Origins::Each(all) => all,
+    };
+    let mut towards = [0.0; 3];
+    towards[w] = side;
+    let [tx, ty, tz] =
+        [S::F64x8::splat(towards[0]), S::F64x8::splat(towards[1]), S::F64x8::splat(towards[2])];
+    let mut first = S::F64x8::splat(f64::INFINITY);
+    let mut buffer = [DVec3::ZERO; 8];
+    for group in 0..all.len().div_ceil(8) {
+        let [x, y, z] = S::F64x8::load_xyz(group_of(all, group, &mut buffer));
+        first = first.min(x.mul(tx).add(y.mul(ty)).add(z.mul(tz)));
     }
+    let mut origin = 0.5 * (all[0] + all[all.len() - 1]);
+    origin[w] = side * least(first);
+    origin
 }
 
 /// The f32 bounds of an f64 depth. Rounding the depth to f32 costs u of it, the margin and its sum another u, and the f64

@@ -16,8 +16,14 @@ use super::exact::Real;
 #[cfg(test)]
 pub(super) use portable::PortableF32x8;
 pub(super) use portable::run_portably;
+#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+pub(super) use x86::prefer_huge_pages;
 #[cfg(target_arch = "x86_64")]
 pub(super) use x86::{has_avx2, has_avx512, run_with_avx2, run_with_avx512};
+
+/// Asks for huge pages where that can be asked.
+#[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
+pub(super) fn prefer_huge_pages<T>(_: &mut Vec<T>) {}
 
 /// Eight f32.
 pub(super) trait F32x8: Copy {
@@ -366,12 +372,10 @@ impl<S: F32x8> Vec3x8<S> {
         u.mul_add(self.0, v.mul_add(self.1, self.2))
     }
 
-    /// volume − s·self, for the s with `moment` = 2·(g × s), that is (s_u, s_v) = (m_v, −m_u)/2.
+    /// volume − s·self, for s = (su, sv, 0).
     #[inline(always)]
-    pub fn less_offset(self, moment: Self, volume: S) -> S {
-        let (half_u, half_v) = (self.0.mul(S::splat(0.5)), self.1.mul(S::splat(-0.5)));
-        let shift = moment.1.mul_add(half_u, moment.0.mul(half_v));
-        volume.sub(shift)
+    pub fn less_offset(self, su: S, sv: S, volume: S) -> S {
+        volume.sub(su.mul_add(self.0, sv.mul(self.1)))
     }
 
     /// Negates the lanes where `signs` has the sign bit.

@@ -1,6 +1,6 @@
 //! The implementations for x86-64: one for AVX2 with FMA, and one for AVX-512.
 //!
-//! This is the only module with `unsafe`. Each block calls intrinsics that need the features of its implementation and nothing
+//! This is the only module with `unsafe`. Beside [`pages`], each block calls intrinsics that need the features of its implementation and nothing
 //! else: loads and stores take references to whole arrays, unaligned, and gathers check their indices. A vector may be made only
 //! on a processor that has these features. [`run_with_avx2`] and [`run_with_avx512`] are the only ways into code that makes one, and
 //! they check [`has_avx2`] and [`has_avx512`].
@@ -8,10 +8,14 @@
 
 mod avx2;
 mod avx512;
+#[cfg(target_os = "linux")]
+mod pages;
 mod shared;
 
 pub(in crate::trace) use avx2::Avx2F32x8;
 pub(in crate::trace) use avx512::Avx512F32x8;
+#[cfg(target_os = "linux")]
+pub(in crate::trace) use pages::prefer_huge_pages;
 
 use super::SimdTask;
 
