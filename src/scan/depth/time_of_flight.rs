@@ -34,8 +34,8 @@ use crate::trace::{Cast, Hit};
 
 /// The rows and columns of the parts in which an image is measured, and the bits of a direction by which the rays of indirect light of a
 /// part are sorted. The more rays there are, the more alike are those that the tracer takes together: in a warehouse, parts of 8 × 64
-/// pixels take a third longer.
-const PART: (usize, usize) = (64, 128);
+/// pixels take a third longer. Parts that are larger than this only take more memory.
+const PART: (usize, usize) = (64, 64);
 const DIRECTION_BITS: u32 = 5;
 
 /// The most taps of a pixel.
