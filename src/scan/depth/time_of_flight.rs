@@ -500,34 +500,37 @@ impl<C: Cast> Camera<'_, C> {
     ) -> Measured {
         let at_frequency = |(k, light): (usize, &ModulatedLight)| {
             let mut stream = self.streams.stream(number as u32, k as u32, Effect::Electrons as u32);
-            let count = self.sensing.taps as usize;
-            let (mut taps, mut means) = ([0.0; MOST_TAPS], [0.0; MOST_TAPS]);
-            for tap in 0..count {
-                taps[tap] = self.pixel.tap(tap, count, light, || stream.normal());
-                means[tap] = self.pixel.mean_tap(tap, count, light);
-            }
-            (self.pixel.demodulate(&taps[..count]), self.pixel.demodulate(&means[..count]))
+            self.demodulate(|tap, taps| self.pixel.tap(tap, taps, light, || stream.normal()))
         };
-        let (noisy, quiet): (Vec<Demodulated>, Vec<Demodulated>) =
-            lights.iter().enumerate().map(at_frequency).unzip();
+        let measured: Vec<Demodulated> = lights.iter().enumerate().map(at_frequency).collect();
         let count = lights.len() as f64;
-        let phase = |k: usize| noisy.get(k).map_or(0.0, |measured| measured.phasor.phase() as f32);
+        let phase = |k: usize| measured.get(k).map_or(0.0, |measured| measured.phasor.phase() as f32);
         Measured {
             number,
-            pixel: self.judge(number, &noisy, &quiet, direct, brightest),
-            amplitude: (noisy.iter().map(|measured| measured.phasor.amplitude()).sum::<f64>() / count) as f32,
-            ambient: (noisy.iter().map(|measured| measured.ambient(self.sensing.contrast)).sum::<f64>()
+            pixel: self.judge(number, &measured, lights, direct, brightest),
+            amplitude: (measured.iter().map(|measured| measured.phasor.amplitude()).sum::<f64>() / count)
+                as f32,
+            ambient: (measured.iter().map(|measured| measured.ambient(self.sensing.contrast)).sum::<f64>()
                 / count) as f32,
             phases: std::array::from_fn(phase),
         }
     }
 
-    /// What the camera reports of a pixel with these phases.
+    /// What the taps of one frequency tell, given what each of so many reads.
+    fn demodulate(&self, mut read: impl FnMut(usize, usize) -> f64) -> Demodulated {
+        let (count, mut taps) = (self.sensing.taps as usize, [0.0; MOST_TAPS]);
+        for (tap, electrons) in taps[..count].iter_mut().enumerate() {
+            *electrons = read(tap, count);
+        }
+        self.pixel.demodulate(&taps[..count])
+    }
+
+    /// What the camera reports of a pixel with this light, of which it has measured this.
     fn judge(
         &self,
         number: usize,
-        noisy: &[Demodulated],
-        quiet: &[Demodulated],
+        measured: &[Demodulated],
+        lights: &[ModulatedLight],
         direct: &Direct,
         mut brightest: impl FnMut(usize) -> Option<Return>,
     ) -> Pixel {
@@ -536,14 +539,14 @@ impl<C: Cast> Camera<'_, C> {
             most_spread_m: self.sensing.disagreement_m,
             least_margin: 0.0,
         };
-        let unwrapped = self.unwrap(noisy);
         let ideal = self.ideal.causes()[number];
         let Some(brightest) = direct.brightest.and_then(&mut brightest) else {
             // Without any light the pixel says what the ideal camera says; a surface that scatters none is below the threshold.
             let is_seen = ideal == Cause::Surface;
             return Pixel::without(if is_seen { Cause::BelowThreshold } else { ideal });
         };
-        let reason = reliable.judge(noisy, unwrapped.as_ref()).map(|reason| match reason {
+        let unwrapped = self.unwrap(measured);
+        let reason = reliable.judge(measured, unwrapped.as_ref()).map(|reason| match reason {
             Unreliable::Saturated => Cause::Saturated,
             Unreliable::LowSignal => Cause::BelowThreshold,
             Unreliable::Disagreement | Unreliable::Ambiguous => Cause::Ambiguous,
@@ -553,7 +556,10 @@ impl<C: Cast> Camera<'_, C> {
         };
         let is_ideal = ideal == Cause::Surface;
         let surface = if is_ideal { self.ideal.returns().get(number) } else { brightest };
-        let quiet_m = self.unwrap(quiet).map_or(surface.range_m, |quiet| quiet.range_m);
+        let mean =
+            |light: &ModulatedLight| self.demodulate(|tap, taps| self.pixel.mean_tap(tap, taps, light));
+        let quiet: Vec<Demodulated> = lights.iter().map(mean).collect();
+        let quiet_m = self.unwrap(&quiet).map_or(surface.range_m, |quiet| quiet.range_m);
         let range_m = unwrapped.range_m;
         let footprint_m = quiet_m - surface.range_m;
         let terms = Terms {
