@@ -445,12 +445,15 @@ pub(super) fn peak(mut command: Command) -> f64 {
     peak
 }
 
-/// Checks that a measured peak is that of the estimate, but for what every process has. The estimate may be too large by a
-/// third, and too small by a quarter: what the system has given to a process isn't all in use.
+/// Checks that a measured peak is that of the estimate, or between two estimates, but for what every process has. An estimate may be
+/// too large by a third, and too small by a quarter: what the system has given to a process isn't all in use.
 #[cfg(target_os = "linux")]
-fn assert_fits(what: &str, estimate: u64, peak: f64, idle: f64) {
-    let ratio = estimate as f64 / (peak - idle);
-    assert!((0.76..1.32).contains(&ratio), "{what}: estimated {estimate}, peak {peak}, idle {idle}: {ratio}");
+fn assert_fits(what: &str, [least, most]: [u64; 2], peak: f64, idle: f64) {
+    let [least_ratio, most_ratio] = [least, most].map(|estimate| estimate as f64 / (peak - idle));
+    assert!(
+        least_ratio < 1.32 && most_ratio > 0.76,
+        "{what}: estimated {least} to {most}, peak {peak}, idle {idle}: {least_ratio} to {most_ratio}"
+    );
 }
 
 /// The case memory-estimates: what `check`, `view` and `diff` hold is counted for all frames of a rig, and tables are.
@@ -477,23 +480,24 @@ fn case_memory_estimates() {
     }
     let job = beamcast::load_job(&rig.path("job.toml"), &[]).unwrap();
     let estimate = |holding| memory::of_frames(&job.sensors, &[1; 8], &job.output.formats, holding);
-    // No files wait for a disk that is fast.
+    // How many files wait depends on the disk.
     let waiting = memory::frames_waiting(&job.sensors, &job.output.formats) as u64;
     let a_frame =
         job.sensors[0].sensor.pattern.rays() as u64 * Format::EXR.file_bytes_a_ray(&job.sensors[0].sensor);
     let check = |compared, page| Holding::Check { compared, page, detection: false };
     let page = rig.path("page.html");
     let page = page.to_str().unwrap();
-    for (args, estimate) in [
-        (&["scan"][..], estimate(Holding::Files) - waiting * a_frame),
-        (&["check"], estimate(check(false, false))),
-        (&["check", "--html", page], estimate(check(false, true))),
-        (&["view", "--overwrite", "-o", page], estimate(Holding::Views)),
-        (&["check", "--accept"], estimate(check(true, false))),
-        (&["check"], estimate(check(true, false))),
+    let files = estimate(Holding::Files);
+    for (args, estimates) in [
+        (&["scan"][..], [files - waiting * a_frame, files]),
+        (&["check"], [estimate(check(false, false)); 2]),
+        (&["check", "--html", page], [estimate(check(false, true)); 2]),
+        (&["view", "--overwrite", "-o", page], [estimate(Holding::Views); 2]),
+        (&["check", "--accept"], [estimate(check(true, false)); 2]),
+        (&["check"], [estimate(check(true, false)); 2]),
     ] {
         let [idle, peak] = [&small, &rig].map(|work| peak(work.command(args[0], &args[1..])));
-        assert_fits(&args.join(" "), estimate, peak, idle);
+        assert_fits(&args.join(" "), estimates, peak, idle);
     }
 }
 
@@ -511,7 +515,7 @@ fn a_scene_takes_what_is_estimated() {
         let output = work.scan(&["--dry-run", "--json"]);
         let estimate = json(&output.stdout)["scene_memory_bytes"].as_u64().unwrap();
         let peak = peak(work.command("scan", &["-q"]));
-        assert_fits(&format!("{placements} times {triangles}, {texture}"), estimate, peak, idle);
+        assert_fits(&format!("{placements} times {triangles}, {texture}"), [estimate; 2], peak, idle);
     }
 }
 
