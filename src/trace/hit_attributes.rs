@@ -127,20 +127,8 @@ impl<'a> Surfaces<'a> {
                 })
             }
         };
-        let (normal, triangle) = (*normal, *id);
-        let facet = Facet::<S::F64x8>::splat(facet);
-        let [x, y, z] = S::F64x8::load_xyz(directions);
-        let d = Xyz(x, y, z);
-        let (t, within) = facet.plane_depth(d);
-        if within != 0xff {
-            return false;
-        }
-        let (u, v) = facet.weights(d);
-        let (t, u, v) = (store(t), store(u), store(v));
-        for (k, hit) in hits.iter_mut().enumerate() {
-            *hit = Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement: 0, triangle });
-        }
-        true
+        let (normal, id) = (*normal, *id);
+        write_hits_on::<S>(&Facet::splat(facet), directions, |_| (normal, id), hits)
     }
 
     /// Writes the hits of a group of eight rays if all of them hit placement 0; otherwise returns false. `last` are the triangles that
@@ -181,19 +169,8 @@ impl<'a> Surfaces<'a> {
                 last.insert(EightFacets { triangles: *triangles, origins, facet, normal, ids })
             }
         };
-        let [x, y, z] = S::F64x8::load_xyz(directions);
-        let d = Xyz(x, y, z);
-        let (t, within) = facet.plane_depth(d);
-        if within != 0xff {
-            return false;
-        }
-        let (u, v) = facet.weights(d);
-        let (t, u, v) = (store(t), store(u), store(v));
-        for (k, hit) in hits.iter_mut().enumerate() {
-            let normal = DVec3::new(normal[0][k], normal[1][k], normal[2][k]);
-            *hit = Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement: 0, triangle: ids[k] });
-        }
-        true
+        let of = |k: usize| (DVec3::new(normal[0][k], normal[1][k], normal[2][k]), ids[k]);
+        write_hits_on::<S>(facet, directions, of, hits)
     }
 
     /// Writes the hits of the rays of a group that have one (a bit each in `found`), placement by placement.
@@ -344,6 +321,30 @@ struct EightFacets<R> {
     facet: Facet<R>,
     normal: [[f64; 8]; 3],
     ids: [u32; 8],
+}
+
+/// Writes the hits of eight rays on facets of placement 0, of which `of` gives the normal and the triangle, if all of their points are
+/// within the bounds of these; otherwise returns false.
+#[inline(always)]
+fn write_hits_on<S: F32x8>(
+    facet: &Facet<S::F64x8>,
+    directions: &[DVec3; 8],
+    of: impl Fn(usize) -> (DVec3, u32),
+    hits: &mut [Option<Hit>],
+) -> bool {
+    let [x, y, z] = S::F64x8::load_xyz(directions);
+    let d = Xyz(x, y, z);
+    let (t, within) = facet.plane_depth(d);
+    if within != 0xff {
+        return false;
+    }
+    let (u, v) = facet.weights(d);
+    let (t, u, v) = (store(t), store(u), store(v));
+    for (k, hit) in hits.iter_mut().enumerate() {
+        let (normal, triangle) = of(k);
+        *hit = Some(Hit { t: t[k], u: u[k], v: v[k], normal, placement: 0, triangle });
+    }
+    true
 }
 
 /// The bits of points, by which 0 is not −0.
