@@ -45,7 +45,7 @@ _EVERY_S = 1.0
 _PATIENCE_S = 120.0
 # How often an actor may die on a node that lives, before it has done anything.
 _MOST_DEATHS = 3
-# What the library says of a file that another process holds.
+# The library's words about a file that another process holds.
 _HELD = "another run is writing to this"
 
 
@@ -81,7 +81,7 @@ class Summary:
     Attributes:
         out: The folder.
         frames: The frames of the run, of all sensors.
-        earlier: Those of them that an earlier run had finished.
+        earlier: The frames of these that an earlier run had finished.
         files: The files of frames that this run has written.
         bytes: The bytes of these files.
         seconds: The time that the run took.
@@ -289,7 +289,7 @@ class _Parts:
         frames, earlier, files, size = result
         self.left -= 1
         self.done += frames
-        # Those that were there when a node went on with the part are an earlier run's, or a lost node's of this run.
+        # Frames that were there when a node went on with the part are an earlier run's, or a lost node's of this run.
         self.earlier += min(earlier, self._lines.pop(part).before)
         self.files += files
         self.bytes += size
@@ -427,7 +427,7 @@ class _Crew:
 
     def __exit__(self, *_: object) -> None:
         for member in self._members.values():
-            # What it was at is in the journal. Files that it has not finished have no name yet.
+            # The journal has its finished frames. Files that it has not finished have no name yet.
             ray.kill(member.actor, no_restart=True)
 
     @property

@@ -10,7 +10,7 @@ import pytest
 from conftest import ROOT
 
 PAGES = [ROOT / "docs" / "python.md", ROOT / "docs" / "scale.md", ROOT / "python" / "README.md"]
-# What a block may need and not find. Where BEAMCAST_RAY is set, Ray is there.
+# The modules that a block may need and not find. Where BEAMCAST_RAY is set, Ray is there.
 MAY_LACK = {"torch"} if "BEAMCAST_RAY" in os.environ else {"torch", "ray"}
 
 

@@ -107,7 +107,7 @@ def test_scenes_of_any_arrays(vertices, triangles):
     scene = tried(beamcast.Scene, vertices, triangles)
     if scene is None:
         return
-    # What was taken is a mesh: whatever its numbers are, rays can be cast at it.
+    # An accepted mesh is one: whatever its numbers are, rays can be cast at it.
     rng = np.random.default_rng(1)
     rays = np.concatenate([rng.uniform(-4, 4, (64, 3)), rng.standard_normal((64, 3))], -1)
     hits = scene.cast_rays(rays)

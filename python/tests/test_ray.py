@@ -63,7 +63,7 @@ def test_two_nodes_write_what_one_process_writes(cluster, job_file, whole, tmp_p
     of_frames = {name: content for name, content in whole.items() if name.endswith((".npz", ".npy"))}
     assert (summary.files, summary.bytes) == (len(of_frames), sum(map(len, of_frames.values())))
     assert (told[-1].frames, told[-1].of, told[-1].nodes) == (8, 8, 2) and "8 of 8 frames, 2 nodes" in str(told[-1])
-    # What is finished is left as it is, and no other run goes there.
+    # A finished run is left as it is, and no other run goes there.
     again = beamcast.ray.run(job_file, out=tmp_path / "out")
     assert (again.frames, again.earlier, again.files) == (8, 8, 0)
     with pytest.raises(beamcast.OutputError, match="seed"):
@@ -159,7 +159,7 @@ def test_frames_come_back_in_order_and_not_too_many(cluster, job_file, tmp_path)
         assert np.array_equal(seen.value[0], frame["range_m"]) and np.array_equal(seen.value[1], frame.causes)
         if index in (0, 9):
             time.sleep(1.0)
-        # Those that the program has, and at most five more.
+        # The frames that the program has, and at most five more.
         assert len(list(tmp_path.iterdir())) <= index + 1 + 5
     with pytest.raises(StopIteration):
         next(came)

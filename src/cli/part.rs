@@ -23,12 +23,12 @@ pub struct Part<'s> {
     scene_folders: &'s [PathBuf],
 }
 
-/// What became of a part.
+/// The outcome of writing a part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Written {
     /// The frames of the part, of all sensors.
     pub frames: u64,
-    /// Those of them that an earlier run had finished.
+    /// The frames of these that an earlier run had finished.
     pub earlier: u64,
     /// The files of the other frames.
     pub files: u64,
