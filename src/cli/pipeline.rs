@@ -23,7 +23,7 @@ use super::interrupt::Interrupt;
 use super::terminal::Writing;
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::{StagedFile, WrittenFile};
+use crate::output::{FileMemory, SensorFrame, StagedFile, WrittenFile};
 use crate::run::journal::Streams;
 use crate::run::memory::{FRAMES_IN_FLIGHT, frames_waiting};
 use crate::run::record::{Line, Loss};
@@ -38,6 +38,8 @@ pub struct Pipeline<'r> {
     pub scene_folders: &'r [PathBuf],
     pub interrupt: &'r Interrupt,
     pub writing: &'r Writing,
+    /// The memory of files that are written, into which those to come are encoded.
+    pub file_memory: FileMemory,
 }
 
 /// The times that the stages of a run took. They overlap.
@@ -156,7 +158,8 @@ impl Pipeline<'_> {
         let Some(truth) = session.truth(&item, frame, interrupt.progress()) else {
             return Err(interrupt.check().err().unwrap_or(Error::Interrupted { signal: 0 }));
         };
-        let seen = session.frame_with_truth(&item, frame, &truth);
+        let file_memory = Some(&self.file_memory);
+        let seen = SensorFrame { file_memory, ..session.frame_with_truth(&item, frame, &truth) };
         let encode = |output: &Output| -> Result<(WrittenFile, Vec<u8>, u64), Error> {
             interrupt.check()?;
             writing.begin();
@@ -218,7 +221,7 @@ impl Pipeline<'_> {
         let recorded = self.interrupt.uncut(|| {
             let mut frames = Vec::new();
             for encoded in batch {
-                let staged = encoded.and_then(|encoded| Staged::of(encoded, journal));
+                let staged = encoded.and_then(|encoded| Staged::of(encoded, journal, &self.file_memory));
                 match staged {
                     Ok(staged) => frames.push(staged),
                     Err(e) => {
@@ -255,11 +258,15 @@ struct Staged {
 }
 
 impl Staged {
-    fn of(encoded: Encoded, journal: &Journal) -> Result<Self, Error> {
+    /// Writes the files of a frame, and gives their memory back.
+    fn of(encoded: Encoded, journal: &Journal, memory: &FileMemory) -> Result<Self, Error> {
         let Encoded { item, contents, line } = encoded;
-        let files = line.outputs.iter().zip(contents);
-        let files = files.map(|(file, content)| journal.destination().stage(&file.path, &content));
-        let files = files.collect::<Result<_, _>>()?;
+        let write = |(output, content): (&Output, Vec<u8>)| {
+            let file = journal.destination().stage(&output.name, &content);
+            memory.give_back(output.format.name(), content);
+            file
+        };
+        let files = item.outputs.iter().zip(contents).map(write).collect::<Result<_, _>>()?;
         Ok(Self { item, files, line })
     }
 }
@@ -325,8 +332,14 @@ mod tests {
         journal.begin(&session, &plan, &mut |_, _| unreachable!()).unwrap();
         let (interrupt, writing) = (Interrupt::default(), Writing::of(40, 40));
         let (session, plan) = (&session, &plan);
-        let pipeline =
-            Pipeline { session, plan, scene_folders: &[], interrupt: &interrupt, writing: &writing };
+        let pipeline = Pipeline {
+            session,
+            plan,
+            scene_folders: &[],
+            interrupt: &interrupt,
+            writing: &writing,
+            file_memory: FileMemory::default(),
+        };
         let mut told = Vec::new();
         let mut tell = |item: &Item, line: Line| {
             assert!(

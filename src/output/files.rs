@@ -5,6 +5,7 @@ use std::fmt;
 use std::fs;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +26,20 @@ pub struct Destination {
     overwrite: bool,
     /// The claims on the folders, from [`Destination::prepare`] on.
     claims: Vec<Claim>,
+    /// The bytes of the files that were staged.
+    staged_bytes: AtomicU64,
+}
+
+/// The bytes of a run's first files, which stay in the system's cache: more than a few frames have, and little beside any
+/// machine's memory.
+const CACHED_BYTES: u64 = 128 << 20;
+
+/// Tells the system that nobody is going to read a file that is on the disk. It is free to ignore that, so an error means nothing.
+fn leave_cache(file: &fs::File) {
+    #[cfg(target_os = "linux")]
+    let _ = rustix::fs::fadvise(file, 0, None, rustix::fs::Advice::DontNeed);
+    #[cfg(not(target_os = "linux"))]
+    let _ = file;
 }
 
 /// The names of the files that a run writes: paths relative to its folder, with forward slashes. A run of a million frames has
@@ -71,6 +86,8 @@ impl WrittenFile {
 pub struct StagedFile {
     path: PathBuf,
     temporary: tempfile::NamedTempFile,
+    /// Whether the system shall keep the content in memory once it is on the disk.
+    stays_cached: bool,
 }
 
 impl StagedFile {
@@ -79,7 +96,11 @@ impl StagedFile {
     /// # Errors
     /// [`Error::Output`] about the file.
     pub fn sync(&self) -> Result<(), Error> {
-        self.temporary.as_file().sync_all().map_err(|e| unwritable(&self.path, e))
+        self.temporary.as_file().sync_all().map_err(|e| unwritable(&self.path, e))?;
+        if !self.stays_cached {
+            leave_cache(self.temporary.as_file());
+        }
+        Ok(())
     }
 
     /// Gives the file its final name, in place of an older file of that name.
@@ -160,7 +181,8 @@ impl Destination {
     /// [`Error::Output`] about the first folder or file that is in the way.
     pub fn check(folder: &Path, names: impl FileNames + 'static, overwrite: bool) -> Result<Self, Error> {
         let (folder, names) = (folder.to_path_buf(), Box::new(names));
-        let destination = Self { folder, names, overwrite, claims: Vec::new() };
+        let destination =
+            Self { folder, names, overwrite, claims: Vec::new(), staged_bytes: AtomicU64::new(0) };
         for folder in destination.folders() {
             destination.check_inside(&folder)?;
             check_folder(&folder)?;
@@ -332,12 +354,17 @@ impl Destination {
     /// Writes the file `name` under a temporary name. Several files are staged, then all are synced, then all are committed: the
     /// disk is much faster at flushing them together than at flushing one after the other.
     ///
+    /// The system keeps the first [`CACHED_BYTES`] of a run in memory for programs that read them next. The files after
+    /// them leave its cache when they are on the disk: a long run would displace what other programs have there, and pay for fresh
+    /// memory with each file, which costs more than the copy where a virtual machine gets its memory page by page.
+    ///
     /// # Errors
     /// As [`Destination::write`].
     pub fn stage(&self, name: &str, content: &[u8]) -> Result<StagedFile, Error> {
         let path = self.folder.join(name);
+        let before = self.staged_bytes.fetch_add(content.len() as u64, Relaxed);
         match staged(&path, content) {
-            Ok(temporary) => Ok(StagedFile { path, temporary }),
+            Ok(temporary) => Ok(StagedFile { path, temporary, stays_cached: before < CACHED_BYTES }),
             Err(e) => Err(unwritable(&path, e)),
         }
     }
@@ -408,6 +435,23 @@ mod tests {
         assert_eq!((written.path.as_str(), written.bytes), ("top/000000.exr", 6));
         assert_eq!(written.blake3, blake3::hash(b"pixels").to_hex().as_str());
         assert_eq!(files_under(tmp.path()), ["out/top/000000.exr"]);
+    }
+
+    #[test]
+    fn only_the_first_files_of_a_run_stay_cached_and_all_are_whole() {
+        let tmp = tempfile::tempdir().unwrap();
+        let names = ["a", "b", "c"].map(str::to_owned).to_vec();
+        let mut destination = Destination::check(tmp.path(), names, false).unwrap();
+        destination.prepare(MANIFEST).unwrap();
+        let content = vec![7; 10_000];
+        destination.staged_bytes = AtomicU64::new(CACHED_BYTES - 10_000);
+        let staged = ["a", "b", "c"].map(|name| destination.stage(name, &content).unwrap());
+        assert_eq!(staged.each_ref().map(|file| file.stays_cached), [true, false, false]);
+        for (file, name) in staged.into_iter().zip(["a", "b", "c"]) {
+            file.sync().unwrap();
+            file.commit().unwrap();
+            assert_eq!(fs::read(tmp.path().join(name)).unwrap(), content);
+        }
     }
 
     #[test]

@@ -23,6 +23,7 @@
 //! plot           directions as dots, for previews of patterns that are no picture
 //! picture        pictures: drawing, text, PNG files; legend: what their colours mean
 //! film           pictures of many frames: animated PNGs, and contact sheets
+//! file_memory    the memory of files that are written, for files to come
 //! files          the output folder of a run, whose files are complete or absent
 //! whole          single files that are complete or absent, and claims on folders
 //! manifest       the record of a run
@@ -39,6 +40,7 @@ mod deflate;
 mod depth16;
 mod e57;
 mod exr;
+mod file_memory;
 mod files;
 mod film;
 mod format;
@@ -80,6 +82,7 @@ pub use channel::{
     Sensors, Shown, TERM_NAMES, UNASKED_CHANNEL_NAMES, Values, channel, is_of_all_pixels, no_return,
 };
 pub use cloud_file::CloudFormat;
+pub use file_memory::FileMemory;
 pub use files::{Destination, FileNames, GrowingFile, StagedFile, WrittenFile};
 pub use film::{Palette, film};
 pub use format::{

@@ -66,7 +66,8 @@ fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
     let (width, height) =
         if is_organised { (frame.columns(), frame.rows()) } else { (frame.return_count(), 1) };
     let more = more_bytes(cloud.capture.sensor, options) as usize;
-    let mut file = header(cloud, width, height, options).into_bytes();
+    let mut file = cloud.memory_of_file(FORMAT.name);
+    file.extend_from_slice(header(cloud, width, height, options).as_bytes());
     file.reserve_exact(width * height * (BYTES_PER_POINT + more));
     let add_point = |file: &mut Vec<u8>, point: &Point| -> Result<(), EncodeError> {
         add_point(file, point)?;

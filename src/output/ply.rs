@@ -82,7 +82,8 @@ fn check(sensor: &Sensor, _: &Options) -> Result<(), EncodeError> {
 
 fn encode(cloud: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
     let properties = properties(cloud.capture.sensor, options);
-    let mut file = header(cloud, &properties, options).into_bytes();
+    let mut file = cloud.memory_of_file(FORMAT.name);
+    file.extend_from_slice(header(cloud, &properties, options).as_bytes());
     if options.is_set(&ASCII) {
         let mut points = Vec::new();
         add_points(cloud, options, &mut points)?;

@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
+use super::file_memory::FileMemory;
 use super::names::Names;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::scan::Frame;
@@ -84,6 +85,8 @@ pub struct SensorFrame<'a> {
     pub boxes: Option<&'a [BoxTruth<'a>]>,
     /// The objects that have tracks.
     pub targets: Option<&'a Targets>,
+    /// The memory of files that are written. `None` if each file is to have its own.
+    pub file_memory: Option<&'a FileMemory>,
 }
 
 impl<'a> SensorFrame<'a> {
@@ -101,7 +104,13 @@ impl<'a> SensorFrame<'a> {
             colors: &[],
             boxes: None,
             targets: None,
+            file_memory: None,
         }
+    }
+
+    /// Empty memory for a file of a format.
+    pub(super) fn memory_of_file(&self, format: &'static str) -> Vec<u8> {
+        self.file_memory.map_or_else(Vec::new, |memory| memory.take(format))
     }
 
     /// How the surface of the return in a slot moves, along the world's axes.

@@ -61,10 +61,14 @@ struct Memory {
 }
 
 /// The file of parts. The blocks are compressed in rayon's current thread pool, and not in a pool of the library, so that `--threads`
-/// holds. Deflate has a level; the library has other compressions.
-pub(super) fn compress(parts: &[Part], compression: Compression, level: u8) -> Result<Vec<u8>> {
+/// holds. Deflate has a level; the library has other compressions. The file comes in memory that is empty.
+pub(super) fn compress(
+    parts: &[Part],
+    compression: Compression,
+    level: u8,
+    mut file: Vec<u8>,
+) -> Result<Vec<u8>> {
     let headers = parts.iter().map(|part| part.header(compression)).collect();
-    let mut file = Vec::new();
     exr::block::write(Cursor::new(&mut file), headers, true, |meta, writer| {
         let blocks: Vec<_> = enumerate_ordered_header_block_indices(&meta.headers).collect();
         let chunk = |memory: &mut Memory, (_, index): &(usize, BlockIndex)| {

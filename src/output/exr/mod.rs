@@ -127,7 +127,7 @@ fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError
     let count = frame.frame.most_returns().max(1);
     let name = |number| (count > 1).then(|| Text::from(format!("return{number}").as_str()));
     let parts: Vec<Part> = (0..count).map(|number| part(frame, number, name(number), options)).collect();
-    file(&parts, compression, level(options))
+    file(&parts, compression, level(options), frame.memory_of_file(FORMAT.name))
 }
 
 /// The image of the returns with a number, from 0.
@@ -167,7 +167,7 @@ pub(super) fn of_parts(recorded: Vec<recorded::Part>) -> Result<Vec<u8>, EncodeE
     let count = recorded.len();
     let parts: Vec<Part> =
         recorded.iter().enumerate().map(|(number, part)| recorded_part(part, number, count)).collect();
-    file(&parts, Compression::ZIP16, FASTEST)
+    file(&parts, Compression::ZIP16, FASTEST, Vec::new())
 }
 
 fn recorded_part<'r>(recorded: &'r recorded::Part, number: usize, count: usize) -> Part<'r> {
@@ -222,9 +222,14 @@ fn with_depth_for_opencv(mut channels: Vec<PartChannel>, depths: &[&str]) -> Vec
     channels
 }
 
-/// The file of parts, with attributes in the order of their names.
-fn file(parts: &[Part], compression: Compression, level: u8) -> Result<Vec<u8>, EncodeError> {
-    let file = compress(parts, compression, level);
+/// The file of parts, with attributes in the order of their names, in memory that is empty.
+fn file(
+    parts: &[Part],
+    compression: Compression,
+    level: u8,
+    memory: Vec<u8>,
+) -> Result<Vec<u8>, EncodeError> {
+    let file = compress(parts, compression, level, memory);
     let mut file = file.map_err(|e| EncodeError::new(format!("the EXR can't be encoded: {e}")))?;
     sort_attributes(&mut file, parts.len());
     Ok(file)
