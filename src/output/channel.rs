@@ -4,8 +4,8 @@
 use std::ops::Range;
 
 use super::id::id_of;
+use super::places::{Line, Place, Places};
 use super::sensor_frame::SensorFrame;
-use crate::frame::BODY_FROM_OPTICAL;
 use crate::scan::{Cause, Echo, Returns};
 use crate::sensor::{DepthSensing, Sensor};
 use glam::DVec3;
@@ -83,26 +83,19 @@ pub enum Values {
     F32(fn(&SensorFrame, Place) -> f64),
     /// Integer ids.
     U32(fn(&SensorFrame, Place) -> u32),
+    /// Measurements that most files have. The rule gives those of a row at once, so that what its pixels share is looked up once.
+    F32Line(fn(&SensorFrame, &mut Line)),
+    /// Integer ids that most files have, those of a row at once.
+    U32Line(fn(&SensorFrame, &mut Line)),
     /// Measurements that every pixel has, by the pixel's number, whether something came back or not.
     Image(fn(&SensorFrame, usize) -> f64),
     /// Numbers that stand for words, which every pixel has, whether something came back or not.
     OfPixel {
-        /// The number of a pixel's return number k, by the pixel's own number and k. There need not be such a return.
-        number: fn(&SensorFrame, usize, usize) -> u32,
+        /// Adds the numbers of the returns number k of pixels in a row, by their own numbers and k. There need not be such returns.
+        numbers: fn(&SensorFrame, Range<usize>, usize, &mut Vec<u32>),
         /// The word that a number stands for.
         word: fn(u32) -> Option<&'static str>,
     },
-}
-
-/// A pixel, and the slot of one of its returns in the columns of [`Returns`].
-#[derive(Clone, Copy, Debug)]
-pub struct Place {
-    /// The row of the pixel. Rows and columns have 32 bits so that a place is handed over in registers.
-    pub row: u32,
-    /// The column of the pixel.
-    pub column: u32,
-    /// The slot of the return.
-    pub slot: usize,
 }
 
 /// Bytes of one value of a channel.
@@ -177,9 +170,9 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "The depth along the camera's optical axis.",
         no_return: NO_RETURN_M,
         sensors: Sensors::Cameras,
-        values: Values::F32(|f, at| {
-            let depth_over_range = f.capture.depth_over_range(at.row(), at.column());
-            depth_over_range.map_or(NO_RETURN_M, |ratio| f.returns().range_m[at.slot] * ratio)
+        values: Values::F32Line(|f, line| {
+            let depths_over_ranges = f.capture.row(line.row()).depths_over_ranges(f.frame.columns());
+            line.measure(&f.returns().range_m, |column, range_m| range_m * depths_over_ranges[column]);
         }),
         shown: Some(Shown { rank: 1, label: "depth", scale: Scale::Log }),
         ..PLAIN
@@ -205,10 +198,7 @@ pub static CHANNELS: [ChannelSpec; 40] = [
                 numbers. In the image of a further return, 0 is a pixel that lacks it.",
         no_return: 0.0, // every pixel has a cause
         sensors: Sensors::All,
-        values: Values::OfPixel {
-            number: |f, pixel, number| f.frame.cause(pixel, number).map_or(0, Cause::number),
-            word: |number| Cause::numbered(number).map(Cause::name),
-        },
+        values: Values::OfPixel { numbers: causes, word: |number| Cause::numbered(number).map(Cause::name) },
         shown: Some(Shown { rank: 7, label: "cause", scale: Scale::Id }),
         ..PLAIN
     },
@@ -255,7 +245,7 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "The object that was hit, from 1: the manifest has its name. 0 is nothing.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::U32(|f, at| id_of(f.returns().instance[at.slot])),
+        values: Values::U32Line(|f, line| line.number(&f.returns().instance, id_of)),
         shown: Some(Shown { rank: 4, label: "instance", scale: Scale::Id }),
         ..PLAIN
     },
@@ -265,7 +255,7 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "The semantic label of the object that was hit. 0 is no label, of a surface or of nothing.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::U32(|f, at| f.returns().label[at.slot]),
+        values: Values::U32Line(|f, line| line.number(&f.returns().label, |label| label)),
         shown: Some(Shown { rank: 5, label: "label", scale: Scale::Id }),
         ..PLAIN
     },
@@ -283,7 +273,7 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "The triangle that was hit, from 1. 0 is nothing.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::U32(|f, at| id_of(f.returns().triangle[at.slot])),
+        values: Values::U32Line(|f, line| line.number(&f.returns().triangle, id_of)),
         shown: None, // there are too many to tell apart
         ..PLAIN
     },
@@ -296,7 +286,9 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "Reflectivity times the cosine of the angle of incidence, 0 to 1.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::F32(|f, at| f64::from(f.returns().intensity[at.slot])),
+        values: Values::F32Line(|f, line| {
+            line.measure(&f.returns().intensity, |_, intensity| intensity.into())
+        }),
         shown: Some(Shown { rank: 2, label: "intensity", scale: Scale::Linear }),
         ..PLAIN
     },
@@ -329,7 +321,7 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "The x of the surface's unit normal towards the sensor, in the sensor's (a camera's optical) frame.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::F32(|f, at| normal(f, at).x),
+        values: Values::F32Line(|f, line| normals(f, line, |normal| normal.x)),
         shown: Some(Shown { rank: 3, label: "normal", scale: Scale::Direction }),
         ..PLAIN
     },
@@ -339,7 +331,7 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "The y of the surface's unit normal.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::F32(|f, at| normal(f, at).y),
+        values: Values::F32Line(|f, line| normals(f, line, |normal| normal.y)),
         shown: None, // it is shown with the first axis
         ..PLAIN
     },
@@ -349,7 +341,7 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "The z of the surface's unit normal.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::F32(|f, at| normal(f, at).z),
+        values: Values::F32Line(|f, line| normals(f, line, |normal| normal.z)),
         shown: None, // it is shown with the first axis
         ..PLAIN
     },
@@ -380,7 +372,7 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "The range along the ray, from the point at which the sensor starts to count.",
         no_return: NO_RETURN_M,
         sensors: Sensors::All,
-        values: Values::F32(|f, at| f.returns().range_m[at.slot]),
+        values: Values::F32Line(|f, line| line.measure(&f.returns().range_m, |_, range_m| range_m)),
         shown: Some(Shown { rank: 0, label: "range", scale: Scale::Log }),
         ..PLAIN
     },
@@ -414,7 +406,10 @@ pub static CHANNELS: [ChannelSpec; 40] = [
         about: "The time of the pulse from the frame's start.",
         no_return: 0.0,
         sensors: Sensors::All,
-        values: Values::F32(|f, at| f.capture.time_s(at.row(), at.column()).unwrap_or(0.0)),
+        values: Values::F32Line(|f, line| {
+            let times_s = f.capture.row(line.row()).times_s(f.frame.columns());
+            line.measure(&f.returns().range_m, |column, _| times_s[column]);
+        }),
         shown: Some(Shown { rank: 6, label: "time", scale: Scale::Linear }),
         ..PLAIN
     },
@@ -466,46 +461,6 @@ const fn names<const COUNT: usize>(with_chosen: bool) -> [&'static str; COUNT] {
     names
 }
 
-impl Place {
-    fn row(self) -> usize {
-        self.row as usize
-    }
-
-    fn column(self) -> usize {
-        self.column as usize
-    }
-}
-
-/// The slots of one return of each pixel in whole rows of a frame, which all channels of it ask for.
-pub(super) struct Slots {
-    /// The number of the return, from 0.
-    number: usize,
-    first_row: usize,
-    /// The slot of each pixel. Where it is [`Self::NONE`], the pixel has no such return.
-    of_pixels: Vec<usize>,
-}
-
-impl Slots {
-    const NONE: usize = usize::MAX;
-
-    pub fn of(frame: &SensorFrame, number: usize, rows: Range<usize>) -> Self {
-        let columns = frame.frame.columns();
-        let slot = |pixel| frame.frame.slot(pixel, number).unwrap_or(Self::NONE);
-        let of_pixels = (rows.start * columns..rows.end * columns).map(slot).collect();
-        Self { number, first_row: rows.start, of_pixels }
-    }
-
-    /// Appends a value for each pixel: that of its return, or `none`.
-    fn add_values(&self, columns: usize, none: u32, of_return: impl Fn(Place) -> u32, values: &mut Vec<u32>) {
-        for (row, slots) in (self.first_row as u32..).zip(self.of_pixels.chunks(columns.max(1))) {
-            values.extend((0..).zip(slots).map(|(column, slot)| match *slot {
-                Self::NONE => none,
-                slot => of_return(Place { row, column, slot }),
-            }));
-        }
-    }
-}
-
 impl SensorFrame<'_> {
     fn returns(&self) -> &Returns {
         self.frame.returns()
@@ -521,10 +476,24 @@ fn of_pixel(image: &[f32], pixel: usize) -> f64 {
     image.get(pixel).copied().unwrap_or(0.0).into()
 }
 
-/// A return's normal in the frame to which the image refers.
-fn normal(f: &SensorFrame, at: Place) -> DVec3 {
-    let [x, y, z] = f.returns().normal[at.slot].map(f64::from);
-    from_sensor(f, DVec3::new(x, y, z))
+/// Adds an axis of the normals of a line, in the frame to which the image refers.
+#[inline(always)]
+fn normals(f: &SensorFrame, line: &mut Line, axis: impl Fn(DVec3) -> f64) {
+    let in_sensor = |normal: [f32; 3]| DVec3::from_array(normal.map(f64::from));
+    let normals = &f.returns().normal;
+    if f.capture.sensor.pattern.is_camera() {
+        line.measure(normals, |_, normal| axis(optical(in_sensor(normal))));
+    } else {
+        line.measure(normals, |_, normal| axis(in_sensor(normal)));
+    }
+}
+
+/// Adds the numbers of the causes of pixels of a row, or of their returns with a number.
+fn causes(f: &SensorFrame, pixels: Range<usize>, number: usize, bits: &mut Vec<u32>) {
+    match (f.frame.causes_of_own_slots(), number) {
+        (Some(causes), 0) => bits.extend(causes[pixels].iter().map(|cause| cause.number())),
+        _ => bits.extend(pixels.map(|pixel| f.frame.cause(pixel, number).map_or(0, Cause::number))),
+    }
 }
 
 /// A vector of the world in the frame to which the image refers, as it is when the pixel's pulse is cast.
@@ -533,14 +502,17 @@ fn in_image(f: &SensorFrame, at: Place, in_world: DVec3) -> DVec3 {
     from_sensor(f, f.capture.world_from_sensor(time_s).rotation.transpose() * in_world)
 }
 
-/// A vector of the sensor's frame in the frame to which the image refers. Axes are only swapped and negated, so nothing is rounded.
-fn from_sensor(f: &SensorFrame, normal: DVec3) -> DVec3 {
-    if f.capture.sensor.pattern.is_camera() {
-        // Adding 0 makes a negative zero positive.
-        BODY_FROM_OPTICAL.rotation.transpose() * normal + DVec3::ZERO
-    } else {
-        normal
-    }
+/// A vector of the sensor's frame in the frame to which the image refers.
+fn from_sensor(f: &SensorFrame, vector: DVec3) -> DVec3 {
+    if f.capture.sensor.pattern.is_camera() { optical(vector) } else { vector }
+}
+
+/// A vector of a camera's body frame (x forward, y left, z up) in its optical frame (x right, y down, z forward). Axes are only
+/// swapped and negated, so nothing is rounded.
+#[inline(always)]
+fn optical(body: DVec3) -> DVec3 {
+    // Adding 0 makes a negative zero positive.
+    DVec3::new(-body.y, -body.z, body.x) + DVec3::ZERO
 }
 
 impl ChannelSpec {
@@ -554,28 +526,32 @@ impl ChannelSpec {
         self.name.starts_with("color.")
     }
 
-    /// Appends the channel's value at each pixel of some rows: the number, or the bits of the measurement as 32 bits.
-    pub(super) fn add_bits(&self, frame: &SensorFrame, slots: &Slots, bits: &mut Vec<u32>) {
+    /// Appends the channel's value at each pixel of a row, of its return number `number`: the number, or the bits of the
+    /// measurement as 32 bits. `places` are [those of the returns](Places::of_return).
+    pub(super) fn add_row(&self, frame: &SensorFrame, number: usize, places: &Places, bits: &mut Vec<u32>) {
         let columns = frame.frame.columns();
-        let first = slots.first_row * columns;
-        let pixels = first..first + slots.of_pixels.len();
-        let none = self.no_return;
-        let of_number = |number: f64| (number as f32).to_bits();
+        let pixels = places.row() * columns..(places.row() + 1) * columns;
         match self.values {
-            Values::F32(value) => {
-                slots.add_values(columns, of_number(none), |at| of_number(value(frame, at)), bits);
-            }
-            Values::U32(id) => slots.add_values(columns, none as u32, |at| id(frame, at), bits),
-            Values::Image(value) => bits.extend(pixels.map(|pixel| of_number(value(frame, pixel)))),
-            Values::OfPixel { number, .. } => {
-                bits.extend(pixels.map(|pixel| number(frame, pixel, slots.number)));
-            }
+            Values::Image(value) => bits.extend(pixels.map(|pixel| bits_of(value(frame, pixel)))),
+            Values::OfPixel { numbers, .. } => numbers(frame, pixels, number, bits),
+            _ => self.add_returns(frame, places, bits),
+        }
+    }
+
+    /// Appends the channel's value of each return of some places. A channel that does not follow from returns has none.
+    pub(super) fn add_returns(&self, frame: &SensorFrame, places: &Places, bits: &mut Vec<u32>) {
+        let none = if self.is_measurement() { bits_of(self.no_return) } else { self.no_return as u32 };
+        match self.values {
+            Values::F32(value) => places.add_each(none, |at| bits_of(value(frame, at)), bits),
+            Values::U32(id) => places.add_each(none, |at| id(frame, at), bits),
+            Values::F32Line(add) | Values::U32Line(add) => add(frame, &mut places.line(none, bits)),
+            Values::Image(_) | Values::OfPixel { .. } => {}
         }
     }
 
     /// Whether the values are measurements, and not numbers that count or name.
     pub(super) fn is_measurement(&self) -> bool {
-        matches!(self.values, Values::F32(_) | Values::Image(_))
+        matches!(self.values, Values::F32(_) | Values::F32Line(_) | Values::Image(_))
     }
 
     /// Whether a sensor has the channel.
@@ -590,6 +566,11 @@ impl ChannelSpec {
             Sensors::TimeOfFlight => matches!(depth, Some(DepthSensing::TimeOfFlight(_))),
         }
     }
+}
+
+/// The bits of a measurement in files.
+pub(super) fn bits_of(measurement: f64) -> u32 {
+    (measurement as f32).to_bits()
 }
 
 /// The declaration of a channel. [`DEPTH_FOR_OPENCV`] has none.

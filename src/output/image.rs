@@ -1,7 +1,8 @@
 //! Range images: frames as named channels, whether they were just cast or read from a file.
 
-use super::channel::{BYTES_A_VALUE, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, Slots, repeated_for_opencv};
+use super::channel::{BYTES_A_VALUE, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, repeated_for_opencv};
 use super::options::Channels;
+use super::places::Places;
 use super::sensor_frame::SensorFrame;
 
 /// A range image, which has channels of equal size. [`CHANNELS`](super::CHANNELS) declares the meaning of each channel.
@@ -62,10 +63,11 @@ impl Image {
         number: usize,
         channels: impl IntoIterator<Item = &'c ChannelSpec>,
     ) -> Self {
-        let slots = Slots::of(frame, number, 0..frame.frame.rows());
+        let rows: Vec<Places> =
+            (0..frame.frame.rows()).map(|row| Places::of_return(frame.frame, row, number)).collect();
         let samples = |spec: &ChannelSpec| {
             let mut bits = Vec::with_capacity(frame.frame.pixels());
-            spec.add_bits(frame, &slots, &mut bits);
+            rows.iter().for_each(|places| spec.add_row(frame, number, places, &mut bits));
             match spec.is_measurement() {
                 true => Samples::F32(bits.into_iter().map(f32::from_bits).collect()),
                 false => Samples::U32(bits),

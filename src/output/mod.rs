@@ -63,6 +63,7 @@ mod options;
 mod page;
 mod pcd;
 mod picture;
+mod places;
 pub mod plot;
 mod ply;
 mod png;
@@ -78,7 +79,7 @@ mod whole;
 mod zip;
 
 pub use channel::{
-    BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, NO_RETURN_M, Place, Scale,
+    BYTES_A_VALUE, CHANNEL_NAMES, CHANNELS, ChannelSpec, DEPTH_FOR_OPENCV, DEPTHS, NO_RETURN_M, Scale,
     Sensors, Shown, TERM_NAMES, UNASKED_CHANNEL_NAMES, Values, channel, is_of_all_pixels, no_return,
 };
 pub use cloud_file::CloudFormat;
@@ -101,6 +102,7 @@ pub use objects::{BOXES, VISIBLE, box_row, visible_row};
 pub use options::{Channels, OptionSpec, OptionValue, OptionValues, Options};
 pub use page::formats_page;
 pub use picture::{LINE_COLOUR, NO_RETURN_COLOUR, Picture, Rgb, TEXT_COLOUR, text_width};
+pub use places::{Line, Place};
 pub use points::Point;
 pub use poses::{POSES, pose_row};
 pub use registry::{FORMATS, Format};

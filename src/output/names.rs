@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 
 use super::id::id_of;
 use super::json::json_ascii;
-use crate::scan::Frame;
+use crate::scan::{Cause, Frame};
 use crate::scene::{Object, label_names};
 
 /// The names that ids and labels of a frame may have. Without names, headers name nothing.
@@ -82,15 +82,45 @@ impl Named {
 
 /// The numbers that the returns of a frame have in a column.
 fn numbers(frame: &Frame, column: &[u32]) -> BTreeSet<u32> {
-    let (mut numbers, mut last) = (BTreeSet::new(), None);
-    frame.each_slot(|slot| {
+    /// Objects and labels are mostly fewer, so that a bit for each number tells whether it was seen.
+    const FEW: usize = 1 << 16;
+    /// Slots that are compared at once.
+    const RUN: usize = 64;
+    let mut is_seen = vec![0_u64; FEW / 64];
+    let (mut others, mut last) = (BTreeSet::new(), None);
+    let mut see = |number: u32| {
         // Neighbours mostly show the same.
-        if last != Some(column[slot]) {
-            last = Some(column[slot]);
-            numbers.insert(column[slot]);
+        if last != Some(number) {
+            last = Some(number);
+            match is_seen.get_mut(number as usize / 64) {
+                Some(bits) => *bits |= 1 << (number % 64),
+                None => _ = others.insert(number),
+            }
         }
-    });
-    numbers
+    };
+    match frame.causes_of_own_slots() {
+        Some(causes) => {
+            let mut before = None;
+            for (causes, numbers) in causes.chunks(RUN).zip(column.chunks(RUN)) {
+                // A run of slots that have the number of a return before them has no other, whichever of them are returns.
+                let is_like = |seen: u32| numbers.iter().fold(0, |bits, number| bits | (number ^ seen)) == 0;
+                if before.is_some_and(is_like) {
+                    continue;
+                }
+                for (_, &number) in causes.iter().zip(numbers).filter(|(cause, _)| **cause == Cause::Surface)
+                {
+                    see(number);
+                    before = Some(number);
+                }
+            }
+        }
+        None => frame.each_slot(|slot| see(column[slot])),
+    }
+    let of_bits = |(word, bits): (u32, u64)| {
+        (0..64).filter(move |bit| bits >> bit & 1 == 1).map(move |bit| 64 * word + bit)
+    };
+    let few = (0..).zip(is_seen).filter(|(_, bits)| *bits != 0).flat_map(of_bits);
+    few.chain(others).collect()
 }
 
 fn shortened(name: &str) -> String {
@@ -116,7 +146,7 @@ pub(super) fn words_of_labels(listed: &[(u32, Vec<String>)]) -> BTreeMap<u32, St
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scan::{Cause, Return};
+    use crate::scan::Return;
 
     fn frame_of(instances: &[u32]) -> Frame {
         let returns: Vec<[Return; 1]> = instances
@@ -155,6 +185,27 @@ mod tests {
         assert!(named.names.len() > 20 && named.to_json().unwrap().len() < 2 * MOST_BYTES);
         assert!(named.names.iter().all(|(_, name)| name.is_ascii() && name.len() < 600));
         assert!(read_names(&named.to_json().unwrap())[&1].ends_with("ü…"));
+    }
+
+    /// Numbers that are few and numbers that are large are found alike, each once and in order.
+    #[test]
+    fn small_and_large_numbers_are_found() {
+        let shown = [65_536, 63, 7, 7, u32::MAX, 64, 65_535, 0, 65_536, 70_000, 7];
+        let frame = frame_of(&shown);
+        assert_eq!(numbers(&frame, &frame.returns().instance), BTreeSet::from(shown));
+    }
+
+    /// Long runs of a number are passed over, and slots that are no returns show nothing.
+    #[test]
+    fn runs_of_slots_show_the_numbers_of_their_returns() {
+        let number = |i: usize| [7, 0, 9, 9, 7, 1 << 20, 3][i / 150];
+        let pixel = |i: usize| {
+            let cause = if (150..300).contains(&i) || i == 1049 { Cause::TooNear } else { Cause::Surface };
+            let instance = if i == 1049 { 5 } else { number(i) };
+            (cause, Return { instance, ..Return::default() })
+        };
+        let frame = Frame::of_own_slots(3, 350, &(0..1050).map(pixel).collect::<Vec<_>>());
+        assert_eq!(numbers(&frame, &frame.returns().instance), BTreeSet::from([3, 7, 9, 1 << 20]));
     }
 
     #[test]

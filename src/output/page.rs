@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::channel::{CHANNELS, Sensors, Values, is_of_all_pixels};
+use super::channel::{CHANNELS, Sensors, is_of_all_pixels};
 use super::format::{Content, Field};
 use super::registry::Format;
 
@@ -168,8 +168,7 @@ pub fn formats_page() -> String {
     }
     page.push_str(CHANNELS_INTRODUCTION);
     for channel in &CHANNELS {
-        let kind =
-            if matches!(channel.values, Values::F32(_) | Values::Image(_)) { "float32" } else { "uint32" };
+        let kind = if channel.is_measurement() { "float32" } else { "uint32" };
         let sensors = match channel.sensors {
             Sensors::All => "all",
             Sensors::Cameras => "cameras",

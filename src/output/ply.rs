@@ -167,16 +167,23 @@ pub(super) fn add_points(
     file.reserve_exact(cloud.frame.return_count() * (BYTES_PER_POINT + more));
     cloud.each_point(|point| {
         let Point { position_m: [x, y, z], ring, column, time_s, hit, .. } = point;
+        let (instance, label) = (id_of(hit.instance), hit.label);
+        let nanoseconds = rounded(*time_s * 1e9);
+        // One comparison tells whether none of the numbers has more bits than an `int`.
+        let numbers = *ring as u64 | *column as u64 | u64::from(instance | label);
+        let (Some(t), true) = (nanoseconds, numbers <= i32::MAX as u64) else {
+            return check_point(point);
+        };
         let fields = [
             x.to_le_bytes(),
             y.to_le_bytes(),
             z.to_le_bytes(),
             hit.intensity.to_le_bytes(),
-            int("ring", *ring as u64)?.to_le_bytes(),
-            int("column", *column as u64)?.to_le_bytes(),
-            nanoseconds(*time_s)?.to_le_bytes(),
-            int("instance", id_of(hit.instance).into())?.to_le_bytes(),
-            int("label", hit.label.into())?.to_le_bytes(),
+            (*ring as u32).to_le_bytes(),
+            (*column as u32).to_le_bytes(),
+            t.to_le_bytes(),
+            instance.to_le_bytes(),
+            label.to_le_bytes(),
             (hit.range_m as f32).to_le_bytes(),
         ];
         file.extend_from_slice(fields.as_flattened());
@@ -185,6 +192,17 @@ pub(super) fn add_points(
         }
         Ok(())
     })
+}
+
+/// The error of a point of which a number has no room in its field.
+#[cold]
+fn check_point(point: &Point) -> Result<(), EncodeError> {
+    int("ring", point.ring as u64)?;
+    int("column", point.column as u64)?;
+    nanoseconds(point.time_s)?;
+    int("instance", id_of(point.hit.instance).into())?;
+    int("label", point.hit.label.into())?;
+    Ok(())
 }
 
 fn header(cloud: &SensorFrame, properties: &[(&str, String)], options: &Options) -> String {

@@ -10,7 +10,7 @@ use super::options::{OptionSpec, OptionValues, Options};
 use super::sensor_frame::SensorFrame;
 use crate::frame::Pose;
 use crate::scan::Return;
-use crate::sensor::Sensor;
+use crate::sensor::{Pulse, Sensor};
 use crate::truth::SurfaceMotion;
 
 /// A return as a point of a cloud.
@@ -136,13 +136,22 @@ impl SensorFrame<'_> {
         &self,
         mut write: impl FnMut(&Point) -> Result<(), EncodeError>,
     ) -> Result<(), EncodeError> {
-        let fixed = self.fixed_cloud_from_sensor();
-        for row in 0..self.frame.rows() {
-            let ring = self.capture.sensor.ring(row);
-            for column in 0..self.frame.columns() {
-                let slots = self.frame.slots(row * self.frame.columns() + column);
-                if !slots.is_empty() {
-                    self.points_of_beam((row, column, ring), slots, fixed.as_ref(), &mut write)?;
+        /// Columns whose pulses are computed at once, which the nearest cache holds.
+        const BLOCK: usize = 128;
+        let (frame, fixed) = (self.frame, self.fixed_cloud_from_sensor());
+        let mut pulses = Vec::with_capacity(BLOCK);
+        for row in 0..frame.rows() {
+            let (ring, of_row) = (self.capture.sensor.ring(row), self.capture.row(row));
+            for first in (0..frame.columns()).step_by(BLOCK) {
+                let block = first..frame.columns().min(first + BLOCK);
+                pulses.clear();
+                of_row.add_pulses(block.clone(), &mut pulses);
+                for (column, pulse) in block.zip(&pulses) {
+                    let slots = frame.slots(row * frame.columns() + column);
+                    if let (Some(pulse), false) = (pulse, slots.is_empty()) {
+                        let at = (row, column, ring);
+                        self.points_of_pulse(at, pulse, slots, fixed.as_ref(), &mut write)?;
+                    }
                 }
             }
         }
@@ -160,19 +169,21 @@ impl SensorFrame<'_> {
         fixed: Option<Pose>,
         write: &mut impl FnMut(&Point) -> Result<(), EncodeError>,
     ) -> Result<(), EncodeError> {
-        self.points_of_beam((row, column, self.capture.sensor.ring(row)), slots, fixed.as_ref(), write)
+        let Some(pulse) = self.capture.pulse(row, column) else { return Ok(()) };
+        let at = (row, column, self.capture.sensor.ring(row));
+        self.points_of_pulse(at, &pulse, slots, fixed.as_ref(), write)
     }
 
-    /// [`Self::points_of_pixel`], of a beam with a number.
+    /// [`Self::points_of_pixel`], of a pixel whose row, column and ring are known, and its pulse.
     #[inline(always)]
-    fn points_of_beam(
+    fn points_of_pulse(
         &self,
         (row, column, ring): (usize, usize, usize),
+        pulse: &Pulse,
         slots: Range<usize>,
         fixed: Option<&Pose>,
         write: &mut impl FnMut(&Point) -> Result<(), EncodeError>,
     ) -> Result<(), EncodeError> {
-        let Some(pulse) = self.capture.pulse(row, column) else { return Ok(()) };
         let own;
         let cloud_from_sensor = match fixed {
             Some(fixed) => fixed,
@@ -205,6 +216,42 @@ impl SensorFrame<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::angle::Angle;
+    use crate::scan::{Cause, Frame};
+    use crate::sensor::{Camera, Capture, Pattern, sensors_of_each_kind};
+
+    /// Points follow each other as the pixels do, and each lies where the pulse of its own pixel meets it, in images that are
+    /// narrower and wider than a block of pulses.
+    #[test]
+    fn points_are_those_of_their_pixels() {
+        let wide = Camera::from_hfov((300, 3), Angle::deg(60.0), None).unwrap();
+        let wide = [Sensor::new(Pattern::Camera(wide))];
+        for sensor in sensors_of_each_kind().into_iter().chain(wide) {
+            let capture = Capture::at_origin(&sensor);
+            let (rows, columns) = (capture.rows(), capture.columns());
+            let pixel = |i: usize| {
+                let has_return = i % 7 != 3 && capture.pulse(i / columns, i % columns).is_some();
+                let one = Return { range_m: 2.0 + i as f64, triangle: i as u32, ..Return::default() };
+                (if has_return { Cause::Surface } else { Cause::Nothing }, one)
+            };
+            let pixels: Vec<_> = (0..rows * columns).map(pixel).collect();
+            let frame = Frame::of_own_slots(rows, columns, &pixels);
+            let seen = SensorFrame::new(capture, &frame, "top");
+            let mut pixels = (0..rows * columns).filter(|&i| pixels[i].0 == Cause::Surface);
+            seen.each_point(|point| {
+                let pixel = pixels.next().unwrap();
+                let (row, column) = (pixel / columns, pixel % columns);
+                assert_eq!((point.row, point.column, point.slot), (row, column, pixel));
+                assert_eq!((point.ring, point.number, point.of), (sensor.ring(row), 0, 1));
+                assert_eq!(point.hit, frame.returns().get(pixel));
+                assert_eq!(Some(point.exact_m), seen.point(row, column, point.hit.range_m));
+                assert_eq!(Some(point.time_s), capture.time_s(row, column));
+                Ok(())
+            })
+            .unwrap();
+            assert_eq!(pixels.next(), None);
+        }
+    }
 
     #[test]
     fn values_are_rounded_as_round_does() {

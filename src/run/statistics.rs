@@ -37,15 +37,12 @@ pub struct Statistics {
 impl Statistics {
     /// Sums up a frame.
     pub fn of(frame: &Frame) -> Self {
-        let (mut hits, mut returns) = (0, 0);
-        let (mut low, mut sum, mut high) = (f64::INFINITY, 0.0, 0.0_f64);
-        for pixel in 0..frame.pixels() {
-            let slots = frame.slots(pixel);
-            hits += usize::from(!slots.is_empty());
-            for &range in &frame.returns().range_m[slots] {
-                (returns, low, sum, high) = (returns + 1, low.min(range), sum + range, high.max(range));
-            }
-        }
+        let ranges_m = &frame.returns().range_m;
+        let (mut returns, mut low, mut sum, mut high) = (0, f64::INFINITY, 0.0, 0.0_f64);
+        frame.each_slot(|slot| {
+            let range_m = ranges_m[slot];
+            (returns, low, sum, high) = (returns + 1, low.min(range_m), sum + range_m, high.max(range_m));
+        });
         let range_m = (returns > 0).then(|| [low, sum / returns as f64, high]);
         let blind = frame.blind_pixels();
         let [too_near, out_of_range, nothing] =
@@ -54,7 +51,7 @@ impl Statistics {
             frames: 1,
             rays: frame.pixels() - blind,
             blind,
-            hits,
+            hits: frame.hits(),
             too_near,
             out_of_range,
             nothing,

@@ -434,6 +434,20 @@ impl Frame {
         Self { rows, columns, layout: Layout::From(first), returns, causes, ..Self::default() }
     }
 
+    /// A frame as an ideal sensor's is cast: each pixel has a slot of its own, which is empty unless a surface is in it.
+    #[cfg(test)]
+    pub(crate) fn of_own_slots(rows: usize, columns: usize, pixels: &[(Cause, Return)]) -> Self {
+        let mut frame = Self::default();
+        frame.set_size(rows, columns);
+        let (mut returns, causes) = frame.parts();
+        for (slot, (cause, one)) in pixels.iter().enumerate() {
+            causes[slot] = *cause;
+            let is_empty = !matches!(cause, Cause::Surface | Cause::TooNear);
+            returns.set(slot, if is_empty { Return::default() } else { *one });
+        }
+        frame
+    }
+
     /// The frame of a sensor that is not ideal, with the echo of each slot.
     ///
     /// # Panics
@@ -466,12 +480,22 @@ impl Frame {
     }
 
     /// The slots of a pixel's returns, by the pixel's number.
-    #[inline]
+    #[inline(always)]
     pub fn slots(&self, pixel: usize) -> Range<usize> {
         match &self.layout {
             Layout::OneEach => pixel..pixel + usize::from(self.causes[pixel] == Cause::Surface),
             Layout::From(first) if self.causes[pixel] == Cause::TooNear => first[pixel]..first[pixel],
             Layout::From(first) => first[pixel]..first[pixel + 1],
+        }
+    }
+
+    /// The causes of all pixels, if a pixel whose cause is [`Cause::Surface`] has one return, in the slot of the pixel's own
+    /// number, and every other pixel has none. Loops over such a frame need not look for slots.
+    #[inline]
+    pub fn causes_of_own_slots(&self) -> Option<&[Cause]> {
+        match self.layout {
+            Layout::OneEach => Some(&self.causes),
+            Layout::From(_) => None,
         }
     }
 
@@ -511,7 +535,18 @@ impl Frame {
 
     /// The largest number of returns of any pixel.
     pub fn most_returns(&self) -> usize {
-        (0..self.pixels()).map(|pixel| self.slots(pixel).len()).max().unwrap_or(0)
+        match &self.layout {
+            Layout::OneEach => usize::from(self.causes.contains(&Cause::Surface)),
+            Layout::From(_) => (0..self.pixels()).map(|pixel| self.slots(pixel).len()).max().unwrap_or(0),
+        }
+    }
+
+    /// The number of pixels that have returns.
+    pub fn hits(&self) -> usize {
+        match &self.layout {
+            Layout::OneEach => self.pixels_of(Cause::Surface),
+            Layout::From(_) => (0..self.pixels()).filter(|&pixel| !self.slots(pixel).is_empty()).count(),
+        }
     }
 
     /// The first return of a pixel of the range image.

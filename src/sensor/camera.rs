@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::{Lens, Shutter};
+use super::{Lens, Pulse, Shutter};
 use crate::angle::Angle;
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 
@@ -177,10 +177,18 @@ impl Camera {
         &self.shutter
     }
 
-    /// The time at which a row is exposed, in seconds from the frame's start.
+    /// The pixels of a row.
     #[inline(always)]
-    pub(super) fn time_s(&self, row: usize) -> f64 {
-        self.shutter.time_s(row, self.height)
+    pub(super) fn row(&self, row: usize) -> CameraRow<'_> {
+        let width = self.width;
+        let lens = match self.lens {
+            Lens::Ideal => LensRow::Ideal { y: self.image_y(row as f64 + 0.5), cx: self.cx, fx: self.fx },
+            _ => match self.inverse.0.get() {
+                Some(directions) => LensRow::Inverted(&directions[row * width..(row + 1) * width]),
+                None => LensRow::ToInvert(self, row),
+            },
+        };
+        CameraRow { lens, time_s: self.shutter.time_s(row, self.height) }
     }
 
     /// The unit direction through a pixel's centre in the optical frame (x right, y down, z forward). It is the direction
@@ -188,22 +196,11 @@ impl Camera {
     /// depth. `None` if the lens has no ray for the pixel.
     #[inline(always)]
     pub(super) fn optical_direction(&self, row: usize, column: usize) -> Option<DVec3> {
-        if matches!(self.lens, Lens::Ideal) {
-            return Some(Lens::ideal(self.on_image_plane(column as f64 + 0.5, row as f64 + 0.5)));
-        }
-        match self.inverse.0.get() {
-            Some(directions) => Some(directions[row * self.width + column]).filter(|d| !d.is_nan()),
-            None => self.invert_pixel(row, column),
-        }
+        self.row(row).optical_direction(column)
     }
 
     fn invert_pixel(&self, row: usize, column: usize) -> Option<DVec3> {
         self.optical_direction_at(column as f64 + 0.5, row as f64 + 0.5)
-    }
-
-    /// Whether the lens has a ray for a pixel.
-    pub(super) fn has_ray(&self, row: usize, column: usize) -> bool {
-        matches!(self.lens, Lens::Ideal) || self.optical_direction(row, column).is_some()
     }
 
     /// Inverts the lens for all pixels at once, on all threads, and keeps the directions for this camera and its clones.
@@ -266,7 +263,12 @@ impl Camera {
     /// The place (u, v) of the image, in pixels, in units of the focal length about the principal point.
     #[inline]
     fn on_image_plane(&self, u: f64, v: f64) -> DVec2 {
-        DVec2::new((u - self.cx) / self.fx, (v - self.cy) / self.fy)
+        DVec2::new((u - self.cx) / self.fx, self.image_y(v))
+    }
+
+    #[inline]
+    fn image_y(&self, v: f64) -> f64 {
+        (v - self.cy) / self.fy
     }
 
     /// The image point of a direction in the optical frame, in pixels from the image's top left corner. It may lie outside
@@ -275,11 +277,52 @@ impl Camera {
         let drawn = self.lens.project(optical)?;
         Some((drawn.x * self.fx + self.cx, drawn.y * self.fy + self.cy))
     }
+}
 
-    /// The direction of [`Self::optical_direction`] in the camera's body frame (x forward, y left, z up).
+/// The pixels of a row of a camera's image, which are exposed at the same time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CameraRow<'c> {
+    lens: LensRow<'c>,
+    /// The time at which the row is exposed, in seconds from the frame's start.
+    time_s: f64,
+}
+
+/// What gives the directions of a row.
+#[derive(Clone, Copy, Debug)]
+enum LensRow<'c> {
+    /// An ideal lens, with the row's place on the image plane at the focal length 1.
+    Ideal { y: f64, cx: f64, fx: f64 },
+    /// The directions of a lens that was inverted for all pixels.
+    Inverted(&'c [DVec3]),
+    /// A lens that has to be inverted for each pixel of a row.
+    ToInvert(&'c Camera, usize),
+}
+
+impl CameraRow<'_> {
+    /// [`Camera::optical_direction`] of a column.
     #[inline(always)]
-    pub(super) fn direction(&self, row: usize, column: usize) -> Option<DVec3> {
-        Some(BODY_FROM_OPTICAL.direction(self.optical_direction(row, column)?))
+    pub fn optical_direction(&self, column: usize) -> Option<DVec3> {
+        match self.lens {
+            LensRow::Ideal { y, cx, fx } => Some(Lens::ideal(DVec2::new((column as f64 + 0.5 - cx) / fx, y))),
+            LensRow::Inverted(directions) => Some(directions[column]).filter(|d| !d.is_nan()),
+            LensRow::ToInvert(camera, row) => camera.invert_pixel(row, column),
+        }
+    }
+
+    /// The pulse of a column. Its direction is that of [`Self::optical_direction`] in the camera's body frame (x forward, y
+    /// left, z up).
+    #[inline(always)]
+    pub fn pulse(&self, column: usize) -> Option<Pulse> {
+        let direction = BODY_FROM_OPTICAL.direction(self.optical_direction(column)?);
+        Some(Pulse::new(DVec3::ZERO, direction, self.time_s))
+    }
+
+    /// The time of the pulse of a column, in seconds from the frame's start. `None` if the lens has no ray for the pixel.
+    #[inline(always)]
+    pub fn time_s(&self, column: usize) -> Option<f64> {
+        // Most lenses have a ray for each pixel, so an ideal lens is not asked.
+        let has_ray = matches!(self.lens, LensRow::Ideal { .. }) || self.optical_direction(column).is_some();
+        has_ray.then_some(self.time_s)
     }
 }
 
@@ -317,9 +360,10 @@ mod tests {
     #[test]
     fn pixels_go_right_and_down() {
         let camera = Camera::new((5, 5), (3.0, 3.0), (2.5, 2.5), None).unwrap();
-        assert_eq!(camera.direction(2, 2).unwrap(), DVec3::X);
-        assert!(camera.direction(2, 0).unwrap().y > 0.0, "the left column looks left");
-        assert!(camera.direction(0, 2).unwrap().z > 0.0, "the top row looks up");
+        let direction = |row, column| camera.row(row).pulse(column).unwrap().direction;
+        assert_eq!(direction(2, 2), DVec3::X);
+        assert!(direction(2, 0).y > 0.0, "the left column looks left");
+        assert!(direction(0, 2).z > 0.0, "the top row looks up");
     }
 
     #[test]

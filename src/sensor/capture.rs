@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Lens, Pattern, Pulse, Sensor};
+use super::{Lens, Pattern, Pulse, PulseRow, Sensor};
 use crate::frame::{BODY_FROM_OPTICAL, Pose};
 use crate::motion::{AT_ORIGIN, Trajectory, Window};
 
@@ -109,25 +109,23 @@ impl<'a> Capture<'a> {
         }
     }
 
+    /// The pulses of a row of the range image: those of [`Self::pulse`], for loops over many columns of a row.
+    #[inline]
+    pub fn row(&self, row: usize) -> PulseRow<'a> {
+        PulseRow::of(&self.sensor.pattern, row, self.start_s)
+    }
+
     /// The time of a pixel's pulse, in seconds from the frame's start. `None` as for [`Self::pulse`].
     #[inline]
     pub fn time_s(&self, row: usize, column: usize) -> Option<f64> {
-        match &self.sensor.pattern {
-            // A row of a camera is exposed at once, and most lenses have a ray for each pixel, so the lens is not inverted.
-            Pattern::Camera(camera) => camera.has_ray(row, column).then_some(camera.time_s(row)),
-            pattern => pattern.pulse(row, column, self.start_s).map(|pulse| pulse.time_s),
-        }
+        self.row(row).time_s(column)
     }
 
     /// The factor that turns a range along a pixel's ray into depth along the camera's optical axis. `None` if the sensor
     /// is no camera, or if the pixel has no ray.
     #[inline]
     pub fn depth_over_range(&self, row: usize, column: usize) -> Option<f64> {
-        match &self.sensor.pattern {
-            Pattern::Camera(camera) => camera.optical_direction(row, column).map(|direction| direction.z),
-            Pattern::Orthographic(_) => Some(1.0),
-            _ => None,
-        }
+        self.row(row).depth_over_range(column)
     }
 
     /// The sensor's pose at which a pulse is cast `time_s` seconds from the frame's start.

@@ -8,6 +8,7 @@
 //! spad       a receiver that counts photons
 //! shutter    the times at which the rows of an image are exposed
 //! capture    one frame of one sensor: the only door to pulses
+//! row        the pulses of one row of a frame
 //! sight      where a sensor looks
 //! facts      what follows from a pattern: fields of view, steps, points a second
 //! ```
@@ -26,6 +27,7 @@ mod raster;
 mod rays;
 mod risley;
 mod rotating;
+mod row;
 mod shutter;
 mod sight;
 mod spad;
@@ -51,6 +53,9 @@ pub use raster::{Order, Raster, RasterError};
 pub use rays::{RayTable, RayTableError};
 pub use risley::{Prism, Ripple, Risley, RisleyError, Tilted, TurningMirror};
 pub use rotating::{Beam, Phase, Rotating, RotatingError};
+pub use row::PulseRow;
+#[cfg(test)]
+pub(crate) use row::tests::sensors_of_each_kind;
 pub use shutter::{RowOrder, Shutter};
 pub use sight::Sight;
 pub use spad::{CountedPlane, Counter};
@@ -325,10 +330,7 @@ impl Pattern {
             Self::Mirror(p) => Some(p.pulse(row, column, start_s)),
             Self::Risley(p) => p.pulse(row, column, start_s),
             Self::Rays(p) => Some(p.pulse(row, column, start_s)),
-            Self::Camera(p) => {
-                let direction = p.direction(row, column)?;
-                Some(Pulse::new(DVec3::ZERO, direction, p.time_s(row)))
-            }
+            Self::Camera(p) => p.row(row).pulse(column),
             Self::Orthographic(p) => Some(p.pulse(row, column)),
         }
     }

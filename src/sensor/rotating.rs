@@ -413,36 +413,100 @@ impl Rotating {
     #[inline]
     pub fn firing(&self, row: usize, column: usize) -> usize {
         match self.shifts.get(row) {
-            Some(shift) => (column + self.columns - shift) % self.columns,
+            Some(&shift) => moved(column, shift, self.columns),
             None => column,
+        }
+    }
+
+    /// The pulses of a row of the image.
+    #[inline(always)]
+    pub(super) fn row(&self, row: usize) -> RotatingRow<'_> {
+        let only = match &self.phases[..] {
+            [only] => Some(&only[row]),
+            _ => None,
+        };
+        let shift = self.shifts.get(row).copied().unwrap_or(0);
+        RotatingRow {
+            pattern: self,
+            row,
+            shift,
+            only,
+            sin_cos: &self.column_sin_cos,
+            times_s: &self.column_times_s,
+            is_from_origin: self.origins.is_empty(),
+            ranging: self.ranging,
         }
     }
 
     /// The pulse of beam `row` (highest first) in column `column` of the image. The column is the firing unless the image
     /// is destaggered. `None` if the beam does not fire in that column.
+    #[inline]
+    pub(super) fn pulse(&self, row: usize, column: usize) -> Option<Pulse> {
+        self.row(row).pulse(column)
+    }
+}
+
+/// The firing that fills a column of a row that is moved to the right, of so many columns.
+#[inline(always)]
+fn moved(column: usize, shift: usize, columns: usize) -> usize {
+    if column >= shift { column - shift } else { column + columns - shift }
+}
+
+/// The pulses of a beam: a row of the image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RotatingRow<'r> {
+    pattern: &'r Rotating,
+    row: usize,
+    /// The number of columns by which the row is moved to the right.
+    shift: usize,
+    /// The firing in every column, if there is one phase.
+    only: Option<&'r Firing>,
+    sin_cos: &'r [(f64, f64)],
+    times_s: &'r [f64],
+    /// Whether the beam leaves from the sensor's origin.
+    is_from_origin: bool,
+    ranging: Ranging,
+}
+
+impl RotatingRow<'_> {
+    /// The pulse of a column. `None` if the beam does not fire in it.
     ///
     /// The direction is (cos ε · cos α, cos ε · sin α, sin ε) with elevation ε and azimuth α. The time is the part of the
     /// turn since the sector's start, over the rate, plus the beam's own time. The sine and the cosine of α come from those
     /// of the column's azimuth and of the beam's offset by the angle sum identities. The result is accurate to a few 10⁻¹⁶.
-    #[inline]
-    pub(super) fn pulse(&self, row: usize, column: usize) -> Option<Pulse> {
-        let column = self.firing(row, column);
-        let firing = &self.phase(column)[row];
-        if !firing.fires {
-            return None;
-        }
+    #[inline(always)]
+    pub fn pulse(&self, column: usize) -> Option<Pulse> {
+        let (column, firing) = self.firing(column)?;
         let ((sin_el, cos_el), (sin_offset, cos_offset)) = (firing.elevation, firing.azimuth);
-        let (sin_turn, cos_turn) = self.column_sin_cos[column];
+        let (sin_turn, cos_turn) = self.sin_cos[column];
         let sin_az = sin_turn * cos_offset + cos_turn * sin_offset;
         let cos_az = cos_turn * cos_offset - sin_turn * sin_offset;
         let direction = DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el);
-        let origin = if self.origins.is_empty() {
+        let origin = if self.is_from_origin {
             DVec3::ZERO
         } else {
             rotated_about_z(firing.origin, (sin_turn, cos_turn))
         };
-        let time_s = self.column_times_s[column] + firing.time_s;
+        let time_s = self.times_s[column] + firing.time_s;
         Some(Pulse { origin, direction, time_s, ranging: self.ranging })
+    }
+
+    /// The time of the pulse of a column, in seconds from the frame's start. `None` if the beam does not fire in it.
+    #[inline(always)]
+    pub fn time_s(&self, column: usize) -> Option<f64> {
+        let (column, firing) = self.firing(column)?;
+        Some(self.times_s[column] + firing.time_s)
+    }
+
+    /// The number of the firing that fills a column of the image, and the beam's part in it, if the beam fires.
+    #[inline(always)]
+    fn firing(&self, column: usize) -> Option<(usize, &Firing)> {
+        let column = moved(column, self.shift, self.times_s.len());
+        let firing = match self.only {
+            Some(only) => only,
+            None => &self.pattern.phase(column)[self.row],
+        };
+        firing.fires.then_some((column, firing))
     }
 }
 

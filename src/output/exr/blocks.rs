@@ -1,7 +1,6 @@
 //! The blocks of lines of flat OpenEXR images.
 
 use std::io::Cursor;
-use std::ops::Range;
 
 use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
 use exr::block::writer::ChunksWriter;
@@ -24,8 +23,8 @@ pub(super) struct PartChannel {
     pub column: usize,
 }
 
-/// What gives the values of columns in some rows.
-pub(super) type Values<'p> = dyn Fn(Range<usize>, &mut [Vec<u32>]) + Sync + 'p;
+/// What gives the values of columns in a row.
+pub(super) type Values<'p> = dyn Fn(usize, &mut [Vec<u32>]) + Sync + 'p;
 
 /// An image of a file.
 pub(super) struct Part<'p> {
@@ -34,7 +33,7 @@ pub(super) struct Part<'p> {
     pub attributes: LayerAttributes,
     /// The channels, sorted by name.
     pub channels: Vec<PartChannel>,
-    /// The values of each column in some rows, added to vectors that are empty: the bits of each value, and of half floats 16.
+    /// The values of each column in a row, added to vectors that are empty: the bits of each value, and of half floats 16.
     pub values: Box<Values<'p>>,
 }
 
@@ -108,7 +107,7 @@ fn each_line(part: &Part, index: BlockIndex, values: &mut [Vec<u32>], mut add: i
     let first = index.pixel_position.y();
     for line in first..first + index.pixel_size.height() {
         values.iter_mut().for_each(Vec::clear);
-        (part.values)(line..line + 1, values);
+        (part.values)(line, values);
         let of_channel = |channel: &PartChannel| Segment {
             values: &values[channel.column],
             is_half: channel.kind == SampleType::F16,

@@ -8,10 +8,11 @@ use rayon::prelude::*;
 
 use super::attributes::{Value, attributes};
 use super::zip::{Segment, Zip, add_raw};
-use crate::output::channel::{BYTES_A_VALUE, ChannelSpec, Place, Values, channel, repeated_for_opencv};
+use crate::output::channel::{BYTES_A_VALUE, ChannelSpec, Values, bits_of, channel, repeated_for_opencv};
 use crate::output::deflate::{LEVEL, level};
 use crate::output::format::{Content, EncodeError, FormatSpec, Kind};
 use crate::output::options::{OptionSpec, OptionValues, Options};
+use crate::output::places::{Place, Places};
 use crate::output::sensor_frame::SensorFrame;
 use crate::sensor::Sensor;
 use crate::source::words::joined;
@@ -128,16 +129,14 @@ fn line(
         counts.push(samples.len() as u32);
     }
     let mut values = Vec::with_capacity(channels.len() * samples.len());
-    let of_number = |number: f64| (number as f32).to_bits();
+    let places = Places::listed(row, samples.iter().map(|(_, _, at)| *at).collect());
     for (_, channel) in channels {
         let samples = samples.iter();
         match channel.values {
-            Values::F32(value) => values.extend(samples.map(|(_, _, at)| of_number(value(frame, *at)))),
-            Values::Image(value) => values.extend(samples.map(|(pixel, ..)| of_number(value(frame, *pixel)))),
-            Values::U32(id) => values.extend(samples.map(|(_, _, at)| id(frame, *at))),
-            Values::OfPixel { number: of_return, .. } => {
-                values.extend(samples.map(|(pixel, number, _)| of_return(frame, *pixel, *number)));
-            }
+            Values::Image(value) => values.extend(samples.map(|(pixel, ..)| bits_of(value(frame, *pixel)))),
+            Values::OfPixel { numbers, .. } => samples
+                .for_each(|(pixel, number, _)| numbers(frame, *pixel..*pixel + 1, *number, &mut values)),
+            _ => channel.add_returns(frame, &places, &mut values),
         }
     }
     let [of_counts, of_values] = [&counts, &values].map(|values| [Segment { values, is_half: false }]);
@@ -207,10 +206,7 @@ fn channel_list(channels: &[(&str, &ChannelSpec)]) -> Vec<u8> {
     const FLOAT: u32 = 2;
     let mut list = Vec::new();
     for (name, channel) in channels {
-        let kind = match channel.values {
-            Values::F32(_) | Values::Image(_) => FLOAT,
-            Values::U32(_) | Values::OfPixel { .. } => UINT,
-        };
+        let kind = if channel.is_measurement() { FLOAT } else { UINT };
         list.extend(name.as_bytes());
         list.push(0);
         // The type, how it looks (which only lossy compression asks), and that each pixel has samples.

@@ -5,8 +5,6 @@ mod blocks;
 pub(super) mod deep;
 mod zip;
 
-use std::ops::Range;
-
 use exr::compression::Compression;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::LayerAttributes;
@@ -14,11 +12,12 @@ use exr::prelude::f16;
 
 use self::attributes::{Value, attributes};
 use self::blocks::{Part, PartChannel, compress};
-use super::channel::{BYTES_A_VALUE, ChannelSpec, DEPTH_FOR_OPENCV, Slots, repeated_for_opencv};
+use super::channel::{BYTES_A_VALUE, ChannelSpec, DEPTH_FOR_OPENCV, repeated_for_opencv};
 use super::deflate::{FASTEST, LEVEL, level};
 use super::format::{Content, EncodeError, FormatSpec, Kind};
 use super::image::Samples;
 use super::options::{OptionSpec, OptionValues, Options};
+use super::places::Places;
 use super::recorded;
 use super::sensor_frame::SensorFrame;
 use crate::sensor::Sensor;
@@ -144,10 +143,10 @@ fn part<'f>(frame: &'f SensorFrame<'f>, number: usize, name: Option<Text>, optio
         column,
     };
     let channels = specs.iter().enumerate().map(channel).collect();
-    let values = move |rows: Range<usize>, columns: &mut [Vec<u32>]| {
-        let slots = Slots::of(frame, number, rows);
+    let values = move |row: usize, columns: &mut [Vec<u32>]| {
+        let places = Places::of_return(frame.frame, row, number);
         for ((spec, is_half), values) in specs.iter().zip(columns) {
-            spec.add_bits(frame, &slots, values);
+            spec.add_row(frame, number, &places, values);
             if *is_half {
                 values.iter_mut().for_each(|value| *value = half(f32::from_bits(*value)).to_bits().into());
             }
@@ -191,8 +190,8 @@ fn recorded_part<'r>(recorded: &'r recorded::Part, number: usize, count: usize) 
         },
         column,
     });
-    let values = |rows: Range<usize>, columns: &mut [Vec<u32>]| {
-        let pixels = rows.start * image.columns..rows.end * image.columns;
+    let values = |row: usize, columns: &mut [Vec<u32>]| {
+        let pixels = row * image.columns..(row + 1) * image.columns;
         for (channel, values) in image.channels.iter().zip(columns) {
             match &channel.samples {
                 Samples::F32(samples) => {
