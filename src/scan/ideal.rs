@@ -12,7 +12,7 @@ use super::strips::{STRIP, SensorPose, TILE};
 use super::surface::SeenTriangle;
 use super::through::Through;
 use crate::scene::Scene;
-use crate::sensor::{Capture, Pulse};
+use crate::sensor::{Capture, Pulse, PulseRow};
 use crate::trace::{Cast, Hit};
 
 /// Casts every pulse of a capture as an ideal sensor does. `also` is asked of each strip, with its rays and hits, and its answers
@@ -87,6 +87,8 @@ fn strips(frame: &mut Frame) -> Vec<Strip<'_>> {
 pub(super) struct Batch {
     /// The rays with the row and the column of their pixels in the strip. A pixel without a pulse has no ray.
     pub rays: RayBatch<(u8, u8)>,
+    /// The pulses of a row of the tile whose rays are gathered.
+    of_tile: Vec<Option<Pulse>>,
     /// The sensor's pose for each ray, if the sensor moves.
     pub poses: Vec<SensorPose>,
     /// The pulse of each ray, if the sensor needs more than the length of a ray to say what it reports of a hit.
@@ -109,16 +111,21 @@ pub(super) struct Scanner<'a, C> {
 impl<C: Cast> Scanner<'_, C> {
     /// Casts the pulses of a strip and writes the returns. Returns the number of rays.
     pub fn fill(&self, strip: &mut Strip, batch: &mut Batch) -> usize {
-        let Batch { rays, poses, pulses, hits, through } = batch;
+        let Batch { rays, of_tile, poses, pulses, hits, through } = batch;
         rays.clear();
         poses.clear();
         pulses.clear();
         let keeps_pulses = !self.capture.sensor.judges_by_length();
         let width = strip.rows[0].causes.len();
+        let pulses_of_rows: Vec<PulseRow> =
+            (0..strip.rows.len()).map(|row| self.capture.row(strip.first_row + row)).collect();
         for first in (0..width).step_by(TILE.1) {
-            for row in 0..strip.rows.len() {
-                for column in first..width.min(first + TILE.1) {
-                    let pulse = self.capture.pulse(strip.first_row + row, strip.first_column + column);
+            let columns = first..width.min(first + TILE.1);
+            for (row, pulses_of_row) in pulses_of_rows.iter().enumerate() {
+                of_tile.clear();
+                let in_image = strip.first_column + columns.start..strip.first_column + columns.end;
+                pulses_of_row.add_pulses(in_image, of_tile);
+                for (column, pulse) in columns.clone().zip(&*of_tile) {
                     let Some(pulse) = pulse else {
                         strip.rows[row].set(column, None, Cause::NoPulse);
                         continue;
@@ -134,7 +141,7 @@ impl<C: Cast> Scanner<'_, C> {
                     };
                     rays.push((row as u8, column as u8), ray, None);
                     if keeps_pulses {
-                        pulses.push(pulse);
+                        pulses.push(*pulse);
                     }
                 }
             }
