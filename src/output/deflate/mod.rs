@@ -35,8 +35,8 @@ const WINDOW: usize = 32 * 1024;
 /// The bits of an index of the table of places. A table of 16 KiB stays in the nearest cache, and a larger one finds little more.
 const HASH_BITS: u32 = 12;
 /// The bytes of the input that share their codes. More of them make files larger that change on the way, and fewer take longer. Of a
-/// stored block, two pieces are enough for them and for the last step.
-const BLOCK: usize = 2 * u16::MAX as usize - 2 * STEPS;
+/// stored block, four pieces are enough for them and for the last step.
+const BLOCK: usize = 4 * u16::MAX as usize - 2 * STEPS;
 /// Behind each so many bytes without a match, the step grows by the least one, and every [`STEPS`] times it begins anew. Steps of one
 /// length could pass by all the places that were looked up in a copy.
 const STRIDE: usize = 32;
@@ -260,8 +260,8 @@ mod tests {
         // 258 bytes a token of a bit or two, and a block's codes.
         assert!(deflate(&vec![1; 1_000_000], FASTEST).len() < 1_000_000 / 258 * 2 / 4);
         let noise: Vec<u8> = noise(1_000_000).collect();
-        // 5 bytes for each piece of 64 KiB at most, of which a block can have two.
-        assert!(deflate(&noise, FASTEST).len() <= noise.len() + 2 * 5 * (noise.len() / BLOCK + 1) + 5);
+        // 5 bytes for each piece of 64 KiB at most, of which a block can have four.
+        assert!(deflate(&noise, FASTEST).len() <= noise.len() + 4 * 5 * (noise.len() / BLOCK + 1) + 5);
         let copied = [&noise[..20_000], &noise[..20_000]].concat();
         assert!(deflate(&copied, FASTEST).len() < 20_500);
     }
