@@ -179,9 +179,8 @@ impl Tables {
         for (raised, code) in tables.literals.iter_mut().zip(literals) {
             *raised = Raised::new(code.bits, code.count);
         }
-        for length in SHORTEST..=LONGEST {
-            let (symbol, extra, more) = OF_LENGTHS[length];
-            tables.lengths[length] = literals[usize::from(symbol)].with(more.into(), extra.into());
+        for (code, (symbol, extra, more)) in tables.lengths.iter_mut().zip(OF_LENGTHS).skip(SHORTEST) {
+            *code = literals[usize::from(symbol)].with(more.into(), extra.into());
         }
         tables.distances[..DISTANCES].copy_from_slice(distances);
         tables
