@@ -3,7 +3,7 @@
 //! The layout is that of "OpenEXR File Layout" of the OpenEXR project (openexr.com) and of its compressor: of the bytes of a block, those
 //! at even places come before those at odd places, each becomes its difference from the one before it, plus 128, and deflate follows.
 
-use crate::output::deflate::zlib;
+use crate::output::deflate::{Deflater, Distances};
 
 /// Values that follow each other in a block: the pixels of a channel in a line.
 #[derive(Clone, Copy)]
@@ -34,51 +34,70 @@ pub(super) fn add_raw(segments: &[Segment], bytes: &mut Vec<u8>) {
 /// The compressor, whose memory is used again for each block.
 #[derive(Default)]
 pub(super) struct Zip {
-    /// The bytes of the block at even places, and then those at odd places.
-    planes: Vec<u8>,
+    /// The differences of the bytes of the block at even places, and then of those at odd places.
+    differences: Vec<u8>,
     /// The bytes of the block that are there.
     filled: usize,
-    differences: Vec<u8>,
+    /// The last byte that is there at an even place, and at an odd one.
+    last: [u8; 2],
+    /// Whether values of 16 bits are there, which have a byte in each plane.
+    has_halves: bool,
+    deflater: Deflater,
 }
+
+/// So many values are split at a time, and the halves of their bytes stay in the cache.
+const VALUES: usize = 256;
+
+/// What lies between two equal bytes, so that small differences of either sign are near each other.
+const MIDDLE: u8 = 128;
 
 impl Zip {
     /// Begins a block of so many bytes.
     pub fn begin(&mut self, bytes: usize) {
-        self.planes.resize(bytes, 0);
+        self.differences.resize(bytes, 0);
         self.filled = 0;
+        // The first byte stays as it is. What precedes the first at an odd place is known in the end.
+        self.last = [MIDDLE, 0];
+        self.has_halves = false;
     }
 
-    /// Adds values that follow those that are there: their bytes at even places to one plane, and those at odd places to the other.
+    /// Adds values that follow those that are there.
     pub fn add(&mut self, segments: &[Segment]) {
-        let middle = self.planes.len() / 2;
-        let (even, odd) = self.planes.split_at_mut(middle);
+        let middle = self.differences.len() / 2;
+        let (even, odd) = self.differences.split_at_mut(middle);
         // A value has 2 bytes or 4, so each begins at an even place.
         let (mut even, mut odd) = (&mut even[self.filled / 2..], &mut odd[self.filled / 2..]);
+        let mut halves = [[0; 2 * VALUES]; 2];
         for segment in segments {
-            let (of_even, of_odd);
-            (of_even, even) = even.split_at_mut(segment.bytes() / 2);
-            (of_odd, odd) = odd.split_at_mut(segment.bytes() / 2);
-            if segment.is_half {
-                for ((even, odd), value) in of_even.iter_mut().zip(of_odd).zip(segment.values) {
-                    (*even, *odd) = (*value as u8, (*value >> 8) as u8);
+            for values in segment.values.chunks(VALUES) {
+                let ((of_even, of_odd), count);
+                if segment.is_half {
+                    split_halves(values, &mut halves);
+                    count = values.len();
+                } else {
+                    split_words(values, &mut halves);
+                    count = 2 * values.len();
                 }
-            } else {
-                let (of_even, of_odd) = (of_even.as_chunks_mut::<2>().0, of_odd.as_chunks_mut::<2>().0);
-                for ((even, odd), value) in of_even.iter_mut().zip(of_odd).zip(segment.values) {
-                    let [a, b, c, d] = value.to_le_bytes();
-                    (*even, *odd) = ([a, c], [b, d]);
-                }
+                (of_even, even) = even.split_at_mut(count);
+                (of_odd, odd) = odd.split_at_mut(count);
+                differentiate(&halves[0][..count], &mut self.last[0], of_even);
+                differentiate(&halves[1][..count], &mut self.last[1], of_odd);
             }
             self.filled += segment.bytes();
+            self.has_halves |= segment.is_half;
         }
     }
 
     /// The bytes of a block that is whole, at a level of deflate. What would not get smaller stays as it is, which readers tell by its
     /// length.
     pub fn finish(&mut self, level: u8) -> Vec<u8> {
-        self.differentiate();
-        let packed = zlib(&self.differences, level);
-        if packed.len() < self.planes.len() { packed } else { self.raw() }
+        let middle = self.differences.len() / 2;
+        if let Some(first) = self.differences.get_mut(middle) {
+            *first = first.wrapping_sub(self.last[0]);
+        }
+        let distances = if self.has_halves { Distances::All } else { Distances::Even };
+        let packed = self.deflater.zlib(&self.differences, distances, level);
+        if packed.len() < self.differences.len() { packed } else { self.raw() }
     }
 
     /// The bytes of a block of these values at a level of deflate: [`Self::begin`], [`Self::add`] and [`Self::finish`].
@@ -90,21 +109,43 @@ impl Zip {
 
     /// The bytes of the block.
     fn raw(&self) -> Vec<u8> {
-        let (even, odd) = self.planes.split_at(self.planes.len() / 2);
+        let mut byte = MIDDLE;
+        let sums = self.differences.iter().map(|difference| {
+            byte = byte.wrapping_add(*difference).wrapping_sub(MIDDLE);
+            byte
+        });
+        let planes: Vec<u8> = sums.collect();
+        let (even, odd) = planes.split_at(planes.len() / 2);
         even.iter().zip(odd).flat_map(|(even, odd)| [*even, *odd]).collect()
     }
+}
 
-    fn differentiate(&mut self) {
-        let Self { planes, differences, .. } = self;
-        differences.resize(planes.len(), 0);
-        let (Some(first), Some((first_plane, _))) = (differences.first_mut(), planes.split_first()) else {
-            return;
-        };
-        *first = *first_plane;
-        for ((difference, byte), before) in differences[1..].iter_mut().zip(&planes[1..]).zip(&planes[..]) {
-            *difference = byte.wrapping_sub(*before).wrapping_add(128);
-        }
+/// The bytes of values of 32 bits at even places, and at odd places.
+fn split_words(values: &[u32], [even, odd]: &mut [[u8; 2 * VALUES]; 2]) {
+    for ((even, odd), value) in even.as_chunks_mut().0.iter_mut().zip(odd.as_chunks_mut().0).zip(values) {
+        *even = ((value & 0xff | value >> 8 & 0xff00) as u16).to_le_bytes();
+        *odd = ((value >> 8 & 0xff | value >> 16 & 0xff00) as u16).to_le_bytes();
     }
+}
+
+/// The lower bytes of values of 16 bits, and the upper ones.
+fn split_halves(values: &[u32], [even, odd]: &mut [[u8; 2 * VALUES]; 2]) {
+    for ((even, odd), value) in even.iter_mut().zip(odd).zip(values) {
+        (*even, *odd) = (*value as u8, (*value >> 8) as u8);
+    }
+}
+
+/// The differences of bytes from those before them, of which the first is the last of an earlier call.
+fn differentiate(bytes: &[u8], last: &mut u8, differences: &mut [u8]) {
+    let (Some((first, others)), Some((first_byte, _))) = (differences.split_first_mut(), bytes.split_first())
+    else {
+        return;
+    };
+    *first = first_byte.wrapping_sub(*last).wrapping_add(MIDDLE);
+    for ((difference, byte), before) in others.iter_mut().zip(&bytes[1..]).zip(bytes) {
+        *difference = byte.wrapping_sub(*before).wrapping_add(MIDDLE);
+    }
+    *last = bytes[bytes.len() - 1];
 }
 
 #[cfg(test)]
@@ -147,6 +188,14 @@ mod tests {
             }
         }
         assert!(zip.pack(&[Segment { values: &[7; 1000], is_half: false }], 1).len() < 60);
+    }
+
+    #[test]
+    fn lines_of_halves_are_found_again_at_an_odd_distance() {
+        let line: Vec<u32> = (0..1001_u32).map(|i| i.wrapping_mul(2_654_435_761) >> 16).collect();
+        let segment = Segment { values: &line, is_half: true };
+        let [once, twice] = [1, 2].map(|lines| Zip::default().pack(&vec![segment; lines], 1).len());
+        assert!(twice < once + 200, "{once} and {twice} bytes");
     }
 
     #[test]
