@@ -46,8 +46,7 @@ impl<'c> PulseRow<'c> {
         }
     }
 
-    /// Appends the pulses of some columns, as [`Self::pulse`] gives them. That takes half the time of asking for one after the other,
-    /// because what the row shares is told apart once.
+    /// Appends the pulses of some columns, as [`Self::pulse`] gives them. What the row shares is told apart once for all of them.
     pub fn add_pulses(&self, columns: Range<usize>, pulses: &mut Vec<Option<Pulse>>) {
         match self.shared {
             Shared::Camera(row) => pulses.extend(columns.map(|column| row.pulse(column))),
@@ -79,8 +78,7 @@ impl<'c> PulseRow<'c> {
         }
     }
 
-    /// [`Self::depth_over_range`] of the first columns, infinite where it is `None`. The compiler computes several at once, which
-    /// halves the time of an ideal lens.
+    /// [`Self::depth_over_range`] of the first columns, infinite where it is `None`. The compiler computes several at once.
     pub fn depths_over_ranges(&self, columns: usize) -> Vec<f64> {
         // Only columns of 32 bits become floats several at once.
         let columns = 0..columns as u32;
