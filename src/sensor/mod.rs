@@ -39,6 +39,8 @@ use glam::DVec3;
 use crate::angle::Angle;
 
 pub use camera::{Camera, CameraError, Registered};
+#[cfg(test)]
+pub(crate) use capture::tests::sensors_of_each_kind;
 pub use capture::{Capture, NumberProblem};
 pub use depth::{
     AnalyticDisparity, DepthSensing, Imager, Matching, Projector, SecondViewpoint, Stereo, StereoMethod,
@@ -54,8 +56,6 @@ pub use rays::{RayTable, RayTableError};
 pub use risley::{Prism, Ripple, Risley, RisleyError, Tilted, TurningMirror};
 pub use rotating::{Beam, Phase, Rotating, RotatingError};
 pub use row::PulseRow;
-#[cfg(test)]
-pub(crate) use row::tests::sensors_of_each_kind;
 pub use shutter::{RowOrder, Shutter};
 pub use sight::Sight;
 pub use spad::{CountedPlane, Counter};
