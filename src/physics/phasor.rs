@@ -163,7 +163,7 @@ impl TofPixel {
 }
 
 /// What the taps of one frequency tell.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Demodulated {
     /// A·e^{jφ}, with the amplitude A of a tap in electrons.
     pub phasor: Phasor,
@@ -222,9 +222,13 @@ pub fn electrons(mean: f64, deviate: f64) -> f64 {
 }
 
 /// e^{j·2πk/n}. Quarter turns are exact.
+#[inline]
 fn unit_turn(k: usize, n: usize) -> Phasor {
+    const QUARTERS: [(f64, f64); 4] = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)];
     let (re, im) = match (4 * k).checked_rem(n) {
-        Some(0) => [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][4 * k / n % 4],
+        // Most cameras have four taps, for which nothing is divided.
+        _ if n == 4 => QUARTERS[k % 4],
+        Some(0) => QUARTERS[4 * k / n % 4],
         _ => {
             let (sin, cos) = sincos(TAU * k as f64 / n as f64);
             (cos, sin)
@@ -308,6 +312,14 @@ mod tests {
                 let error = (told.range_and_sigma_m(f * MHZ, 0.0).0 - range) / step;
                 assert!((error - error.round()).abs() < 1e-14 * n, "{taps} {range} {f}: {error}");
             }
+        }
+    }
+
+    #[test]
+    fn quarter_turns_of_four_taps_are_those_of_more() {
+        for k in 0..8 {
+            assert_eq!(unit_turn(k, 4), unit_turn(2 * k, 8));
+            assert_eq!(unit_turn(k, 4), unit_turn(3 * k, 12));
         }
     }
 

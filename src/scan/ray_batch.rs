@@ -1,9 +1,15 @@
 //! Rays that are gathered one by one and cast as one batch.
 
+use std::hint::select_unpredictable;
+
 use glam::DVec3;
 
 use crate::scene::Scene;
 use crate::trace::{Cast, Hit, Origins, Rays};
+
+/// The rays of a large batch that are best cast together, after [`RayBatch::take`]: they stay in the cache with their hits until these are
+/// used.
+pub(super) const TOGETHER: usize = 2048;
 
 /// A ray in the world.
 #[derive(Clone, Copy, Debug)]
@@ -27,16 +33,6 @@ pub(super) struct RayBatch<T> {
     after: Vec<Option<Hit>>,
     /// The largest depth of a hit, in lengths of its ray's direction.
     pub most_depth: f64,
-    sorting: Sorting<T>,
-}
-
-/// The memory in which a batch is sorted.
-struct Sorting<T> {
-    cells: Vec<u32>,
-    order: Vec<u32>,
-    known: Vec<T>,
-    vectors: Vec<DVec3>,
-    times_s: Vec<f64>,
 }
 
 impl<T> Default for RayBatch<T> {
@@ -56,13 +52,6 @@ impl<T> RayBatch<T> {
             times_s: vec![],
             after: vec![],
             most_depth,
-            sorting: Sorting {
-                cells: vec![],
-                order: vec![],
-                known: vec![],
-                vectors: vec![],
-                times_s: vec![],
-            },
         }
     }
 
@@ -118,58 +107,78 @@ impl<T> RayBatch<T> {
 
     /// Finds the hit of each ray, in the order in which they were added.
     pub fn cast(&self, scene: &Scene, tracer: &impl Cast, hits: &mut Vec<Option<Hit>>) {
-        hits.clear();
+        // All of them are written, so what they were before does not matter.
         hits.resize(self.len(), None);
+        tracer.cast(&self.rays(scene), hits);
+    }
+
+    /// Finds whether each ray hits anything, in the order in which they were added.
+    pub fn find_blocked(&self, scene: &Scene, tracer: &impl Cast, blocked: &mut Vec<bool>) {
+        blocked.resize(self.len(), false);
+        tracer.blocked(&self.rays(scene), blocked);
+    }
+
+    fn rays(&self, scene: &Scene) -> Rays<'_> {
         let origins = match &self.origins[..] {
             [] => Origins::Common(self.origin),
             each => Origins::Each(each),
         };
-        let rays = Rays {
+        Rays {
             after: (!self.after.is_empty()).then_some(&self.after[..]),
             times_s: scene.arrangement.window.is_some().then_some(&self.times_s[..]),
             t_max: self.most_depth,
             ..Rays::unlimited(origins, &self.directions)
-        };
-        tracer.cast(&rays, hits);
+        }
     }
 
-    /// Sorts rays that go on behind no hit by their directions: along a curve through the cells of a map of the sphere, 2^`bits` a
-    /// side. So rays that follow each other go nearly the same way, and the tracer can take them together. Those of a cell stay
-    /// in their order.
-    pub fn sort_by_direction(&mut self, bits: u32)
+    /// Becomes a batch of these rays of another one, which go on behind no hit, in this order.
+    pub fn take(&mut self, from: &Self, numbers: &[u32])
     where
         T: Copy,
     {
-        let Sorting { cells, order, known, vectors, times_s } = &mut self.sorting;
+        fn some<'a, V: Copy>(values: &'a [V], numbers: &'a [u32]) -> impl Iterator<Item = V> + 'a {
+            numbers.iter().map(|&number| values[number as usize])
+        }
+        self.clear();
+        self.origin = from.origin;
+        self.known.extend(some(&from.known, numbers));
+        if !from.origins.is_empty() {
+            self.origins.extend(some(&from.origins, numbers));
+        }
+        self.directions.extend(some(&from.directions, numbers));
+        self.times_s.extend(some(&from.times_s, numbers));
+    }
+}
+
+/// The order of rays by their directions: along a curve through the cells of a map of the sphere. So rays that follow each other go
+/// nearly the same way, and the tracer can take them together. Those of a cell stay in their order.
+#[derive(Default)]
+pub(super) struct DirectionOrder {
+    cells: Vec<u32>,
+    numbers: Vec<u32>,
+}
+
+impl DirectionOrder {
+    /// The numbers of a batch's rays in this order, with 2^`bits` cells a side.
+    pub fn of<T>(&mut self, rays: &RayBatch<T>, bits: u32) -> &[u32] {
+        let Self { cells, numbers } = self;
         cells.clear();
-        cells.extend(self.directions.iter().map(|&direction| cell(direction, bits)));
+        cells.extend(rays.directions.iter().map(|&direction| cell(direction, bits)));
         // The place of the next ray of each cell.
         let mut places = vec![0; (1 << (2 * bits)) + 1];
         cells.iter().for_each(|&cell| places[cell as usize + 1] += 1);
         for cell in 1..places.len() {
             places[cell] += places[cell - 1];
         }
-        order.clear();
-        order.resize(cells.len(), 0);
+        numbers.clear();
+        numbers.resize(cells.len(), 0);
         for (ray, &cell) in (0..).zip(&*cells) {
             let place = &mut places[cell as usize];
-            order[*place] = ray;
+            numbers[*place] = ray;
             *place += 1;
         }
-        put_in_order(&mut self.known, order, known);
-        if !self.origins.is_empty() {
-            put_in_order(&mut self.origins, order, vectors);
-        }
-        put_in_order(&mut self.directions, order, vectors);
-        put_in_order(&mut self.times_s, order, times_s);
+        numbers
     }
-}
-
-/// Puts first the value whose number is first in `order`, and so on. `spare` is memory.
-fn put_in_order<V: Copy>(values: &mut Vec<V>, order: &[u32], spare: &mut Vec<V>) {
-    spare.clear();
-    spare.extend(order.iter().map(|&number| values[number as usize]));
-    std::mem::swap(values, spare);
 }
 
 /// The number of a direction's cell on an octahedron that is unfolded to a square (Z. H. Cigolle et al., "A survey of efficient
@@ -177,10 +186,20 @@ fn put_in_order<V: Copy>(values: &mut Vec<V>, order: &[u32], spare: &mut Vec<V>)
 fn cell(direction: DVec3, bits: u32) -> u32 {
     let DVec3 { x, y, z } = direction / direction.abs().element_sum();
     let sign = |value: f64| if value < 0.0 { -1.0 } else { 1.0 };
-    let [u, v] = if z >= 0.0 { [x, y] } else { [(1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y)] };
+    // Directions come in any order, so both sides are computed, and there is no branch.
+    let folded = [(1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y)];
+    let [u, v] = [select_unpredictable(z >= 0.0, x, folded[0]), select_unpredictable(z >= 0.0, y, folded[1])];
     let side = f64::from(1_u32 << bits);
     let [u, v] = [u, v].map(|at| ((0.5 * at + 0.5) * side).clamp(0.0, side - 1.0) as u32);
-    (0..bits).fold(0, |code, bit| code | (u >> bit & 1) << (2 * bit) | (v >> bit & 1) << (2 * bit + 1))
+    spread(u) | spread(v) << 1
+}
+
+/// The bits of a number below 2¹⁶, each moved to twice its place.
+fn spread(number: u32) -> u32 {
+    let eights = (number | number << 8) & 0x00ff_00ff;
+    let fours = (eights | eights << 4) & 0x0f0f_0f0f;
+    let twos = (fours | fours << 2) & 0x3333_3333;
+    (twos | twos << 1) & 0x5555_5555
 }
 
 #[cfg(test)]
@@ -220,15 +239,31 @@ mod tests {
         for (number, &direction) in directions.iter().enumerate() {
             batch.push(number, Ray { origin: DVec3::ZERO, direction, time_s: 0.0 }, None);
         }
-        batch.sort_by_direction(3);
-        let mut cells: Vec<u32> = (0..1000).map(|i| cell(batch.ray(i).direction, 3)).collect();
-        assert!(cells.is_sorted());
+        let mut order = DirectionOrder::default();
+        let order = order.of(&batch, 3);
+        let cell_of = |&ray: &u32| cell(directions[ray as usize], 3);
+        assert!(order.is_sorted_by_key(|ray| (cell_of(ray), *ray)));
+        let mut cells: Vec<u32> = order.iter().map(cell_of).collect();
         cells.dedup();
         assert_eq!(cells.len(), 64);
-        // Each ray keeps what is known of it.
-        assert!((0..1000).all(|i| directions[batch.known()[i]] == batch.ray(i).direction));
-        let mut known = batch.known().to_vec();
-        known.sort_unstable();
-        assert_eq!(known, (0..1000).collect::<Vec<_>>());
+        let mut rays = order.to_vec();
+        rays.sort_unstable();
+        assert_eq!(rays, (0..1000).collect::<Vec<_>>());
+        // Rays that are taken keep what is known of them.
+        let mut some = RayBatch::default();
+        for part in order.chunks(300) {
+            some.take(&batch, part);
+            assert_eq!(some.len(), part.len());
+            assert!((0..part.len()).all(|i| some.known()[i] == part[i] as usize));
+            assert!((0..part.len()).all(|i| some.ray(i).direction == directions[part[i] as usize]));
+        }
+    }
+
+    /// Morton's curve takes the bits of the two places in turn.
+    #[test]
+    fn bits_are_spread() {
+        for (number, twice) in [(0, 0), (1, 1), (0b1011, 0b100_0101), (0xffff, 0x5555_5555)] {
+            assert_eq!(spread(number), twice);
+        }
     }
 }

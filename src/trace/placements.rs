@@ -30,12 +30,13 @@ struct Visits<'a, 'r> {
 }
 
 impl Tracer {
-    /// Finds the nearest hits of up to [`PACKET_RAYS`](super::batch::PACKET_RAYS) rays in a scene with a hierarchy over placements,
-    /// unless they are better cast one by one.
+    /// Finds the nearest hits (any hits, if `any`) of up to [`PACKET_RAYS`](super::batch::PACKET_RAYS) rays in a scene with a hierarchy
+    /// over placements, unless they are better cast one by one.
     #[inline(always)]
     pub(super) fn cast_packet_among<S: F32x8, const MULTI_ORIGIN: bool>(
         &self,
         rays: &Batch,
+        any: bool,
         nearest: &mut NearestHits,
         scratch: &mut Scratch,
     ) -> PacketEnd {
@@ -49,6 +50,7 @@ impl Tracer {
             mesh_rays,
             policy,
             part,
+            ..
         } = scratch;
         let ray_count = rays.directions.len();
         let budget = policy.budget(ray_count);
@@ -113,7 +115,11 @@ impl Tracer {
                 return PacketEnd::GivenUp;
             };
             work += more;
-            top.update_depths::<S>(visits.nearest, found);
+            if any {
+                top.end::<S>(found & visits.nearest.hit);
+            } else {
+                top.update_depths::<S>(visits.nearest, found);
+            }
         }
         policy.succeeded(ray_count, work + PACKET_NODE * (stack.visited - visited));
         PacketEnd::Cast

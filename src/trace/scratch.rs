@@ -24,7 +24,11 @@ pub(super) struct Scratch {
     pub rays: RayData,
     pub mesh_rays: RayData,
     pub single: SingleScratch,
+    /// The experience with rays of the kind that is cast now.
     pub policy: PacketPolicy,
+    /// That with the other kind, and whether the rays that are cast now have origins of their own.
+    other_policy: PacketPolicy,
+    origins_differ: bool,
     pub part: PartScratch,
 }
 
@@ -55,6 +59,15 @@ impl Scratch {
     #[inline(never)]
     pub fn boxed() -> Box<Self> {
         Box::default()
+    }
+
+    /// Begins to cast rays that have origins of their own, or one in common. These kinds take turns where light goes on from surfaces,
+    /// and what pays for one says little of the other.
+    pub fn begin(&mut self, origins_differ: bool) {
+        if self.origins_differ != origins_differ {
+            std::mem::swap(&mut self.policy, &mut self.other_policy);
+            self.origins_differ = origins_differ;
+        }
     }
 
     /// The work that was done in this memory so far.

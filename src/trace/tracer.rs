@@ -133,9 +133,9 @@ impl Tracer {
     pub fn cast_counted(&self, rays: &Rays, hits: &mut [Option<Hit>]) -> TraversalStats {
         rays.check(hits.len(), &self.scene.arrangement);
         let stats = if rays.after.is_some() {
-            self.with_simd(NearestTask::<true> { tracer: self, rays, hits: &mut *hits })
+            self.with_simd(NearestTask::<true> { tracer: self, rays, found: Found::Hits(&mut *hits) })
         } else {
-            self.with_simd(NearestTask::<false> { tracer: self, rays, hits: &mut *hits })
+            self.with_simd(NearestTask::<false> { tracer: self, rays, found: Found::Hits(&mut *hits) })
         };
         stats.unwrap_or_else(|| {
             self.cast_all_in_f64(rays, hits);
@@ -188,33 +188,35 @@ impl Tracer {
 
     /// Writes the hits of rays: packet by packet, and in streams where rays make no packet.
     #[inline(always)]
-    fn cast_all<S: F32x8>(&self, rays: &Rays, hits: &mut [Option<Hit>], scratch: &mut Scratch) {
+    fn cast_all<S: F32x8>(&self, rays: &Rays, mut found: Found, scratch: &mut Scratch) {
+        scratch.begin(matches!(rays.origins, Origins::Each(_)));
+        let count = rays.directions.len();
         let mut origins = Vec::new();
         // The pending run of consecutive rays that no packet accepted.
         let mut singles = 0..0;
-        for start in (0..hits.len()).step_by(PACKET_RAYS) {
-            let end = (start + PACKET_RAYS).min(hits.len());
+        for start in (0..count).step_by(PACKET_RAYS) {
+            let end = (start + PACKET_RAYS).min(count);
             // Directions often come from memory, so the next ones are prefetched while these are cast.
-            for line in (end..(end + PACKET_RAYS).min(hits.len())).step_by(2) {
+            for line in (end..(end + PACKET_RAYS).min(count)).step_by(2) {
                 S::prefetch(rays.directions.as_ptr().wrapping_add(line).cast());
                 if let Origins::Each(origins) = rays.origins {
                     S::prefetch(origins.as_ptr().wrapping_add(line).cast());
                 }
             }
             let batch = self.batch(rays, start..end, &mut origins);
-            let mut rejected = self.cast_packets::<S>(&batch, &mut hits[start..end], scratch);
+            let mut rejected = self.cast_packets::<S>(&batch, found.part(start..end), scratch);
             while rejected != 0 {
                 let from = rejected.trailing_zeros() as usize;
                 let to = from + (rejected >> from).trailing_ones() as usize;
                 rejected &= !(ones(to - from) << from);
                 if singles.end != start + from || singles.len() >= STREAM_RUN {
-                    self.cast_rejected::<S>(rays, singles, hits, &mut origins, scratch);
+                    self.cast_rejected::<S>(rays, singles, &mut found, &mut origins, scratch);
                     singles = start + from..start + from;
                 }
                 singles.end = start + to;
             }
         }
-        self.cast_rejected::<S>(rays, singles, hits, &mut origins, scratch);
+        self.cast_rejected::<S>(rays, singles, &mut found, &mut origins, scratch);
     }
 
     /// Writes the hits of rays that are in no packet, and remembers what they cost.
@@ -223,7 +225,7 @@ impl Tracer {
         &self,
         rays: &Rays,
         range: Range<usize>,
-        hits: &mut [Option<Hit>],
+        found: &mut Found,
         origins: &mut Vec<DVec3>,
         scratch: &mut Scratch,
     ) {
@@ -232,7 +234,7 @@ impl Tracer {
         }
         let (count, before) = (range.len(), scratch.single.stats());
         let carried = scratch.single.stream.carried();
-        self.cast_singles::<S, false>(rays, range, hits, origins, &mut scratch.single);
+        self.cast_singles::<S, false>(rays, range, found, origins, &mut scratch.single);
         let effort = scratch.single.stats() - before;
         scratch.policy.measured(count, effort, scratch.single.stream.carried() - carried);
     }
@@ -240,11 +242,12 @@ impl Tracer {
     /// Writes the hits of rays of which some must come after a given hit ([`Rays::after`]). These rays make no packets: a packet
     /// has one least depth for all its rays, and such rays have one each.
     #[inline(always)]
-    fn cast_all_after<S: F32x8>(&self, rays: &Rays, hits: &mut [Option<Hit>], scratch: &mut SingleScratch) {
+    fn cast_all_after<S: F32x8>(&self, rays: &Rays, mut found: Found, scratch: &mut SingleScratch) {
         let mut origins = Vec::new();
-        for start in (0..hits.len()).step_by(STREAM_RUN) {
-            let run = start..(start + STREAM_RUN).min(hits.len());
-            self.cast_singles::<S, true>(rays, run, hits, &mut origins, scratch);
+        let count = rays.directions.len();
+        for start in (0..count).step_by(STREAM_RUN) {
+            let run = start..(start + STREAM_RUN).min(count);
+            self.cast_singles::<S, true>(rays, run, &mut found, &mut origins, scratch);
         }
     }
 
@@ -276,17 +279,13 @@ impl Tracer {
 
     /// Writes the hits of the packets among up to [`PACKET_RAYS`] rays, and returns the rays that are in no packet.
     #[inline(always)]
-    fn cast_packets<S: F32x8>(
-        &self,
-        batch: &Batch,
-        hits: &mut [Option<Hit>],
-        scratch: &mut Scratch,
-    ) -> RaySet {
+    fn cast_packets<S: F32x8>(&self, batch: &Batch, mut found: Found, scratch: &mut Scratch) -> RaySet {
+        let count = batch.directions.len();
         if !self.packets || scratch.policy.begin_tile() == 0 {
-            return ones(hits.len());
+            return ones(count);
         }
         let mut pending = [(0, 0); 8];
-        pending[0] = (0, hits.len());
+        pending[0] = (0, count);
         let mut count = 1;
         let top = if self.top.bvh.nodes.is_empty() { &self.meshes[0] } else { &self.top.bvh };
         let mut rejected: RaySet = 0;
@@ -300,10 +299,10 @@ impl Tracer {
             let most = scratch.policy.most();
             if to - from <= most && to - from >= 4 && packet::may_be_packet(top, part.origins) {
                 let mut nearest = NearestHits::new(part.t_max);
-                match self.cast_packet::<S>(&part, &mut nearest, scratch) {
+                match self.cast_packet::<S>(&part, found.is_any(), &mut nearest, scratch) {
                     PacketEnd::Cast => {
                         let maps = &mut scratch.single.maps;
-                        self.surfaces().write_hits::<S>(&part, &nearest, &mut hits[from..to], maps);
+                        found.part(from..to).write::<S>(&self.surfaces(), &part, &nearest, maps);
                         continue;
                     }
                     PacketEnd::GivenUp => {
@@ -331,34 +330,35 @@ impl Tracer {
         &self,
         rays: &Rays,
         range: Range<usize>,
-        hits: &mut [Option<Hit>],
+        found: &mut Found,
         origins: &mut Vec<DVec3>,
         scratch: &mut SingleScratch,
     ) {
         if range.is_empty() {
             return;
         }
-        let hits = &mut hits[range.clone()];
+        let mut found = found.part(range.clone());
         let batch = self.batch(rays, range, origins);
         let mut nearest = NearestHits::new(batch.t_max);
-        while let Some(group) = self.next_group::<S, AFTER>(&batch, false, &mut nearest, scratch) {
-            let rays = 8 * group..(8 * group + 8).min(hits.len());
+        while let Some(group) = self.next_group::<S, AFTER>(&batch, found.is_any(), &mut nearest, scratch) {
+            let rays = 8 * group..(8 * group + 8).min(batch.directions.len());
             let (part, maps) = (batch.part(rays.clone()), &mut scratch.maps);
-            self.surfaces().write_hits::<S>(&part, &nearest, &mut hits[rays], maps);
+            found.part(rays).write::<S>(&self.surfaces(), &part, &nearest, maps);
         }
     }
 
-    /// Finds the nearest hits of up to [`PACKET_RAYS`] rays, unless they are better cast one by one.
+    /// Finds the nearest hits (any hits, if `any`) of up to [`PACKET_RAYS`] rays, unless they are better cast one by one.
     #[inline(always)]
     fn cast_packet<S: F32x8>(
         &self,
         rays: &Batch,
+        any: bool,
         nearest: &mut NearestHits,
         scratch: &mut Scratch,
     ) -> PacketEnd {
         match rays.origins {
-            Origins::Common(_) => self.cast_packet_of::<S, false>(rays, nearest, scratch),
-            Origins::Each(_) => self.cast_packet_of::<S, true>(rays, nearest, scratch),
+            Origins::Common(_) => self.cast_packet_of::<S, false>(rays, any, nearest, scratch),
+            Origins::Each(_) => self.cast_packet_of::<S, true>(rays, any, nearest, scratch),
         }
     }
 
@@ -366,11 +366,12 @@ impl Tracer {
     fn cast_packet_of<S: F32x8, const MULTI_ORIGIN: bool>(
         &self,
         rays: &Batch,
+        any: bool,
         nearest: &mut NearestHits,
         scratch: &mut Scratch,
     ) -> PacketEnd {
         if !self.top.bvh.nodes.is_empty() {
-            return self.cast_packet_among::<S, MULTI_ORIGIN>(rays, nearest, scratch);
+            return self.cast_packet_among::<S, MULTI_ORIGIN>(rays, any, nearest, scratch);
         }
         let Scratch { mesh: stack, mesh_rays, policy, .. } = scratch;
         let ray_count = rays.directions.len();
@@ -472,12 +473,54 @@ impl Cast for Tracer {
 
     fn blocked(&self, rays: &Rays, blocked: &mut [bool]) {
         rays.check(blocked.len(), &self.scene.arrangement);
-        let done = if rays.after.is_some() {
-            self.with_simd(BlockedTask::<true> { tracer: self, rays, blocked: &mut *blocked })
-        } else {
-            self.with_simd(BlockedTask::<false> { tracer: self, rays, blocked: &mut *blocked })
+        let done = match rays.origins {
+            _ if rays.after.is_some() => {
+                self.with_simd(BlockedTask::<true> { tracer: self, rays, blocked: &mut *blocked })
+            }
+            // Rays from one point make packets.
+            Origins::Common(_) => {
+                let found = Found::Blocked(&mut *blocked);
+                self.with_simd(NearestTask::<false> { tracer: self, rays, found }).map(|_| ())
+            }
+            Origins::Each(_) => {
+                self.with_simd(BlockedTask::<false> { tracer: self, rays, blocked: &mut *blocked })
+            }
         };
         done.unwrap_or_else(|| self.find_blocked_in_f64(rays, blocked));
+    }
+}
+
+/// What is found of rays: their nearest hits, or whether they hit anything.
+enum Found<'a> {
+    Hits(&'a mut [Option<Hit>]),
+    Blocked(&'a mut [bool]),
+}
+
+impl Found<'_> {
+    /// Whether any hit will do.
+    fn is_any(&self) -> bool {
+        matches!(self, Self::Blocked(_))
+    }
+
+    /// That of some consecutive rays.
+    fn part(&mut self, rays: Range<usize>) -> Found<'_> {
+        match self {
+            Self::Hits(hits) => Found::Hits(&mut hits[rays]),
+            Self::Blocked(blocked) => Found::Blocked(&mut blocked[rays]),
+        }
+    }
+
+    /// Writes what was found of a batch of at most [`PACKET_RAYS`] rays.
+    #[inline(always)]
+    fn write<S: F32x8>(self, surfaces: &Surfaces, rays: &Batch, nearest: &NearestHits, maps: &mut Maps) {
+        match self {
+            Self::Hits(hits) => surfaces.write_hits::<S>(rays, nearest, hits, maps),
+            Self::Blocked(blocked) => {
+                for (ray, blocked) in blocked.iter_mut().enumerate() {
+                    *blocked = nearest.hit >> ray & 1 != 0;
+                }
+            }
+        }
     }
 }
 
@@ -485,7 +528,7 @@ impl Cast for Tracer {
 struct NearestTask<'a, 'r, const AFTER: bool> {
     tracer: &'a Tracer,
     rays: &'a Rays<'r>,
-    hits: &'a mut [Option<Hit>],
+    found: Found<'a>,
 }
 
 impl<const AFTER: bool> SimdTask for NearestTask<'_, '_, AFTER> {
@@ -493,13 +536,13 @@ impl<const AFTER: bool> SimdTask for NearestTask<'_, '_, AFTER> {
 
     #[inline(always)]
     fn run<S: F32x8>(self) -> TraversalStats {
-        let Self { tracer, rays, hits } = self;
+        let Self { tracer, rays, found } = self;
         let mut scratch = tracer.take_scratch();
         let before = scratch.stats();
         if AFTER {
-            tracer.cast_all_after::<S>(rays, hits, &mut scratch.single);
+            tracer.cast_all_after::<S>(rays, found, &mut scratch.single);
         } else {
-            tracer.cast_all::<S>(rays, hits, &mut scratch);
+            tracer.cast_all::<S>(rays, found, &mut scratch);
         }
         let stats = scratch.stats() - before;
         SCRATCH.set(Some(scratch));

@@ -18,13 +18,13 @@ use super::pixel::Pixel;
 use super::shade::{CLEARANCE_M, Lit, Shader};
 use super::sight::Sights;
 use crate::physics::phasor::{Demodulated, ModulatedLight, TofPixel};
-use crate::physics::unwrap::{Reliable, Unreliable, Unwrapped, Unwrapper};
+use crate::physics::unwrap::{MOST_FREQUENCIES, Reliable, Unreliable, Unwrapped, Unwrapper};
 use crate::rng::FrameStreams;
 use crate::scan::Progress;
 use crate::scan::effects::Effect;
 use crate::scan::frame::{Cause, Echo, Frame, Images, Return, Terms};
 use crate::scan::ideal::scan_ideal;
-use crate::scan::ray_batch::{Ray, RayBatch};
+use crate::scan::ray_batch::{DirectionOrder, Ray, RayBatch, TOGETHER};
 use crate::scan::strips::{SensorPose, TILE};
 use crate::scan::sunlight::{Place, sunlight};
 use crate::scan::through::Through;
@@ -221,33 +221,47 @@ struct IndirectWay {
 /// The indirect light of a part.
 #[derive(Default)]
 struct Indirect {
-    wave: IndirectWave,
-    /// The rays from the surfaces that the wave meets.
-    next: IndirectWave,
-    /// The paths by way of these surfaces, and the lines from the source to them.
+    wave: RayBatch<IndirectWay>,
+    order: DirectionOrder,
+    together: Together,
+    onward: Onward,
+}
+
+/// What goes on from the surfaces that rays of indirect light meet.
+#[derive(Default)]
+struct Onward {
+    /// The rays from these surfaces.
+    next: RayBatch<IndirectWay>,
+    /// The paths by way of them, and the lines from the source to them.
     paths: Vec<Path>,
     shadows: Sights,
 }
 
-/// Rays of indirect light that are cast together.
+impl Onward {
+    fn clear(&mut self) {
+        self.next.clear();
+        self.paths.clear();
+        self.shadows.clear();
+    }
+}
+
+/// Adds a ray from a surface.
+fn push_indirect(
+    wave: &mut RayBatch<IndirectWay>,
+    way: IndirectWay,
+    from: &Lit,
+    direction: DVec3,
+    time_s: f64,
+) {
+    wave.push(way, Ray { origin: from.point + from.normal * CLEARANCE_M, direction, time_s }, None);
+}
+
+/// Rays of a wave that are cast together, and their hits.
 #[derive(Default)]
-struct IndirectWave {
+struct Together {
     rays: RayBatch<IndirectWay>,
     hits: Vec<Option<Hit>>,
     through: Through,
-}
-
-impl IndirectWave {
-    fn push(&mut self, way: IndirectWay, from: &Lit, direction: DVec3, time_s: f64) {
-        self.rays.push(way, Ray { origin: from.point + from.normal * CLEARANCE_M, direction, time_s }, None);
-    }
-
-    /// Casts the rays, and looks through holes and panes. They are cast in the order of their directions.
-    fn cast(&mut self, scene: &Scene, tracer: &impl Cast) {
-        let Self { rays, hits, through } = self;
-        rays.sort_by_direction(DIRECTION_BITS);
-        cast_through(rays, scene, tracer, hits, through);
-    }
 }
 
 struct Camera<'a, C> {
@@ -401,10 +415,10 @@ impl<C: Cast> Camera<'_, C> {
         light: &mut Light,
         shader: &mut Shader,
     ) {
-        let wave = &mut indirect.wave;
+        let Indirect { wave, .. } = &mut *indirect;
         let count = self.sensing.indirect_rays as usize;
         let samples = self.samples();
-        wave.rays.clear();
+        wave.clear();
         for first in (0..of_pixel.len()).step_by(samples) {
             let number = number_of(of_pixel[first] as usize);
             let mut stream = self.streams.stream(number as u32, 0, Effect::Indirect as u32);
@@ -425,12 +439,8 @@ impl<C: Cast> Camera<'_, C> {
                     electrons: self.sensing.electrons_at_1_m / count as f64 * lit.diffuse,
                     length_m: (lit.point - origin).length(),
                 };
-                wave.push(
-                    way,
-                    lit,
-                    cosine_weighted(lit.normal, share, turn + k as f64 * GOLDEN_TURN),
-                    time_s,
-                );
+                let direction = cosine_weighted(lit.normal, share, turn + k as f64 * GOLDEN_TURN);
+                push_indirect(wave, way, lit, direction, time_s);
             }
         }
         for bounce in 1..=self.sensing.bounces {
@@ -449,15 +459,41 @@ impl<C: Cast> Camera<'_, C> {
         light: &mut Light,
         shader: &mut Shader,
     ) {
-        let Indirect { wave, next, paths, shadows } = indirect;
-        wave.cast(self.scene, self.tracer);
-        next.rays.clear();
-        paths.clear();
-        shadows.clear();
-        for (number, hit) in wave.hits.iter().enumerate() {
+        let Indirect { wave, order, together, onward } = indirect;
+        onward.clear();
+        // They are cast in the order of their directions.
+        for numbers in order.of(wave, DIRECTION_BITS).chunks(TOGETHER) {
+            let Together { rays, hits, through } = &mut *together;
+            rays.take(wave, numbers);
+            cast_through(rays, self.scene, self.tracer, hits, through);
+            self.go_on(together, onward, bounce, is_last, shader);
+        }
+        let Onward { next, paths, shadows } = onward;
+        let blocked = shadows.are_blocked_in_any_order(self.scene, self.tracer);
+        for (path, _) in paths.iter().zip(blocked).filter(|(_, blocked)| !**blocked) {
+            light.add(path.pixel, path.electrons, path.length_m, self.unwrapper.frequencies_hz());
+        }
+        std::mem::swap(wave, next);
+    }
+
+    /// Adds the paths by way of the surfaces that some rays have met, and the rays from there unless these are the last.
+    fn go_on(
+        &self,
+        together: &Together,
+        onward: &mut Onward,
+        bounce: u32,
+        is_last: bool,
+        shader: &mut Shader,
+    ) {
+        let Onward { next, paths, shadows } = onward;
+        for (number, hit) in together.hits.iter().enumerate() {
             let Some(hit) = hit else { continue };
-            let way = wave.rays.known()[number];
-            let Ray { origin, direction, time_s } = wave.rays.ray(number);
+            let way = together.rays.known()[number];
+            let Ray { origin, direction, time_s } = together.rays.ray(number);
+            // Where the source does not reach, the last rays end.
+            if is_last && !is_seen_from(way.source, origin, direction, hit) {
+                continue;
+            }
             let far = shader.light(origin, direction, hit, Some(way.source));
             if far.diffuse == 0.0 {
                 continue;
@@ -478,16 +514,9 @@ impl<C: Cast> Camera<'_, C> {
                 let mut stream =
                     self.streams.stream(way.number, bounce << 16 | way.k, Effect::Indirect as u32);
                 let direction = cosine_weighted(far.normal, stream.unit(), stream.unit());
-                next.push(way, &far, direction, time_s);
+                push_indirect(next, way, &far, direction, time_s);
             }
         }
-
-        shadows.sort();
-        let blocked = shadows.are_blocked(self.scene, self.tracer);
-        for (path, _) in paths.iter().zip(blocked).filter(|(_, blocked)| !**blocked) {
-            light.add(path.pixel, path.electrons, path.length_m, self.unwrapper.frequencies_hz());
-        }
-        std::mem::swap(wave, next);
     }
 
     /// The camera's measurement of the light of a pixel at each frequency. `brightest` gives the return of one of its sub-rays.
@@ -498,16 +527,16 @@ impl<C: Cast> Camera<'_, C> {
         direct: &Direct,
         brightest: impl FnMut(usize) -> Option<Return>,
     ) -> Measured {
-        let at_frequency = |(k, light): (usize, &ModulatedLight)| {
+        let measured = each_frequency(lights, |k, light| {
             let mut stream = self.streams.stream(number as u32, k as u32, Effect::Electrons as u32);
             self.demodulate(|tap, taps| self.pixel.tap(tap, taps, light, || stream.normal()))
-        };
-        let measured: Vec<Demodulated> = lights.iter().enumerate().map(at_frequency).collect();
+        });
+        let measured = &measured[..lights.len()];
         let count = lights.len() as f64;
         let phase = |k: usize| measured.get(k).map_or(0.0, |measured| measured.phasor.phase() as f32);
         Measured {
             number,
-            pixel: self.judge(number, &measured, lights, direct, brightest),
+            pixel: self.judge(number, measured, lights, direct, brightest),
             amplitude: (measured.iter().map(|measured| measured.phasor.amplitude()).sum::<f64>() / count)
                 as f32,
             ambient: (measured.iter().map(|measured| measured.ambient(self.sensing.contrast)).sum::<f64>()
@@ -545,29 +574,13 @@ impl<C: Cast> Camera<'_, C> {
             let is_seen = ideal == Cause::Surface;
             return Pixel::without(if is_seen { Cause::BelowThreshold } else { ideal });
         };
-        let unwrapped = self.unwrap(measured);
-        let reason = reliable.judge(measured, unwrapped.as_ref()).map(|reason| match reason {
-            Unreliable::Saturated => Cause::Saturated,
-            Unreliable::LowSignal => Cause::BelowThreshold,
-            Unreliable::Disagreement | Unreliable::Ambiguous => Cause::Ambiguous,
-        });
-        let (None, Some(unwrapped)) = (reason, unwrapped) else {
-            return Pixel::without(reason.unwrap_or(Cause::BelowThreshold));
+        let unwrapped = match reliable.judge(measured, || self.unwrap(measured)) {
+            Ok(unwrapped) => unwrapped,
+            Err(Unreliable::Saturated) => return Pixel::without(Cause::Saturated),
+            Err(Unreliable::LowSignal) => return Pixel::without(Cause::BelowThreshold),
+            Err(Unreliable::Disagreement | Unreliable::Ambiguous) => return Pixel::without(Cause::Ambiguous),
         };
-        let is_ideal = ideal == Cause::Surface;
-        let surface = if is_ideal { self.ideal.returns().get(number) } else { brightest };
-        let mean =
-            |light: &ModulatedLight| self.demodulate(|tap, taps| self.pixel.mean_tap(tap, taps, light));
-        let quiet: Vec<Demodulated> = lights.iter().map(mean).collect();
-        let quiet_m = self.unwrap(&quiet).map_or(surface.range_m, |quiet| quiet.range_m);
         let range_m = unwrapped.range_m;
-        let footprint_m = quiet_m - surface.range_m;
-        let terms = Terms {
-            ideal_m: surface.range_m,
-            footprint_m,
-            noise_m: range_m - surface.range_m - footprint_m,
-            ..Terms::default()
-        };
         let (row, column) = (number / self.capture.columns(), number % self.capture.columns());
         let Some(pulse) = self.capture.pulse(row, column) else { return Pixel::without(Cause::NoPulse) };
         let cause = match self.capture.sensor.range.place_of(&pulse, range_m) {
@@ -576,21 +589,54 @@ impl<C: Cast> Camera<'_, C> {
             Ordering::Equal => Cause::Surface,
             Ordering::Greater => return Pixel::without(Cause::OutOfRange),
         };
+        let is_ideal = ideal == Cause::Surface;
+        let surface = if is_ideal { self.ideal.returns().get(number) } else { brightest };
+        let mean =
+            |light: &ModulatedLight| self.demodulate(|tap, taps| self.pixel.mean_tap(tap, taps, light));
+        let quiet = each_frequency(lights, |_, light| mean(light));
+        let quiet_m = self.unwrap(&quiet[..lights.len()]).map_or(surface.range_m, |quiet| quiet.range_m);
+        let footprint_m = quiet_m - surface.range_m;
+        let terms = Terms {
+            ideal_m: surface.range_m,
+            footprint_m,
+            noise_m: range_m - surface.range_m - footprint_m,
+            ..Terms::default()
+        };
         let snr = range_m / unwrapped.sigma_m;
         let echo = Echo { cause, snr: snr as f32, terms, ..Echo::default() };
         Pixel { cause, one: Some((Return { range_m, ..surface }, echo)) }
     }
 
     fn unwrap(&self, measured: &[Demodulated]) -> Option<Unwrapped> {
-        let phases: Vec<f64> = measured.iter().map(|one| one.phasor.phase()).collect();
-        let sigmas: Vec<f64> = measured.iter().map(|one| one.phase_sigma(self.sensing.read_noise)).collect();
-        self.unwrapper.unwrap(&phases, &sigmas, 0.0)
+        let (mut phases, mut sigmas) = ([0.0; MOST_FREQUENCIES], [0.0; MOST_FREQUENCIES]);
+        for (k, one) in measured.iter().enumerate() {
+            (phases[k], sigmas[k]) = (one.phasor.phase(), one.phase_sigma(self.sensing.read_noise));
+        }
+        self.unwrapper.unwrap(&phases[..measured.len()], &sigmas[..measured.len()], 0.0)
     }
+}
+
+/// What the pixel tells of the light at each frequency.
+fn each_frequency(
+    lights: &[ModulatedLight],
+    mut tell: impl FnMut(usize, &ModulatedLight) -> Demodulated,
+) -> [Demodulated; MOST_FREQUENCIES] {
+    let mut told = [Demodulated::default(); MOST_FREQUENCIES];
+    for (k, light) in lights.iter().enumerate() {
+        told[k] = tell(k, light);
+    }
+    told
 }
 
 /// The pose from which a sub-ray of a row is cast.
 fn pose_of_sample(poses: &[SensorPose], sample: usize) -> &SensorPose {
     &poses[if poses.len() > 1 { sample } else { 0 }]
+}
+
+/// Whether the side of a surface that a ray hits faces a source.
+fn is_seen_from(source: DVec3, origin: DVec3, direction: DVec3, hit: &Hit) -> bool {
+    let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
+    normal.dot(source - (origin + direction * hit.t)) > 0.0
 }
 
 /// The light that comes straight back to a pixel.

@@ -392,12 +392,28 @@ impl<'a, const MULTI_ORIGIN: bool> RayPacket<'a, MULTI_ORIGIN> {
         for ray in rays_of(found & !(RaySet::MAX.checked_shr(128 - 8 * whole_groups as u32).unwrap_or(0))) {
             (self.rays.z_low[ray], self.rays.z_high[ray]) = self.along(ray, nearest.t[ray]);
         }
+        self.update_far::<S>(found);
+    }
+
+    /// Takes over how far some rays reach.
+    #[inline(always)]
+    fn update_far<S: F32x8>(&mut self, which: RaySet) {
         for bundle in 0..BUNDLES {
-            if found >> (16 * bundle) & 0xffff != 0 {
+            if which >> (16 * bundle) & 0xffff != 0 {
                 self.far[bundle] = self.farthest_of::<S>(bundle);
             }
         }
         self.farthest = S::load(&self.far).reduce_max();
+    }
+
+    /// Ends the search of some rays.
+    #[inline(always)]
+    pub fn end<S: F32x8>(&mut self, which: RaySet) {
+        for ray in rays_of(which) {
+            // Boxes begin at 0 or behind it.
+            (self.rays.z_low[ray], self.rays.z_high[ray]) = (-1.0, -1.0);
+        }
+        self.update_far::<S>(which);
     }
 
     /// Takes over the depths of eight rays' nearest hits.
