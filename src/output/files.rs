@@ -354,7 +354,7 @@ impl Destination {
     /// Writes the file `name` under a temporary name. Several files are staged, then all are synced, then all are committed: the
     /// disk is much faster at flushing them together than at flushing one after the other.
     ///
-    /// The system keeps the first [`CACHED_BYTES`] of a run in memory for programs that read them next. The files after
+    /// The system keeps the first `CACHED_BYTES` of a run in memory for programs that read them next. The files after
     /// them leave its cache when they are on the disk: a long run would displace what other programs have there, and pay for fresh
     /// memory with each file, which costs more than the copy where a virtual machine gets its memory page by page.
     ///
