@@ -15,7 +15,7 @@ use super::pipeline::{Pipeline, timed};
 use super::terminal::{Terminal, Writing};
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::{Destination, FileMemory, Manifest, StagedFile, WrittenFile};
+use crate::output::{Destination, Manifest, StagedFile, WrittenFile};
 use crate::run::record::Line;
 use crate::run::{Bytes, Holding, Item, Journal, Plan, Selection, Session, Start, Statistics};
 use crate::scan::Frame;
@@ -56,14 +56,7 @@ pub fn run(mut job: Job, settings: Settings, terminal: &Terminal) -> Result<(), 
     journal.begin(&session, &plan, &mut |_, _| ())?;
     let writing = Writing::of(plan.files_of_frames() + 1, plan.frames());
     let (session, plan, interrupt) = (&session, &plan, &interrupt);
-    let pipeline = Pipeline {
-        session,
-        plan,
-        scene_folders,
-        interrupt,
-        writing: &writing,
-        file_memory: FileMemory::default(),
-    };
+    let pipeline = Pipeline { session, plan, scene_folders, interrupt, writing: &writing };
     let mut bytes = 0;
     let work = || {
         let tell = &mut |_: &Item, line: Line| {

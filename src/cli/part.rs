@@ -10,7 +10,7 @@ use super::terminal::Writing;
 use super::threads;
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::{FileMemory, WrittenFile};
+use crate::output::WrittenFile;
 use crate::run::journal::Done;
 use crate::run::record::Line;
 use crate::run::{Holding, Item, Journal, Plan, Selection, Session, Start};
@@ -89,8 +89,11 @@ impl<'s> Part<'s> {
             written.bytes += line.outputs.iter().map(|WrittenFile { bytes, .. }| bytes).sum::<u64>();
             Ok(())
         };
-        Pipeline { session, plan, scene_folders, interrupt, writing, file_memory: FileMemory::default() }
-            .run(written.earlier, &mut journal, &mut tell)?;
+        Pipeline { session, plan, scene_folders, interrupt, writing }.run(
+            written.earlier,
+            &mut journal,
+            &mut tell,
+        )?;
         journal.finish()?;
         Ok(written)
     }

@@ -38,8 +38,6 @@ pub struct Pipeline<'r> {
     pub scene_folders: &'r [PathBuf],
     pub interrupt: &'r Interrupt,
     pub writing: &'r Writing,
-    /// The memory of files that are written, into which those to come are encoded.
-    pub file_memory: FileMemory,
 }
 
 /// The times that the stages of a run took. They overlap.
@@ -74,6 +72,8 @@ impl Pipeline<'_> {
     /// The first error in the order of the frames, which ends the run: the frames before it are recorded.
     pub fn run(&self, skipped: u64, journal: &mut Journal, tell: &mut Tell) -> Result<Times, Error> {
         let (encoding, streams) = (Mutex::default(), Mutex::new(std::mem::take(&mut journal.streams)));
+        // The writer gives back the memory of files, into which later ones are encoded.
+        let memory = &FileMemory::default();
         let job = &self.session.job;
         let files = FRAMES_IN_FLIGHT + frames_waiting(&job.sensors, &job.output.formats);
         let (give_room, room) = sync_channel(files);
@@ -83,12 +83,12 @@ impl Pipeline<'_> {
         let (send, encoded) = channel();
         let recorded = &mut *journal;
         // What the writer owns ends with it, so that nobody waits for room in vain.
-        let write = move || self.write_all(encoded, give_room, recorded, tell);
+        let write = move || self.write_all(encoded, give_room, memory, recorded, tell);
         let (cast, written) = thread::scope(|threads| {
             let writer = thread::Builder::new().name("writer".into()).spawn_scoped(threads, write);
             let writer = writer.map_err(|e| Error::Usage(format!("a thread can't be had: {e}")))?;
             let encode = |session: &Session, item: Item, frame: &Frame, send: &Sender<Outcome>| {
-                let work = AssertUnwindSafe(|| self.encode(session, item, frame, &streams));
+                let work = AssertUnwindSafe(|| self.encode(session, item, frame, memory, &streams));
                 let (encoded, time) = timed(|| catch_unwind(work));
                 *encoding.lock().unwrap_or_else(PoisonError::into_inner) += time;
                 // Nobody receives it after an error.
@@ -152,14 +152,15 @@ impl Pipeline<'_> {
         session: &Session,
         item: Item,
         frame: &Frame,
+        memory: &FileMemory,
         streams: &Mutex<Streams>,
     ) -> Result<Encoded, Error> {
         let Self { interrupt, writing, .. } = self;
         let Some(truth) = session.truth(&item, frame, interrupt.progress()) else {
             return Err(interrupt.check().err().unwrap_or(Error::Interrupted { signal: 0 }));
         };
-        let file_memory = Some(&self.file_memory);
-        let seen = SensorFrame { file_memory, ..session.frame_with_truth(&item, frame, &truth) };
+        let seen =
+            SensorFrame { file_memory: Some(memory), ..session.frame_with_truth(&item, frame, &truth) };
         let encode = |output: &Output| -> Result<(WrittenFile, Vec<u8>, u64), Error> {
             interrupt.check()?;
             writing.begin();
@@ -188,6 +189,7 @@ impl Pipeline<'_> {
         &self,
         encoded: Receiver<Outcome>,
         give_room: SyncSender<()>,
+        memory: &FileMemory,
         journal: &mut Journal,
         tell: &mut Tell,
     ) -> Result<Duration, Error> {
@@ -198,7 +200,7 @@ impl Pipeline<'_> {
             let batch: Vec<_> =
                 frames.map(|frame| frame.unwrap_or_else(|panic| resume_unwind(panic))).collect();
             let count = batch.len();
-            let (written, time) = timed(|| self.write_batch(batch, journal, tell));
+            let (written, time) = timed(|| self.write_batch(batch, memory, journal, tell));
             writing += time;
             written?;
             for _ in 0..count {
@@ -213,6 +215,7 @@ impl Pipeline<'_> {
     fn write_batch(
         &self,
         batch: Vec<Result<Encoded, Error>>,
+        memory: &FileMemory,
         journal: &mut Journal,
         tell: &mut Tell,
     ) -> Result<(), Error> {
@@ -221,7 +224,7 @@ impl Pipeline<'_> {
         let recorded = self.interrupt.uncut(|| {
             let mut frames = Vec::new();
             for encoded in batch {
-                let staged = encoded.and_then(|encoded| Staged::of(encoded, journal, &self.file_memory));
+                let staged = encoded.and_then(|encoded| Staged::of(encoded, journal, memory));
                 match staged {
                     Ok(staged) => frames.push(staged),
                     Err(e) => {
@@ -332,14 +335,8 @@ mod tests {
         journal.begin(&session, &plan, &mut |_, _| unreachable!()).unwrap();
         let (interrupt, writing) = (Interrupt::default(), Writing::of(40, 40));
         let (session, plan) = (&session, &plan);
-        let pipeline = Pipeline {
-            session,
-            plan,
-            scene_folders: &[],
-            interrupt: &interrupt,
-            writing: &writing,
-            file_memory: FileMemory::default(),
-        };
+        let pipeline =
+            Pipeline { session, plan, scene_folders: &[], interrupt: &interrupt, writing: &writing };
         let mut told = Vec::new();
         let mut tell = |item: &Item, line: Line| {
             assert!(

@@ -18,7 +18,7 @@ use super::terminal::{Terminal, Writing};
 use super::threads;
 use crate::config::Job;
 use crate::error::Error;
-use crate::output::{FileMemory, Manifest, WrittenFile};
+use crate::output::{Manifest, WrittenFile};
 use crate::run::journal::Done;
 use crate::run::record::{Line, Loss};
 use crate::run::{
@@ -168,14 +168,7 @@ fn run_job(args: &Args, path: &Path, interrupt: &Interrupt, terminal: &Terminal)
     let rays_left = plan.rays.saturating_sub(tally.pixels());
     let writing = Writing::of(plan.files_of_frames().saturating_sub(tally.files) + 1, frames);
     let scene_folders = &args.job.scenes.allowed_folders;
-    let pipeline = Pipeline {
-        session: &session,
-        plan: &plan,
-        scene_folders,
-        interrupt,
-        writing: &writing,
-        file_memory: FileMemory::default(),
-    };
+    let pipeline = Pipeline { session: &session, plan: &plan, scene_folders, interrupt, writing: &writing };
     tally.rays_before = tally.rays();
     let run = || {
         let begun = Instant::now();

@@ -10,21 +10,37 @@ use std::sync::{Mutex, PoisonError};
 /// frames, whose points are 83 MB.
 #[derive(Debug, Default)]
 pub struct FileMemory {
-    free: Mutex<BTreeMap<&'static str, Vec<Vec<u8>>>>,
+    formats: Mutex<BTreeMap<&'static str, OfFormat>>,
+}
+
+/// The memory of the files of a format.
+#[derive(Debug, Default)]
+struct OfFormat {
+    free: Vec<Vec<u8>>,
+    /// The number of files whose memory was taken here and did not come back yet.
+    taken: usize,
 }
 
 impl FileMemory {
     /// Empty memory for a file of a format, that of an earlier one if there is some.
     pub fn take(&self, format: &'static str) -> Vec<u8> {
-        let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
-        free.get_mut(format).and_then(Vec::pop).unwrap_or_default()
+        let mut formats = self.formats.lock().unwrap_or_else(PoisonError::into_inner);
+        let OfFormat { free, taken } = formats.entry(format).or_default();
+        *taken += 1;
+        free.pop().unwrap_or_default()
     }
 
-    /// Gives back the memory of a file of a format.
+    /// Gives back the memory of a file of a format. It is freed if the format takes none here: nobody would take it again, and a run
+    /// would grow with each frame.
     pub fn give_back(&self, format: &'static str, mut content: Vec<u8>) {
-        content.clear();
-        let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
-        free.entry(format).or_default().push(content);
+        let mut formats = self.formats.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(OfFormat { free, taken }) = formats.get_mut(format)
+            && *taken > 0
+        {
+            *taken -= 1;
+            content.clear();
+            free.push(content);
+        }
     }
 }
 
@@ -43,5 +59,21 @@ mod tests {
         let again = memory.take("ply");
         assert_eq!((again.as_ptr(), again.capacity(), again.len()), (address, capacity, 0));
         assert_eq!(memory.take("ply").capacity(), 0, "memory is given to one file at a time");
+    }
+    /// Memory that is kept is that of files which were there at the same time, however many come.
+    #[test]
+    fn memory_that_no_file_takes_is_freed() {
+        let memory = FileMemory::default();
+        let kept = |format| {
+            let formats = memory.formats.lock().unwrap();
+            formats.get(format).map_or(0, |of_format: &OfFormat| of_format.free.len())
+        };
+        for _ in 0..100 {
+            memory.give_back("png", vec![7; 1000]);
+            let both = [memory.take("ply"), memory.take("ply")];
+            both.into_iter().for_each(|content| memory.give_back("ply", content));
+        }
+        memory.give_back("ply", vec![7; 1000]);
+        assert_eq!((kept("png"), kept("ply")), (0, 2));
     }
 }
