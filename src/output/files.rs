@@ -10,8 +10,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use serde::{Deserialize, Serialize};
 
 use super::whole::{
-    Claim, check_folder, flush_folder, give_name, here_if_empty, kind_of, remove_leftovers, staged,
-    temporary_in, unwritable,
+    Claim, check_folder, flush_folder, give_name, here_if_empty, kind_of, leave_cache, remove_leftovers,
+    staged, temporary_in, unwritable,
 };
 use crate::error::Error;
 
@@ -33,14 +33,6 @@ pub struct Destination {
 /// The bytes of a run's first files, which stay in the system's cache: more than a few frames have, and little beside any
 /// machine's memory.
 const CACHED_BYTES: u64 = 128 << 20;
-
-/// Tells the system that nobody is going to read a file that is on the disk. It is free to ignore that, so an error means nothing.
-fn leave_cache(file: &fs::File) {
-    #[cfg(target_os = "linux")]
-    let _ = rustix::fs::fadvise(file, 0, None, rustix::fs::Advice::DontNeed);
-    #[cfg(not(target_os = "linux"))]
-    let _ = file;
-}
 
 /// The names of the files that a run writes: paths relative to its folder, with forward slashes. A run of a million frames has
 /// no list of them.

@@ -185,7 +185,7 @@ mod tests {
         image.channels.into_iter().map(|channel| (channel.name, bits(channel.samples))).collect()
     }
 
-    /// What the channels that are written a line at a time say of one pixel.
+    /// The bits of a channel at one pixel, by the definition of the channel. `None` of a channel that is not written a line at a time.
     fn of_pixel(capture: &Capture, pixel: usize, (cause, one): (Cause, Return), name: &str) -> Option<u32> {
         let is_surface = cause == Cause::Surface;
         let bits = |value: f64, none: f64| (if is_surface { value as f32 } else { none as f32 }).to_bits();

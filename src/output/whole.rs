@@ -157,6 +157,14 @@ pub(super) fn give_name(temporary: tempfile::NamedTempFile, path: &Path) -> io::
     Ok(())
 }
 
+/// Tells the system that nobody is going to read a file that is on the disk. It is free to ignore that, so an error means nothing.
+pub(super) fn leave_cache(file: &File) {
+    #[cfg(target_os = "linux")]
+    let _ = rustix::fs::fadvise(file, 0, None, rustix::fs::Advice::DontNeed);
+    #[cfg(not(target_os = "linux"))]
+    let _ = file;
+}
+
 /// Flushes the names of a folder's files to the disk. A file system that can't flush folders keeps the order by itself.
 pub(super) fn flush_folder(folder: &Path) {
     #[cfg(unix)]

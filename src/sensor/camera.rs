@@ -287,7 +287,7 @@ pub(super) struct CameraRow<'c> {
     time_s: f64,
 }
 
-/// What gives the directions of a row.
+/// The source of the directions of a row.
 #[derive(Clone, Copy, Debug)]
 enum LensRow<'c> {
     /// An ideal lens, with the row's place on the image plane at the focal length 1.

@@ -1,4 +1,4 @@
-//! The pulses of one row of a frame's image, for loops over many pixels: what the pixels of a row share is looked up once.
+//! The pulses of one row of a frame's image, for loops over many pixels: the state that these share is looked up once.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ pub struct PulseRow<'c> {
     shared: Shared<'c>,
 }
 
-/// What the pixels of a row share.
+/// The state that the pixels of a row share.
 #[derive(Clone, Copy, Debug)]
 enum Shared<'c> {
     Camera(CameraRow<'c>),

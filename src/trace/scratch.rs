@@ -26,8 +26,9 @@ pub(super) struct Scratch {
     pub single: SingleScratch,
     /// The experience with rays of the kind that is cast now.
     pub policy: PacketPolicy,
-    /// That with the other kind, and whether the rays that are cast now have origins of their own.
+    /// The experience with rays of the other kind.
     other_policy: PacketPolicy,
+    /// Whether the rays that are cast now have origins of their own.
     origins_differ: bool,
     pub part: PartScratch,
 }

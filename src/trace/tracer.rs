@@ -280,12 +280,12 @@ impl Tracer {
     /// Writes the hits of the packets among up to [`PACKET_RAYS`] rays, and returns the rays that are in no packet.
     #[inline(always)]
     fn cast_packets<S: F32x8>(&self, batch: &Batch, mut found: Found, scratch: &mut Scratch) -> RaySet {
-        let count = batch.directions.len();
+        let ray_count = batch.directions.len();
         if !self.packets || scratch.policy.begin_tile() == 0 {
-            return ones(count);
+            return ones(ray_count);
         }
         let mut pending = [(0, 0); 8];
-        pending[0] = (0, count);
+        pending[0] = (0, ray_count);
         let mut count = 1;
         let top = if self.top.bvh.nodes.is_empty() { &self.meshes[0] } else { &self.top.bvh };
         let mut rejected: RaySet = 0;
@@ -490,7 +490,7 @@ impl Cast for Tracer {
     }
 }
 
-/// What is found of rays: their nearest hits, or whether they hit anything.
+/// The answers about rays: their nearest hits, or whether they hit anything.
 enum Found<'a> {
     Hits(&'a mut [Option<Hit>]),
     Blocked(&'a mut [bool]),
@@ -502,7 +502,7 @@ impl Found<'_> {
         matches!(self, Self::Blocked(_))
     }
 
-    /// That of some consecutive rays.
+    /// The answers about some consecutive rays.
     fn part(&mut self, rays: Range<usize>) -> Found<'_> {
         match self {
             Self::Hits(hits) => Found::Hits(&mut hits[rays]),

@@ -84,7 +84,7 @@ const CONFINED: &[(&str, &[&str], &str)] = &[
         &["source/", "output/files.rs", "output/whole.rs", "output/recorded/folder.rs", "run/", "cli/"],
         "files are opened at the edges only",
     ),
-    ("rustix", &["output/files.rs"], "the system is advised where files are written"),
+    ("rustix", &["output/whole.rs"], "the system is advised where files are written"),
     (
         "std::path",
         &[

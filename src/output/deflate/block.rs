@@ -25,7 +25,7 @@ struct Sequence {
     distance: u16,
 }
 
-/// What a block consists of. The memory is used again for the next block.
+/// The literals and the matches of a block. The memory is used again for the next block.
 #[derive(Default)]
 pub(super) struct Block {
     /// The literals of all sequences and those behind the last match, and then bytes without a meaning, at least [`PIECE`].
@@ -61,7 +61,7 @@ impl Block {
     #[inline(never)]
     fn push_long(&mut self, mut sequence: Sequence, mut left: usize) {
         while left > 0 {
-            // What is left is never too short for a token.
+            // The rest of a match is never too short for a token.
             let of_token = if left > LONGEST { LONGEST.min(left - SHORTEST) } else { left };
             self.sequences.push(Sequence { length: of_token as u16, ..sequence });
             sequence.literals = 0;
@@ -152,7 +152,7 @@ impl Block {
     }
 }
 
-/// Which of three literals are there, if so many are.
+/// Masks of three literals that keep the first none, one, two or three of them.
 static WITH: [[u64; 3]; 4] = {
     const ALL: u64 = u64::MAX;
     [[0, 0, 0], [ALL, 0, 0], [ALL, ALL, 0], [ALL, ALL, ALL]]

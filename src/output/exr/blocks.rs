@@ -23,7 +23,7 @@ pub(super) struct PartChannel {
     pub column: usize,
 }
 
-/// What gives the values of columns in a row.
+/// A function that gives the values of columns in a row.
 pub(super) type Values<'p> = dyn Fn(usize, &mut [Vec<u32>]) + Sync + 'p;
 
 /// An image of a file.

@@ -48,7 +48,7 @@ pub(super) struct Zip {
 /// So many values are split at a time, and the halves of their bytes stay in the cache.
 const VALUES: usize = 256;
 
-/// What lies between two equal bytes, so that small differences of either sign are near each other.
+/// The difference of two equal bytes as files have it, so that small differences of either sign are near each other.
 const MIDDLE: u8 = 128;
 
 impl Zip {

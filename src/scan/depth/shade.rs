@@ -39,6 +39,12 @@ pub(super) struct Shader<'a> {
     last: LastSeen<'a>,
 }
 
+/// The unit normal of the side of a surface that a ray hits.
+#[inline]
+pub(super) fn normal_towards_viewer(hit: &Hit, direction: DVec3) -> DVec3 {
+    if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal }
+}
+
 impl<'a> Shader<'a> {
     pub fn new(scene: &'a Scene, wavelength_m: f64) -> Self {
         Self { scene, wavelength_m, last: LastSeen::default() }
@@ -48,7 +54,7 @@ impl<'a> Shader<'a> {
     /// the viewer.
     pub fn light(&mut self, origin: DVec3, direction: DVec3, hit: &Hit, towards: Option<DVec3>) -> Lit {
         let (seen, optics, appearance) = self.last.at(self.scene, hit);
-        let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
+        let normal = normal_towards_viewer(hit, direction);
         let point = origin + direction * hit.t;
         let cosine = match towards {
             None => -normal.dot(direction),

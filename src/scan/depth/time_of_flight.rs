@@ -15,7 +15,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::pixel::Pixel;
-use super::shade::{CLEARANCE_M, Lit, Shader};
+use super::shade::{CLEARANCE_M, Lit, Shader, normal_towards_viewer};
 use super::sight::Sights;
 use crate::physics::phasor::{Demodulated, ModulatedLight, TofPixel};
 use crate::physics::unwrap::{MOST_FREQUENCIES, Reliable, Unreliable, Unwrapped, Unwrapper};
@@ -227,7 +227,7 @@ struct Indirect {
     onward: Onward,
 }
 
-/// What goes on from the surfaces that rays of indirect light meet.
+/// The paths and rays that go on from the surfaces that rays of indirect light meet.
 #[derive(Default)]
 struct Onward {
     /// The rays from these surfaces.
@@ -616,7 +616,7 @@ impl<C: Cast> Camera<'_, C> {
     }
 }
 
-/// What the pixel tells of the light at each frequency.
+/// A pixel's measurement of the light at each frequency, as `tell` gives it.
 fn each_frequency(
     lights: &[ModulatedLight],
     mut tell: impl FnMut(usize, &ModulatedLight) -> Demodulated,
@@ -635,8 +635,7 @@ fn pose_of_sample(poses: &[SensorPose], sample: usize) -> &SensorPose {
 
 /// Whether the side of a surface that a ray hits faces a source.
 fn is_seen_from(source: DVec3, origin: DVec3, direction: DVec3, hit: &Hit) -> bool {
-    let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
-    normal.dot(source - (origin + direction * hit.t)) > 0.0
+    normal_towards_viewer(hit, direction).dot(source - (origin + direction * hit.t)) > 0.0
 }
 
 /// The light that comes straight back to a pixel.
