@@ -36,7 +36,7 @@ use super::batch::NearestHit;
 use super::bvh::{Bvh8, Child, LeafBlock, Node, TriangleRef, WIDTH};
 use super::exact::{Candidate, Corners, Limits, LocalRay, Real, Xyz};
 use super::rounding::{TINY, U};
-use super::simd::{F32x8, F32x16, F64x8, Mask8, U32x8};
+use super::simd::{F32Lanes, F32x8, F32x16, F64x8, Mask8, U32x8};
 use super::stats::TraversalStats;
 
 /// The error of an edge function, in units of u·s·X.

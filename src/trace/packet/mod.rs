@@ -12,16 +12,17 @@
 //! A turning sensor on a moving body fires each column from a place of its own. The rays of such a packet still start near one
 //! point o, which is chosen such that no ray starts before it along w. The line of a ray crosses the plane w = 0 through o at
 //! s = (s_u, s_v, 0), so it is s + w·g. All boxes grow by the bounds of s, which are computed once a packet. The module
-//! [`leaf`] tells how the tests of triangles change.
+//! [`triangles`] tells how the tests of triangles change.
 //!
 //! [`prepare`] makes a packet of rays, [`traverse`] takes it through the nodes of a hierarchy, and [`leaf`] tests it against
-//! the triangles of leaves.
+//! the [`triangles`] of leaves.
 
 mod leaf;
 mod prepare;
 #[cfg(test)]
 mod tests;
 mod traverse;
+mod triangles;
 
 use super::policy::{PACKET_LEAF, PACKET_LEAF_MET, PACKET_NODE};
 use super::simd::F32x8;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::leaf::{EDGE, EDGE_AIMED, EDGE_MULTI_ORIGIN, Middle, PreparedTriangles, SLOPE, VOLUME};
+use super::triangles::{EDGE, EDGE_AIMED, EDGE_MULTI_ORIGIN, Middle, PreparedTriangles, SLOPE, VOLUME};
 use super::{PacketStack, RayData, RayPacket};
 use crate::rng::Rng;
 use crate::trace::adversary::Case;
@@ -11,7 +11,7 @@ use crate::trace::bvh::{self, LeafBlock};
 use crate::trace::dyadic::{Dyadic, cross, determinant, difference, dot};
 use crate::trace::rays::Origins;
 use crate::trace::rounding::{TINY, U};
-use crate::trace::simd::{self, F32x8, F32x16, PortableF32x8, SimdTask};
+use crate::trace::simd::{self, F32Lanes, F32x8, F32x16, PortableF32x8, SimdTask};
 
 /// The largest errors that were seen, in the units of the constants, and the number of tests.
 #[derive(Clone, Copy, Debug, Default)]
@@ -104,15 +104,17 @@ fn errors_of_ray<S: F32x8, const MULTI_ORIGIN: bool>(
     // In f32, as a leaf is tested.
     let pair = ray & !1;
     let eight = |values: &[[f32; PACKET_RAYS]; 2]| [0, 1].map(|k| S::load(chunk(&values[k], 0)));
-    let edges = prepared.edges_of(&prepared.lines(eight(&packet.rays.g), eight(&packet.rays.offset)), pair);
+    let lines = prepared.lines(eight(&packet.rays.g), eight(&packet.rays.offset));
+    let edges = prepared.for_pairs().edges_of(&lines, pair);
     let half = |edge: S::F32x16| if ray == pair { edge.halves().0 } else { edge.halves().1 };
     let edges = edges.map(|edge| stored(half(edge)));
+    let one_by_one = prepared.one_by_one();
     let of_ray = |values: &[f32]| S::splat(values[ray]);
-    let slope = prepared.normal.dot_ray(of_ray(&packet.rays.g[0]), of_ray(&packet.rays.g[1]));
+    let slope = prepared.normal.dot_ray([of_ray(&packet.rays.g[0]), of_ray(&packet.rays.g[1])]);
     let mut volume = prepared.volume;
     if MULTI_ORIGIN {
-        let [u, v] = [0, 1].map(|k| of_ray(&packet.rays.offset[k]));
-        volume = prepared.normal.less_offset(u, v, volume);
+        let s = [0, 1].map(|k| of_ray(&packet.rays.offset[k]));
+        volume = prepared.normal.less_offset(s, volume);
     }
     let (z_low, z_high) = prepared.depths(slope, volume);
     let (slopes, volumes, z_low, z_high) = (stored(slope), stored(volume), stored(z_low), stored(z_high));
@@ -150,20 +152,21 @@ fn errors_of_ray<S: F32x8, const MULTI_ORIGIN: bool>(
             Some(_) => (true, EDGE_AIMED, bound),
             None => (false, if MULTI_ORIGIN { EDGE_MULTI_ORIGIN } else { EDGE }, 0.0),
         };
-        for ((found, aimed), exact) in edges.iter().zip(aimed).zip(determinants) {
+        let of_triangle = one_by_one.edges_of::<S>(lane, &lines).map(|edge| stored(edge)[ray]);
+        let found = edges.iter().map(|edge| edge[lane]).zip(of_triangle);
+        for ((found, aimed), exact) in found.zip(aimed).zip(determinants) {
             let (aimed, exact) = (aimed * Dyadic::of(2.0), exact * Dyadic::of(2.0));
             if MULTI_ORIGIN && meets {
                 errors.aimed += 1;
                 errors.aim = errors.aim.max(per(aimed.clone() - exact.clone(), bound + TINY, 1.0));
             }
             let exact = side(if is_aimed { aimed } else { exact }, is_front);
-            let error = per(
-                Dyadic::of(found[lane].into()) * d[2].clone() - exact,
-                prepared.edge_error - off,
-                constant,
-            );
             let largest = if is_aimed { &mut errors.aimed_edge } else { &mut errors.edge };
-            *largest = largest.max(error);
+            // Of eight triangles at a time, and of one.
+            for found in [found.0, found.1] {
+                let error = Dyadic::of(found.into()) * d[2].clone() - exact.clone();
+                *largest = largest.max(per(error, prepared.edge_error - off, constant));
+            }
         }
         let (volume, slope) = (side(volume, is_front), side(slope, is_front));
         let error = Dyadic::of(volumes[lane].into()) * d[2].clone() - volume.clone();

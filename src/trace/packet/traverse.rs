@@ -3,7 +3,7 @@
 use super::prepare::{BUNDLES, RayPacket};
 use crate::trace::batch::PACKET_RAYS;
 use crate::trace::bvh::{Child, Node, WIDTH};
-use crate::trace::simd::{F32x8, F32x16, Mask8};
+use crate::trace::simd::{F32Lanes, F32x8, F32x16, Mask8};
 
 /// A box relative to the packet's origin o, w reversed as the packet's is.
 #[derive(Clone, Copy)]

@@ -25,21 +25,9 @@ pub(super) use x86::{has_avx2, has_avx512, run_with_avx2, run_with_avx512};
 #[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
 pub(super) fn prefer_huge_pages<T>(_: &mut Vec<T>) {}
 
-/// Eight f32.
-pub(super) trait F32x8: Copy {
-    /// A mask with one boolean a lane.
-    type Mask8: Mask8;
-    /// The vector of u32 of the same implementation.
-    type U32x8: U32x8<F32x8 = Self>;
-    /// The vector of f64 of the same implementation.
-    type F64x8: F64x8<F32x8 = Self>;
-    /// The vector of sixteen f32 of the same implementation.
-    type F32x16: F32x16<Half = Self>;
-    /// Runs a task on this implementation as a function of its own, for code that is to stay out of the caller's.
-    fn run<T: SimdTask>(task: T) -> T::Output;
+/// The arithmetic of several f32, eight or sixteen, side by side.
+pub(super) trait F32Lanes: Copy {
     fn splat(x: f32) -> Self;
-    fn load(x: &[f32; 8]) -> Self;
-    fn store(self, to: &mut [f32; 8]);
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
@@ -52,6 +40,22 @@ pub(super) trait F32x8: Copy {
     fn min(self, other: Self) -> Self;
     /// The larger of each pair of lanes, or either if one is NaN.
     fn max(self, other: Self) -> Self;
+}
+
+/// Eight f32.
+pub(super) trait F32x8: F32Lanes {
+    /// A mask with one boolean a lane.
+    type Mask8: Mask8;
+    /// The vector of u32 of the same implementation.
+    type U32x8: U32x8<F32x8 = Self>;
+    /// The vector of f64 of the same implementation.
+    type F64x8: F64x8<F32x8 = Self>;
+    /// The vector of sixteen f32 of the same implementation.
+    type F32x16: F32x16<Half = Self>;
+    /// Runs a task on this implementation as a function of its own, for code that is to stay out of the caller's.
+    fn run<T: SimdTask>(task: T) -> T::Output;
+    fn load(x: &[f32; 8]) -> Self;
+    fn store(self, to: &mut [f32; 8]);
     /// Bitwise and.
     fn and(self, other: Self) -> Self;
     /// Bitwise exclusive or.
@@ -113,25 +117,18 @@ pub(super) trait Mask8: Copy {
 }
 
 /// Sixteen f32, in a low and a high half of eight.
-pub(super) trait F32x16: Copy {
+pub(super) trait F32x16: F32Lanes {
     type Half: F32x8;
     fn load(x: &[f32; 16]) -> Self;
     fn store(self, to: &mut [f32; 16]);
     fn from_halves(low: Self::Half, high: Self::Half) -> Self;
-    fn splat(x: f32) -> Self;
-    fn sub(self, other: Self) -> Self;
     /// Broadcasts lane `first`, which is even, to the low half and the next lane to the high half.
     fn broadcast_two(eight: Self::Half, first: usize) -> Self;
-    fn mul(self, other: Self) -> Self;
-    /// self · factor + term, rounded once or twice.
-    fn mul_add(self, factor: Self, term: Self) -> Self;
-    /// The lesser of each pair of lanes, or either if one is NaN.
-    fn min(self, other: Self) -> Self;
-    /// The larger of each pair of lanes, or either if one is NaN.
-    fn max(self, other: Self) -> Self;
     fn abs(self) -> Self;
     /// self ≥ other as one bit a lane, which is 0 for NaN.
     fn ge(self, other: Self) -> u32;
+    /// self > other as one bit a lane, which is 0 for NaN.
+    fn gt(self, other: Self) -> u32;
     /// The lanes k in which both of `these` are ≥ `those` in both halves (lanes k and k + 8). False for NaN.
     fn all_ge(these: [Self; 2], those: [Self; 2]) -> <Self::Half as F32x8>::Mask8;
     fn halves(self) -> (Self::Half, Self::Half);
@@ -153,6 +150,53 @@ pub(super) trait F32x16: Copy {
 #[derive(Clone, Copy)]
 pub(super) struct TwoF32x8<S>(S, S);
 
+impl<S: F32x8> F32Lanes for TwoF32x8<S> {
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self(S::splat(x), S::splat(x))
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self(self.0.add(other.0), self.1.add(other.1))
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self(self.0.sub(other.0), self.1.sub(other.1))
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Self(self.0.mul(other.0), self.1.mul(other.1))
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        Self(self.0.div(other.0), self.1.div(other.1))
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
+    }
+
+    #[inline(always)]
+    fn mul_sub(self, factor: Self, term: Self) -> Self {
+        Self(self.0.mul_sub(factor.0, term.0), self.1.mul_sub(factor.1, term.1))
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(self.0.min(other.0), self.1.min(other.1))
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(self.0.max(other.0), self.1.max(other.1))
+    }
+}
+
 impl<S: F32x8> F32x16 for TwoF32x8<S> {
     type Half = S;
 
@@ -173,39 +217,9 @@ impl<S: F32x8> F32x16 for TwoF32x8<S> {
     }
 
     #[inline(always)]
-    fn splat(x: f32) -> Self {
-        Self(S::splat(x), S::splat(x))
-    }
-
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self(self.0.sub(other.0), self.1.sub(other.1))
-    }
-
-    #[inline(always)]
     fn broadcast_two(eight: S, first: usize) -> Self {
         let (low, high) = (S::U32x8::splat(first as u32), S::U32x8::splat(first as u32 + 1));
         Self(eight.permute(low), eight.permute(high))
-    }
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        Self(self.0.mul(other.0), self.1.mul(other.1))
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        Self(self.0.mul_add(factor.0, term.0), self.1.mul_add(factor.1, term.1))
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        Self(self.0.min(other.0), self.1.min(other.1))
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        Self(self.0.max(other.0), self.1.max(other.1))
     }
 
     #[inline(always)]
@@ -216,6 +230,11 @@ impl<S: F32x8> F32x16 for TwoF32x8<S> {
     #[inline(always)]
     fn ge(self, other: Self) -> u32 {
         self.0.ge(other.0).bits() | self.1.ge(other.1).bits() << 8
+    }
+
+    #[inline(always)]
+    fn gt(self, other: Self) -> u32 {
+        self.0.gt(other.0).bits() | self.1.gt(other.1).bits() << 8
     }
 
     #[inline(always)]
@@ -337,14 +356,14 @@ pub(super) trait SimdTask {
     fn run<S: F32x8>(self) -> Self::Output;
 }
 
-/// Eight vectors of three coordinates.
+/// Vectors of three coordinates, one in each lane.
 #[derive(Clone, Copy)]
-pub(super) struct Vec3x8<S>(pub S, pub S, pub S);
+pub(super) struct Vec3Lanes<L>(pub L, pub L, pub L);
 
-impl<S: F32x8> Vec3x8<S> {
+impl<L: F32Lanes> Vec3Lanes<L> {
     #[inline(always)]
     pub fn splat(x: [f32; 3]) -> Self {
-        Self(S::splat(x[0]), S::splat(x[1]), S::splat(x[2]))
+        Self(L::splat(x[0]), L::splat(x[1]), L::splat(x[2]))
     }
 
     #[inline(always)]
@@ -368,35 +387,49 @@ impl<S: F32x8> Vec3x8<S> {
 
     /// The dot product self · (u, v, 1).
     #[inline(always)]
-    pub fn dot_ray(self, u: S, v: S) -> S {
+    pub fn dot_ray(self, [u, v]: [L; 2]) -> L {
         u.mul_add(self.0, v.mul_add(self.1, self.2))
+    }
+
+    /// The sum self · other + term.
+    #[inline(always)]
+    pub fn dot_onto(self, other: Self, term: L) -> L {
+        self.0.mul_add(other.0, self.1.mul_add(other.1, self.2.mul_add(other.2, term)))
     }
 
     /// volume − s·self, for s = (su, sv, 0).
     #[inline(always)]
-    pub fn less_offset(self, su: S, sv: S, volume: S) -> S {
+    pub fn less_offset(self, [su, sv]: [L; 2], volume: L) -> L {
         volume.sub(su.mul_add(self.0, sv.mul(self.1)))
     }
+}
 
+impl<S: F32x8> Vec3Lanes<S> {
     /// Negates the lanes where `signs` has the sign bit.
     #[inline(always)]
     pub fn flip_signs(self, signs: S) -> Self {
         Self(self.0.xor(signs), self.1.xor(signs), self.2.xor(signs))
     }
 
+    /// Permutes the lanes as [`F32x8::permute`] does.
+    #[inline(always)]
+    pub fn permute(self, from: S::U32x8) -> Self {
+        Self(self.0.permute(from), self.1.permute(from), self.2.permute(from))
+    }
+
     /// Each coordinate in both halves of a vector of sixteen.
     #[inline(always)]
-    pub fn in_both_halves(self) -> [S::F32x16; 3] {
-        [
+    pub fn in_both_halves(self) -> Vec3Lanes<S::F32x16> {
+        Vec3Lanes(
             S::F32x16::from_halves(self.0, self.0),
             S::F32x16::from_halves(self.1, self.1),
             S::F32x16::from_halves(self.2, self.2),
-        ]
+        )
     }
 }
 
 /// a·b − c·d.
 #[inline(always)]
-fn minor<S: F32x8>(a: S, b: S, c: S, d: S) -> S {
+fn minor<L: F32Lanes>(a: L, b: L, c: L, d: L) -> L {
     a.mul_sub(b, c.mul(d))
 }

@@ -4,7 +4,7 @@ use std::array::from_fn;
 
 use glam::DVec3;
 
-use super::{F32x8, F32x16, F64x8, Mask8, SimdTask, TwoF32x8, U32x8};
+use super::{F32Lanes, F32x8, F32x16, F64x8, Mask8, SimdTask, TwoF32x8, U32x8};
 use crate::trace::exact::Real;
 
 /// Runs a task on [`PortableF32x8`]. It is a function of its own, as the tasks of the other implementations are, because it takes
@@ -30,29 +30,10 @@ impl PortableF32x8 {
     }
 }
 
-impl F32x8 for PortableF32x8 {
-    type Mask8 = PortableMask8;
-    type U32x8 = PortableU32x8;
-    type F64x8 = PortableF64x8;
-    type F32x16 = TwoF32x8<Self>;
-
-    fn run<T: SimdTask>(task: T) -> T::Output {
-        run_portably(task)
-    }
-
+impl F32Lanes for PortableF32x8 {
     #[inline(always)]
     fn splat(x: f32) -> Self {
         Self([x; 8])
-    }
-
-    #[inline(always)]
-    fn load(x: &[f32; 8]) -> Self {
-        Self(*x)
-    }
-
-    #[inline(always)]
-    fn store(self, to: &mut [f32; 8]) {
-        *to = self.0;
     }
 
     #[inline(always)]
@@ -93,6 +74,27 @@ impl F32x8 for PortableF32x8 {
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         self.with(other, |a, b| if a > b { a } else { b })
+    }
+}
+
+impl F32x8 for PortableF32x8 {
+    type Mask8 = PortableMask8;
+    type U32x8 = PortableU32x8;
+    type F64x8 = PortableF64x8;
+    type F32x16 = TwoF32x8<Self>;
+
+    fn run<T: SimdTask>(task: T) -> T::Output {
+        run_portably(task)
+    }
+
+    #[inline(always)]
+    fn load(x: &[f32; 8]) -> Self {
+        Self(*x)
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [f32; 8]) {
+        *to = self.0;
     }
 
     #[inline(always)]

@@ -4,13 +4,17 @@ use std::arch::x86_64::*;
 
 use glam::DVec3;
 
-use super::shared::{f32x8_methods, u32x8_methods};
+use super::shared::{f32x8_arithmetic, f32x8_methods, u32x8_methods};
 use crate::trace::exact::Real;
-use crate::trace::simd::{F32x8, F32x16, F64x8, Mask8, SimdTask, TwoF32x8, U32x8};
+use crate::trace::simd::{F32Lanes, F32x8, F32x16, F64x8, Mask8, SimdTask, TwoF32x8, U32x8};
 
 /// Eight f32 in a register. It is made only by code that `run_with_avx2` calls.
 #[derive(Clone, Copy)]
 pub(in crate::trace) struct Avx2F32x8(__m256);
+
+impl F32Lanes for Avx2F32x8 {
+    f32x8_arithmetic!();
+}
 
 impl F32x8 for Avx2F32x8 {
     type Mask8 = Avx2Mask8;

@@ -5,13 +5,17 @@ use std::arch::x86_64::*;
 
 use glam::DVec3;
 
-use super::shared::{f32x8_methods, u32x8_methods};
+use super::shared::{f32x8_arithmetic, f32x8_methods, u32x8_methods};
 use crate::trace::exact::Real;
-use crate::trace::simd::{F32x8, F32x16, F64x8, Mask8, SimdTask, U32x8};
+use crate::trace::simd::{F32Lanes, F32x8, F32x16, F64x8, Mask8, SimdTask, U32x8};
 
 /// Eight f32 in a register. It is made only by code that `run_with_avx512` calls.
 #[derive(Clone, Copy)]
 pub(in crate::trace) struct Avx512F32x8(__m256);
+
+impl F32Lanes for Avx512F32x8 {
+    f32x8_arithmetic!();
+}
 
 impl F32x8 for Avx512F32x8 {
     type Mask8 = Avx512Mask8;
@@ -121,6 +125,62 @@ impl Mask8 for Avx512Mask8 {
 #[derive(Clone, Copy)]
 pub(in crate::trace) struct Avx512F32x16(__m512);
 
+impl F32Lanes for Avx512F32x16 {
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        // SAFETY: AVX-512, see `x86`.
+        Self(unsafe { _mm512_set1_ps(x) })
+    }
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        // SAFETY: AVX-512, see `x86`.
+        Self(unsafe { _mm512_add_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        // SAFETY: AVX-512, see `x86`.
+        Self(unsafe { _mm512_sub_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        // SAFETY: AVX-512, see `x86`.
+        Self(unsafe { _mm512_mul_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        // SAFETY: AVX-512, see `x86`.
+        Self(unsafe { _mm512_div_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        // SAFETY: AVX-512, see `x86`.
+        Self(unsafe { _mm512_fmadd_ps(self.0, factor.0, term.0) })
+    }
+
+    #[inline(always)]
+    fn mul_sub(self, factor: Self, term: Self) -> Self {
+        // SAFETY: AVX-512, see `x86`.
+        Self(unsafe { _mm512_fmsub_ps(self.0, factor.0, term.0) })
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        // SAFETY: AVX-512, see `x86`.
+        Self(unsafe { _mm512_min_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        // SAFETY: AVX-512, see `x86`.
+        Self(unsafe { _mm512_max_ps(self.0, other.0) })
+    }
+}
+
 impl F32x16 for Avx512F32x16 {
     type Half = Avx512F32x8;
 
@@ -143,18 +203,6 @@ impl F32x16 for Avx512F32x16 {
     }
 
     #[inline(always)]
-    fn splat(x: f32) -> Self {
-        // SAFETY: AVX-512, see `x86`.
-        Self(unsafe { _mm512_set1_ps(x) })
-    }
-
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        // SAFETY: AVX-512, see `x86`.
-        Self(unsafe { _mm512_sub_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
     fn broadcast_two(eight: Avx512F32x8, first: usize) -> Self {
         // SAFETY: AVX-512, see `x86`.
         Self(unsafe {
@@ -162,30 +210,6 @@ impl F32x16 for Avx512F32x16 {
             let from = _mm512_add_epi32(halves, _mm512_set1_epi32(first as i32));
             _mm512_permutexvar_ps(from, _mm512_castps256_ps512(eight.0))
         })
-    }
-
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        // SAFETY: AVX-512, see `x86`.
-        Self(unsafe { _mm512_mul_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        // SAFETY: AVX-512, see `x86`.
-        Self(unsafe { _mm512_fmadd_ps(self.0, factor.0, term.0) })
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        // SAFETY: AVX-512, see `x86`.
-        Self(unsafe { _mm512_min_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        // SAFETY: AVX-512, see `x86`.
-        Self(unsafe { _mm512_max_ps(self.0, other.0) })
     }
 
     #[inline(always)]
@@ -198,6 +222,12 @@ impl F32x16 for Avx512F32x16 {
     fn ge(self, other: Self) -> u32 {
         // SAFETY: AVX-512, see `x86`.
         u32::from(unsafe { _mm512_cmp_ps_mask::<_CMP_GE_OQ>(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn gt(self, other: Self) -> u32 {
+        // SAFETY: AVX-512, see `x86`.
+        u32::from(unsafe { _mm512_cmp_ps_mask::<_CMP_GT_OQ>(self.0, other.0) })
     }
 
     #[inline(always)]

@@ -1,24 +1,12 @@
 //! The methods that take the same instructions with AVX2 and with AVX-512, as macros for the bodies of both implementations.
 
-/// The methods of `F32x8` for a tuple struct of one `__m256`.
-macro_rules! f32x8_methods {
+/// The methods of `F32Lanes` for a tuple struct of one `__m256`.
+macro_rules! f32x8_arithmetic {
     () => {
         #[inline(always)]
         fn splat(x: f32) -> Self {
             // SAFETY: AVX, see `x86`.
             Self(unsafe { _mm256_set1_ps(x) })
-        }
-
-        #[inline(always)]
-        fn load(x: &[f32; 8]) -> Self {
-            // SAFETY: AVX, see `x86`; the reference covers the 32 bytes read.
-            Self(unsafe { _mm256_loadu_ps(x.as_ptr()) })
-        }
-
-        #[inline(always)]
-        fn store(self, to: &mut [f32; 8]) {
-            // SAFETY: AVX, see `x86`; the reference covers the 32 bytes written.
-            unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
         }
 
         #[inline(always)]
@@ -67,6 +55,23 @@ macro_rules! f32x8_methods {
         fn max(self, other: Self) -> Self {
             // SAFETY: AVX, see `x86`.
             Self(unsafe { _mm256_max_ps(self.0, other.0) })
+        }
+    };
+}
+
+/// The methods of `F32x8` for a tuple struct of one `__m256`.
+macro_rules! f32x8_methods {
+    () => {
+        #[inline(always)]
+        fn load(x: &[f32; 8]) -> Self {
+            // SAFETY: AVX, see `x86`; the reference covers the 32 bytes read.
+            Self(unsafe { _mm256_loadu_ps(x.as_ptr()) })
+        }
+
+        #[inline(always)]
+        fn store(self, to: &mut [f32; 8]) {
+            // SAFETY: AVX, see `x86`; the reference covers the 32 bytes written.
+            unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
         }
 
         #[inline(always)]
@@ -263,4 +268,4 @@ macro_rules! u32x8_methods {
     };
 }
 
-pub(super) use {f32x8_methods, u32x8_methods};
+pub(super) use {f32x8_arithmetic, f32x8_methods, u32x8_methods};
