@@ -109,6 +109,9 @@ pub(super) const fn field(name: &'static str, kind: &'static str, unit: &'static
     Field { name, kind, unit }
 }
 
+/// The content of a file, and the number of the frame's values that it lost.
+pub type LossyContent = (Vec<u8>, u64);
+
 /// The way in which frames become files. The same frames give the same bytes, on any number of threads and any platform.
 #[derive(Clone, Copy)]
 pub enum Kind {
@@ -117,7 +120,7 @@ pub enum Kind {
     /// The error names the number of the frame that the format cannot represent, such as a label above 2³¹ − 1 in a PLY.
     File(fn(&SensorFrame, &Options) -> Result<Vec<u8>, EncodeError>),
     /// One file for each frame, which may lose some of the frame's values. With the content the function returns their number.
-    LossyFile(fn(&SensorFrame, &Options) -> Result<(Vec<u8>, u64), EncodeError>),
+    LossyFile(fn(&SensorFrame, &Options) -> Result<LossyContent, EncodeError>),
     /// One file for each run, to which all frames of all sensors are added in order, as in bags and in clouds of a whole
     /// drive. The function is told of all the sensors.
     Stream(fn(&[&Sensor], &Options) -> Box<dyn Stream>),
@@ -169,7 +172,7 @@ pub enum Encode {
     /// As [`Kind::File`].
     Whole(fn(&SensorFrame, &Options) -> Result<Vec<u8>, EncodeError>),
     /// As [`Kind::LossyFile`].
-    Lossy(fn(&SensorFrame, &Options) -> Result<(Vec<u8>, u64), EncodeError>),
+    Lossy(fn(&SensorFrame, &Options) -> Result<LossyContent, EncodeError>),
 }
 
 /// The path that the files of all frames have in common.

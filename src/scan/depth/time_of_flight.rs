@@ -73,7 +73,7 @@ pub(super) fn scan(
     let parts: Vec<(usize, usize)> = (0..rows.div_ceil(PART.0))
         .flat_map(|band| (0..columns.div_ceil(PART.1)).map(move |part| (band * PART.0, part * PART.1)))
         .collect();
-    // Parts take long, so each is a task of its own, lest a thread ends long before another. Their memory goes from task to task.
+    // A part takes some 60 ms. Each is a task of its own, lest a thread ends long before another. Their memory goes from task to task.
     let idle = Mutex::new(Vec::<Memory>::new());
     let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
     let measured = parts
@@ -224,7 +224,7 @@ struct IndirectWay {
     number: u32,
     /// The number of the ray in its pixel.
     k: u32,
-    /// The sub-ray that sees the surface at the end of the way: its origin is where the source is.
+    /// The number in the part of the sub-ray that meets the pixel's surface. It begins where the source is.
     sub_ray: u32,
     /// The electrons that light of the irradiance of a white plane at 1 m makes in the pixel by this way.
     electrons: f64,
