@@ -172,9 +172,9 @@ impl Stages {
         let seen = session.frame_with_truth(item, frame, &truth);
         let mut files = Vec::new();
         for output in &item.outputs {
-            let (content, time) = timed(|| session.encode(output, &seen));
+            let (encoded, time) = timed(|| session.encode(output, &seen));
             self.add_format(output.format.name(), time);
-            let content = content?;
+            let (content, _) = encoded?;
             let (file, time) = timed(|| WrittenFile::of(&output.name, &content));
             self.hash += time;
             files.push((file, content));

@@ -164,8 +164,8 @@ impl Pipeline<'_> {
         let encode = |output: &Output| -> Result<(WrittenFile, Vec<u8>, u64), Error> {
             interrupt.check()?;
             writing.begin();
-            let content = session.encode(output, &seen)?;
-            Ok((WrittenFile::of(&output.name, &content), content, output.format.lost(&seen)))
+            let (content, lost) = session.encode(output, &seen)?;
+            Ok((WrittenFile::of(&output.name, &content), content, lost))
         };
         // The first error in the order of the formats counts, whichever came first.
         let files: Vec<Result<_, Error>> = item.outputs.par_iter().map(encode).collect();

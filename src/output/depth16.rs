@@ -23,12 +23,9 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     options: OPTIONS,
     check: |sensor, _| check_sides(sensor),
     loses,
-    lost: |frame, options| {
-        depths(frame).into_iter().filter(|depth_m| pixel(*depth_m, options) == Some(0)).count() as u64
-    },
     encoding_bytes_a_ray: |_, _| 4 + 4 + 2 * 2,
     file_bytes_a_ray: |_, _| 2,
-    kind: Kind::File(encode),
+    kind: Kind::LossyFile(encode),
     ..FormatSpec::PLAIN
 };
 
@@ -59,22 +56,34 @@ fn depths(frame: &SensorFrame) -> Vec<f32> {
     }
 }
 
+/// The numbers in the pixels of these depths, 0 for one that has none, and how many depths have none. A depth is infinite where nothing
+/// came back.
+pub(super) fn pixels(depths_m: impl Iterator<Item = f32>, options: &Options) -> (Vec<u32>, u64) {
+    let mut lost = 0;
+    let numbers = depths_m.map(|depth_m| {
+        let number = pixel(depth_m, options);
+        lost += u64::from(number == Some(0));
+        number.unwrap_or(0).into()
+    });
+    (numbers.collect(), lost)
+}
+
 /// The number in a pixel: 0 for a depth that has none. `None` where nothing came back.
-pub(super) fn pixel(depth_m: f32, options: &Options) -> Option<u16> {
+fn pixel(depth_m: f32, options: &Options) -> Option<u16> {
     // The product is exact for whole scales, so that what an EXR says decides how it is rounded.
     let number = (f64::from(depth_m) * options.number(&SCALE)).round();
     let fits = number >= 1.0 && number <= f64::from(u16::MAX);
     depth_m.is_finite().then_some(if fits { number as u16 } else { 0 })
 }
 
-fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
-    let numbers: Vec<u32> =
-        depths(frame).into_iter().map(|depth_m| pixel(depth_m, options).unwrap_or(0).into()).collect();
+fn encode(frame: &SensorFrame, options: &Options) -> Result<(Vec<u8>, u64), EncodeError> {
+    let (numbers, lost) = pixels(depths(frame).into_iter(), options);
     // A file on its own says what it holds.
     let name = depth_channel(frame.capture.sensor).name;
     let texts =
         [("beamcast:channel", name.to_owned()), ("beamcast:scale", options.number(&SCALE).to_string())];
-    encode_numbers(frame.frame.columns(), frame.frame.rows(), &numbers, Pixels::Grey16, &texts)
+    let file = encode_numbers(frame.frame.columns(), frame.frame.rows(), &numbers, Pixels::Grey16, &texts)?;
+    Ok((file, lost))
 }
 
 /// Of a sensor that sees farther than a pixel can tell.

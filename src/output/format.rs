@@ -31,8 +31,6 @@ pub struct FormatSpec {
     pub check: fn(&Sensor, &Options) -> Result<(), EncodeError>,
     /// A sentence about what frames of a sensor may have and the format would lose, with what would hold it.
     pub loses: fn(&Sensor, &Options) -> Option<String>,
-    /// The number of a frame's values that the file lost.
-    pub lost: fn(&SensorFrame, &Options) -> u64,
     /// The largest label of a surface that the files can hold.
     pub most_label: fn(&Options) -> u32,
     /// The largest id of an object that the files can hold.
@@ -53,7 +51,7 @@ pub struct FormatSpec {
 }
 
 impl FormatSpec {
-    /// The fields that most formats have in common: no options, nothing that does not fit, and nothing that is lost. The fields
+    /// The fields that most formats have in common: no options, and nothing that does not fit. The fields
     /// that each format sets itself are empty here.
     pub const PLAIN: Self = Self {
         name: "",
@@ -65,7 +63,6 @@ impl FormatSpec {
         check_options: |_| Ok(()),
         check: |_, _| Ok(()),
         loses: |_, _| None,
-        lost: |_, _| 0,
         most_label: |_| u32::MAX,
         most_instance: |_| u32::MAX,
         encoding_bytes_a_ray: |_, _| 0,
@@ -112,6 +109,9 @@ pub(super) const fn field(name: &'static str, kind: &'static str, unit: &'static
     Field { name, kind, unit }
 }
 
+/// The content of a file, and the number of the frame's values that it lost.
+pub type LossyContent = (Vec<u8>, u64);
+
 /// The way in which frames become files. The same frames give the same bytes, on any number of threads and any platform.
 #[derive(Clone, Copy)]
 pub enum Kind {
@@ -119,6 +119,8 @@ pub enum Kind {
     ///
     /// The error names the number of the frame that the format cannot represent, such as a label above 2³¹ − 1 in a PLY.
     File(fn(&SensorFrame, &Options) -> Result<Vec<u8>, EncodeError>),
+    /// One file for each frame, which may lose some of the frame's values. With the content the function returns their number.
+    LossyFile(fn(&SensorFrame, &Options) -> Result<LossyContent, EncodeError>),
     /// One file for each run, to which all frames of all sensors are added in order, as in bags and in clouds of a whole
     /// drive. The function is told of all the sensors.
     Stream(fn(&[&Sensor], &Options) -> Box<dyn Stream>),
@@ -160,8 +162,17 @@ pub struct FrameFile {
     pub path: FramePath,
     /// Whether the frames of a sensor have it.
     pub is_made: fn(&Asked) -> bool,
-    /// The content of the whole file.
-    pub encode: fn(&SensorFrame, &Options) -> Result<Vec<u8>, EncodeError>,
+    /// The way in which the frame becomes the file.
+    pub encode: Encode,
+}
+
+/// The way in which a frame becomes one of its files.
+#[derive(Clone, Copy)]
+pub enum Encode {
+    /// As [`Kind::File`].
+    Whole(fn(&SensorFrame, &Options) -> Result<Vec<u8>, EncodeError>),
+    /// As [`Kind::LossyFile`].
+    Lossy(fn(&SensorFrame, &Options) -> Result<LossyContent, EncodeError>),
 }
 
 /// The path that the files of all frames have in common.

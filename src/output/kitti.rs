@@ -12,7 +12,8 @@ use std::io::Write;
 use glam::{DMat3, DVec3};
 
 use super::format::{
-    Asked, Content, EncodeError, Folder, FormatSpec, FrameFile, FramePath, Kind, Notes, RunFile, field,
+    Asked, Content, Encode, EncodeError, Folder, FormatSpec, FrameFile, FramePath, Kind, Notes, RunFile,
+    field,
 };
 use super::id::id_of;
 use super::options::Options;
@@ -69,22 +70,22 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
             FrameFile {
                 path: FramePath { stem: "SENSOR/velodyne/FRAME", ending: "bin" },
                 is_made: |_| true,
-                encode: |frame, _| points(frame),
+                encode: Encode::Whole(|frame, _| points(frame)),
             },
             FrameFile {
                 path: FramePath { stem: "SENSOR/labels/FRAME", ending: "label" },
                 is_made: |_| true,
-                encode: |frame, _| labels(frame),
+                encode: Encode::Whole(|frame, _| labels(frame)),
             },
             FrameFile {
                 path: FramePath { stem: "SENSOR/label_2/FRAME", ending: "txt" },
                 is_made: has_boxes,
-                encode: |frame, _| Ok(boxes(frame).into_bytes()),
+                encode: Encode::Whole(|frame, _| Ok(boxes(frame).into_bytes())),
             },
             FrameFile {
                 path: FramePath { stem: "SENSOR/calib/FRAME", ending: "txt" },
                 is_made: has_boxes,
-                encode: |frame, _| Ok(object_calibration(frame).into_bytes()),
+                encode: Encode::Whole(|frame, _| Ok(object_calibration(frame).into_bytes())),
             },
         ],
         of_run: &[

@@ -87,8 +87,8 @@ pub use file_memory::FileMemory;
 pub use files::{Destination, FileNames, GrowingFile, StagedFile, WrittenFile};
 pub use film::{Palette, film};
 pub use format::{
-    Asked, Content, EncodeError, Field, Folder, FormatSpec, FrameFile, FramePath, Kind, LEAST_DIGITS, Note,
-    Notes, RunFile, Stream,
+    Asked, Content, Encode, EncodeError, Field, Folder, FormatSpec, FrameFile, FramePath, Kind, LEAST_DIGITS,
+    LossyContent, Note, Notes, RunFile, Stream,
 };
 pub use id::{id_of, index_of};
 pub use image::{Channel, Image, Samples};

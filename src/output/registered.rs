@@ -26,13 +26,9 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     options: depth16::OPTIONS,
     check: |sensor, _| registered(sensor).map(|_| ()),
     loses: |sensor, options| registered(sensor).ok().and_then(|_| depth16::loses(sensor, options)),
-    lost: |frame, options| {
-        let depths = register(frame).unwrap_or_default();
-        depths.iter().filter(|depth_m| depth16::pixel(**depth_m as f32, options) == Some(0)).count() as u64
-    },
     encoding_bytes_a_ray: |sensor, _| pixels_a_ray(sensor).saturating_mul(8 + 4 + 2 * 2),
     file_bytes_a_ray: |sensor, _| pixels_a_ray(sensor).saturating_mul(2),
-    kind: Kind::File(encode),
+    kind: Kind::LossyFile(encode),
     ..FormatSpec::PLAIN
 };
 
@@ -109,15 +105,14 @@ fn register(frame: &SensorFrame) -> Result<Vec<f64>, EncodeError> {
     Ok(nearest)
 }
 
-fn encode(frame: &SensorFrame, options: &Options) -> Result<Vec<u8>, EncodeError> {
-    let numbers: Vec<u32> = register(frame)?
-        .into_iter()
-        .map(|depth_m| depth16::pixel(depth_m as f32, options).unwrap_or(0).into())
-        .collect();
+fn encode(frame: &SensorFrame, options: &Options) -> Result<(Vec<u8>, u64), EncodeError> {
+    let (numbers, lost) =
+        depth16::pixels(register(frame)?.into_iter().map(|depth_m| depth_m as f32), options);
     let camera = &registered(frame.capture.sensor)?.camera;
     let scale = options.number(&depth16::SCALE).to_string();
     let texts = [("beamcast:channel", "Z".to_owned()), ("beamcast:scale", scale)];
-    encode_numbers(camera.width(), camera.height(), &numbers, Pixels::Grey16, &texts)
+    let file = encode_numbers(camera.width(), camera.height(), &numbers, Pixels::Grey16, &texts)?;
+    Ok((file, lost))
 }
 
 #[cfg(test)]

@@ -4,7 +4,9 @@ use std::fmt;
 use std::hash::{Hash, Hasher};
 
 use super::channel::{ChannelSpec, TERM_NAMES};
-use super::format::{Asked, Content, EncodeError, FormatSpec, FrameFile, FramePath, Kind, RunFile, Stream};
+use super::format::{
+    Asked, Content, Encode, EncodeError, FormatSpec, FrameFile, FramePath, Kind, RunFile, Stream,
+};
 use super::options::{Channels, OptionSpec, OptionValue, Options};
 use super::points::{MOTION, TERMS};
 use super::sensor_frame::SensorFrame;
@@ -210,11 +212,6 @@ impl Format {
         (self.spec.loses)(sensor, &self.options)
     }
 
-    /// The number of a frame's values that its file lost.
-    pub fn lost(self, frame: &SensorFrame) -> u64 {
-        (self.spec.lost)(frame, &self.options)
-    }
-
     /// An upper estimate of the memory that encoding takes, in bytes for each ray of `sensor`.
     pub fn encoding_bytes_a_ray(self, sensor: &Sensor) -> u64 {
         (self.spec.encoding_bytes_a_ray)(sensor, &self.options)
@@ -228,7 +225,7 @@ impl Format {
     /// The number of files that a frame can have.
     pub fn frame_files(self) -> usize {
         match self.kind() {
-            Kind::File(_) => 1,
+            Kind::File(_) | Kind::LossyFile(_) => 1,
             Kind::Folder(folder) => folder.of_frame.len(),
             Kind::Stream(_) | Kind::Chosen(_) => 0,
         }
@@ -236,14 +233,14 @@ impl Format {
 
     /// The declaration of one of the files that a frame can have.
     pub fn frame_file(self, file: usize) -> Option<FrameFile> {
-        match self.kind() {
-            Kind::File(encode) if file == 0 => {
-                let path = FramePath { stem: "SENSOR/FRAME", ending: self.ending() };
-                Some(FrameFile { path, is_made: |_| true, encode })
-            }
-            Kind::Folder(folder) => folder.of_frame.get(file).copied(),
-            _ => None,
-        }
+        let encode = match self.kind() {
+            Kind::File(encode) => Encode::Whole(encode),
+            Kind::LossyFile(encode) => Encode::Lossy(encode),
+            Kind::Folder(folder) => return folder.of_frame.get(file).copied(),
+            _ => return None,
+        };
+        let path = FramePath { stem: "SENSOR/FRAME", ending: self.ending() };
+        (file == 0).then_some(FrameFile { path, is_made: |_| true, encode })
     }
 
     /// The sensor and the digits of the frame that this path is a file of.
@@ -302,8 +299,17 @@ impl Format {
     /// An error if the frame has a number that the format cannot represent, such as a label above 2³¹ − 1 in a PLY, or if
     /// the format has one file for each run and so none for a single frame.
     pub fn encode_file(self, file: usize, frame: &SensorFrame) -> Result<Vec<u8>, EncodeError> {
-        match self.frame_file(file) {
-            Some(file) => (file.encode)(frame, &self.options),
+        self.encode_counted(file, frame).map(|(content, _)| content)
+    }
+
+    /// [`Self::encode_file`], and the number of the frame's values that the file lost.
+    ///
+    /// # Errors
+    /// As [`Self::encode_file`].
+    pub fn encode_counted(self, file: usize, frame: &SensorFrame) -> Result<(Vec<u8>, u64), EncodeError> {
+        match self.frame_file(file).map(|file| file.encode) {
+            Some(Encode::Whole(encode)) => Ok((encode(frame, &self.options)?, 0)),
+            Some(Encode::Lossy(encode)) => encode(frame, &self.options),
             None => Err(EncodeError::new(format!(
                 "{} has one file for each run, and none for a single frame",
                 self.name()

@@ -186,6 +186,9 @@ impl Ladder {
     }
 }
 
+/// The room that a bound of a residual leaves for roundings, relative to it.
+const ROOM: f64 = 1e-9;
+
 /// How well the ranges of a set of wraps agree.
 #[derive(Clone, Copy)]
 struct Fit {
@@ -196,10 +199,19 @@ struct Fit {
 impl Fit {
     /// The best fit in so many cells, from these places of the ladders on, and the residual of the next best one. `weight` is the sum
     /// of the ladders' weights.
+    ///
+    /// The residual of two ladders alone, with the weights a and b, is their gap squared over 1/a + 1/b, and others only add to it.
+    /// Where that is more than the residual of the next best fit so far, the fit is neither, and is not worked out. Both are rounded by
+    /// some 2⁻⁵⁰ of themselves, which is far less than [`ROOM`].
     fn best_two<const N: usize>(mut ladders: [Ladder; N], weight: f64, cells: usize) -> (Self, f64) {
         let (mut best, mut runner_up) = (Self::of(&ladders, weight), f64::INFINITY);
+        let per_gap = (1.0 - ROOM) / (1.0 / ladders[0].weight + 1.0 / ladders[N - 1].weight);
         for _ in 1..cells {
             Ladder::climb_next(&mut ladders);
+            let gap = ladders[N - 1].range - ladders[0].range;
+            if per_gap * gap * gap > runner_up {
+                continue;
+            }
             let fit = Self::of(&ladders, weight);
             if fit.residual < best.residual {
                 (best, runner_up) = (fit, best.residual);

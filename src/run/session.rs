@@ -175,13 +175,13 @@ impl Session {
         SensorFrame { cloud_frame, cloud_time, names, legend, targets, ..made }
     }
 
-    /// The content of a frame's file.
+    /// The content of a frame's file, and the number of the frame's values that the file lost.
     ///
     /// # Errors
     /// [`Error::Output`] if the frame does not fit the format.
-    pub fn encode(&self, output: &Output, frame: &SensorFrame) -> Result<Vec<u8>, Error> {
-        let content = output.format.encode_file(output.file, frame);
-        content.map_err(|e| Error::output(self.job.output.dir.join(&output.name), e))
+    pub fn encode(&self, output: &Output, frame: &SensorFrame) -> Result<(Vec<u8>, u64), Error> {
+        let encoded = output.format.encode_counted(output.file, frame);
+        encoded.map_err(|e| Error::output(self.job.output.dir.join(&output.name), e))
     }
 }
 

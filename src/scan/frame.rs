@@ -189,21 +189,6 @@ images! {
     phase_3,
 }
 
-impl Images {
-    /// Images of a time-of-flight camera with so many pixels and frequencies, all of them dark.
-    pub(super) fn of_time_of_flight(pixels: usize, frequencies: usize) -> Self {
-        let phase = |number: usize| vec![0.0; if number <= frequencies { pixels } else { 0 }];
-        Self {
-            amplitude: vec![0.0; pixels],
-            ambient: vec![0.0; pixels],
-            phase_1: phase(1),
-            phase_2: phase(2),
-            phase_3: phase(3),
-            ..Self::default()
-        }
-    }
-}
-
 /// Declares the columns of [`Returns`] once. Each column is a `Vec` there, and a field of one [`Return`].
 macro_rules! columns {
     ($($(#[$doc:meta])* $name:ident: $kind:ty,)*) => {

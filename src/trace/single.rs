@@ -5,7 +5,7 @@
 //! Let w be the axis along which a ray mostly goes. Depth is counted along it: z = t·|d_w|. A ray enters a box at the largest of
 //! three z and leaves it at the least of three, each of which is a plane times |d_w|/d_k, less a constant of the ray (Kay and
 //! Kajiya, "Ray Tracing Complex Scenes", 1986). The boxes' padding holds the rounding of the planes. The rounding of the origin,
-//! here and in the constant, costs a few 2⁻²⁴ of it, for which boxes grow by the slack in [`PreparedRays::prepare`]. The remaining
+//! here and in the constant, costs a few 2⁻²⁴ of it, for which boxes grow by the slack in [`PreparedRay::prepare`]. The remaining
 //! error is relative, and the far end grows by it (Ize, "Robust BVH Ray Traversal", 2013). A ray that hardly moves along an axis is
 //! taken to move a little, by 2⁻⁶⁰ of its way, which is far less than the padding. The sign of the direction decides through
 //! which of the two planes of an axis a ray enters, so it is the offset at which planes are loaded.
@@ -47,51 +47,37 @@ const EDGE_SQUARED: f32 = 256.0;
 /// The axes u, v and w for each w.
 const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
-/// Rays in the space of a mesh or of the scene, prepared for tests against boxes and triangles.
-pub(super) struct PreparedRays<const N: usize> {
-    /// For each of x, y and z: |d_w|/d_k, and the terms that are added to a plane times that, for the plane where the ray
-    /// enters and for that where it leaves.
-    inverse: [[f32; N]; 3],
-    from_near: [[f32; N]; 3],
-    from_far: [[f32; N]; 3],
-    /// The offset in a node's planes of those where the ray enters: 0, or [`WIDTH`] if it goes down the axis.
-    near: [[u32; N]; 3],
-    /// The limits of the depth along w.
-    z_min: [f32; N],
-    pub(super) z_max: [f32; N],
-    /// The axis w.
-    pub(super) w: [u32; N],
-    /// d_u/d_w and d_v/d_w.
-    g: [[f32; N]; 2],
-    /// The origin, in the order u, v, w.
-    origin: [[f32; N]; 3],
-    /// The error bound of an edge function: a factor of X, and a constant.
-    bound: [[f32; N]; 2],
+/// A ray in the space of a mesh or of the scene, prepared for tests: those of boxes take its first cache line, those of triangles the next.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct PreparedRay {
+    /// For each of x, y and z |d_w|/d_k, and then the term that is added to a plane times that where the ray enters; then the limits of
+    /// the depth along w.
+    enter: [f32; 8],
+    /// For each of x, y and z the term that is added to a plane where the ray leaves, and then as bits the offset in a node's planes of
+    /// those where the ray enters: 0, or [`WIDTH`] if it goes down the axis.
+    leave: [f32; 8],
+    /// d_u/d_w and d_v/d_w; the origin, in the order u, v, w; the error bound of an edge function, a factor of X and a constant; the axis
+    /// w as bits.
+    triangle: [f32; 8],
     /// |d_w|, the factor from depths along the ray to depths along w.
-    stretch: [f64; N],
+    stretch: f64,
 }
 
-impl<const N: usize> PreparedRays<N> {
-    pub(super) const NONE: Self = Self {
-        inverse: [[0.0; N]; 3],
-        from_near: [[0.0; N]; 3],
-        from_far: [[0.0; N]; 3],
-        near: [[0; N]; 3],
-        z_min: [0.0; N],
-        z_max: [0.0; N],
-        w: [0; N],
-        g: [[0.0; N]; 2],
-        origin: [[0.0; N]; 3],
-        bound: [[0.0; N]; 2],
-        stretch: [0.0; N],
-    };
+/// The place in [`PreparedRay::enter`] of the limits of the depth along w.
+const Z_MIN: usize = 6;
+const Z_MAX: usize = 7;
 
-    /// Prepares the eight rays of a group for hits from `t_min` to `t_max` in meshes whose largest |coordinates| are given. Returns one bit for each ray that f32 can serve: it
-    /// is finite, and the cubes of its coordinates stay within f32's range.
+impl PreparedRay {
+    pub(super) const NONE: Self = Self { enter: [0.0; 8], leave: [0.0; 8], triangle: [0.0; 8], stretch: 0.0 };
+
+    /// Prepares eight rays for hits from `t_min` to `t_max` in meshes whose largest |coordinates| are given, and writes them to these
+    /// places among `rays`. Returns one bit for each ray that f32 can serve: it is finite, and the cubes of its coordinates stay within
+    /// f32's range.
     #[inline(always)]
     pub(super) fn prepare<S: F32x8>(
-        &mut self,
-        group: usize,
+        rays: &mut [Self],
+        places: [usize; 8],
         o: Xyz<S::F64x8>,
         d: Xyz<S::F64x8>,
         largest: S::F64x8,
@@ -110,15 +96,16 @@ impl<const N: usize> PreparedRays<N> {
 
         let is_x = S::Mask8::from_bits(along.1.le(along.0) & along.2.le(along.0));
         let is_y = S::Mask8::from_bits(along.2.le(along.1));
-        let numbers = |k: u32| S::splat(f32::from_bits(k));
-        let w = S::select(is_x, numbers(0), S::select(is_y, numbers(1), numbers(2)));
-        S::U32x8::bitcast_from(w).store(group_part(&mut self.w, group));
-
         let per_stretch = constant(1.0).div(stretch);
         let parts =
             [d.0.mul(per_stretch).to_f32(), d.1.mul(per_stretch).to_f32(), d.2.mul(per_stretch).to_f32()];
         let at = [o.0.to_f32(), o.1.to_f32(), o.2.to_f32()];
         let slack = farthest.to_f32().mul_add(S::splat(8.0 * U), S::splat(TINY));
+        let z_min = t_min.mul(stretch).to_f32().mul(S::splat(1.0 - 4.0 * U));
+        let z_max = t_max.mul(stretch).to_f32().mul_add(S::splat(1.0 + 8.0 * U), S::splat(TINY));
+        let zero = S::splat(0.0);
+        let mut enter = [zero, zero, zero, zero, zero, zero, z_min, z_max.min(S::splat(f32::MAX))];
+        let mut leave = [zero; 8];
         for axis in 0..3 {
             let signs = parts[axis].sign_bits();
             let least = S::splat(1.0 / (1_u64 << 60) as f32);
@@ -127,61 +114,51 @@ impl<const N: usize> PreparedRays<N> {
             // Boxes grow on both sides: the slack moves lower planes down and upper planes up.
             let slack = slack.xor(signs);
             let minus = inverse.neg();
-            inverse.store(group_part(&mut self.inverse[axis], group));
-            at[axis].add(slack).mul(minus).store(group_part(&mut self.from_near[axis], group));
-            at[axis].sub(slack).mul(minus).store(group_part(&mut self.from_far[axis], group));
-            let eights = S::U32x8::bitcast_from(signs).shift_right(S::U32x8::splat(28));
-            eights.store(group_part(&mut self.near[axis], group));
+            enter[axis] = inverse;
+            enter[3 + axis] = at[axis].add(slack).mul(minus);
+            leave[axis] = at[axis].sub(slack).mul(minus);
+            leave[3 + axis] = S::U32x8::bitcast_from(signs).shift_right(S::U32x8::splat(28)).bitcast();
         }
         let signs = S::select(is_x, parts[0], S::select(is_y, parts[1], parts[2])).sign_bits();
         let gu = S::select(is_x, parts[1], S::select(is_y, parts[2], parts[0]));
         let gv = S::select(is_x, parts[2], S::select(is_y, parts[0], parts[1]));
-        gu.xor(signs).store(group_part(&mut self.g[0], group));
-        gv.xor(signs).store(group_part(&mut self.g[1], group));
-        let u = S::select(is_x, at[1], S::select(is_y, at[2], at[0]));
-        let v = S::select(is_x, at[2], S::select(is_y, at[0], at[1]));
-        let w = S::select(is_x, at[0], S::select(is_y, at[1], at[2]));
-        u.store(group_part(&mut self.origin[0], group));
-        v.store(group_part(&mut self.origin[1], group));
-        w.store(group_part(&mut self.origin[2], group));
-
         let size = farthest.add(largest).to_f32();
         let unit = size.mul(S::splat(U * (1.0 + 4.0 * U)));
-        unit.mul(S::splat(EDGE)).store(group_part(&mut self.bound[0], group));
-        unit.mul(unit)
-            .mul_add(S::splat(EDGE_SQUARED), S::splat(TINY))
-            .store(group_part(&mut self.bound[1], group));
-        let z_min = t_min.mul(stretch).to_f32().mul(S::splat(1.0 - 4.0 * U));
-        z_min.store(group_part(&mut self.z_min, group));
-        let z_max = t_max.mul(stretch).to_f32().mul_add(S::splat(1.0 + 8.0 * U), S::splat(TINY));
-        z_max.min(S::splat(f32::MAX)).store(group_part(&mut self.z_max, group));
-        stretch.store(group_part(&mut self.stretch, group));
+        let number = |axis: u32| S::splat(f32::from_bits(axis));
+        let triangle = [
+            gu.xor(signs),
+            gv.xor(signs),
+            S::select(is_x, at[1], S::select(is_y, at[2], at[0])),
+            S::select(is_x, at[2], S::select(is_y, at[0], at[1])),
+            S::select(is_x, at[0], S::select(is_y, at[1], at[2])),
+            unit.mul(S::splat(EDGE)),
+            unit.mul(unit).mul_add(S::splat(EDGE_SQUARED), S::splat(TINY)),
+            S::select(is_x, number(0), S::select(is_y, number(1), number(2))),
+        ];
+        let (enter, leave, triangle) = (S::transposed(enter), S::transposed(leave), S::transposed(triangle));
+        let mut stretches = [0.0; 8];
+        stretch.store(&mut stretches);
+        for k in 0..8 {
+            let ray = &mut rays[places[k]];
+            enter[k].store(&mut ray.enter);
+            leave[k].store(&mut ray.leave);
+            triangle[k].store(&mut ray.triangle);
+            ray.stretch = stretches[k];
+        }
         in_range
     }
 
-    /// Takes over a prepared ray from elsewhere.
+    /// The largest depth along w.
     #[inline(always)]
-    pub(super) fn copy_from<const M: usize>(&mut self, ray: usize, others: &PreparedRays<M>, other: usize) {
-        for axis in 0..3 {
-            self.inverse[axis][ray] = others.inverse[axis][other];
-            self.from_near[axis][ray] = others.from_near[axis][other];
-            self.from_far[axis][ray] = others.from_far[axis][other];
-            self.near[axis][ray] = others.near[axis][other];
-            self.origin[axis][ray] = others.origin[axis][other];
-        }
-        for k in 0..2 {
-            self.g[k][ray] = others.g[k][other];
-            self.bound[k][ray] = others.bound[k][other];
-        }
-        (self.z_min[ray], self.z_max[ray]) = (others.z_min[other], others.z_max[other]);
-        (self.w[ray], self.stretch[ray]) = (others.w[other], others.stretch[other]);
+    pub(super) fn z_max(&self) -> f32 {
+        self.enter[Z_MAX]
     }
 
-    /// Ends the search of a ray at the depth of its nearest hit.
+    /// Ends the search at the depth of the nearest hit.
     #[inline(always)]
-    pub(super) fn limit(&mut self, ray: usize, t: f64) {
-        let z_max = (t * self.stretch[ray]) as f32 * (1.0 + 8.0 * U) + TINY;
-        self.z_max[ray] = z_max.min(f32::MAX);
+    pub(super) fn limit(&mut self, t: f64) {
+        let z_max = (t * self.stretch) as f32 * (1.0 + 8.0 * U) + TINY;
+        self.enter[Z_MAX] = z_max.min(f32::MAX);
     }
 
     /// Visits a node. Returns the nearest child that the ray may meet, or the next entry of the stack if it meets none, and the
@@ -189,15 +166,13 @@ impl<const N: usize> PreparedRays<N> {
     #[inline(always)]
     pub(super) fn visit_node<S: F32x8>(
         &self,
-        ray: usize,
         node: &Node,
         stack: &mut StackSlices,
         top: usize,
     ) -> (Child, usize) {
-        let (x, y, z) =
-            (self.slab::<S>(ray, node, 0), self.slab::<S>(ray, node, 1), self.slab::<S>(ray, node, 2));
-        let z_max = S::splat(self.z_max[ray]);
-        let near = x[0].max(y[0]).max(z[0].max(S::splat(self.z_min[ray])));
+        let (x, y, z) = (self.slab::<S>(node, 0), self.slab::<S>(node, 1), self.slab::<S>(node, 2));
+        let z_max = S::splat(self.z_max());
+        let near = x[0].max(y[0]).max(z[0].max(S::splat(self.enter[Z_MIN])));
         let far = x[1].min(y[1]).min(z[1]).mul(S::splat(1.0 + 8.0 * U)).min(z_max);
         let is_met = far.ge(near);
         let met = is_met.bits();
@@ -217,42 +192,45 @@ impl<const N: usize> PreparedRays<N> {
 
     /// The depths along w at which a ray enters and leaves the slabs of eight boxes along one axis.
     #[inline(always)]
-    fn slab<S: F32x8>(&self, ray: usize, node: &Node, axis: usize) -> [S; 2] {
-        let inverse = S::splat(self.inverse[axis][ray]);
+    fn slab<S: F32x8>(&self, node: &Node, axis: usize) -> [S; 2] {
+        let inverse = S::splat(self.enter[axis]);
         // The sign of the direction selects by address rather than by a branch, because directions come in any order.
-        let start = self.near[axis][ray] as usize & WIDTH;
+        let start = self.leave[3 + axis].to_bits() as usize & WIDTH;
         let planes = &node.planes[axis];
         let near = S::load(planes[start..start + WIDTH].try_into().unwrap());
         let start = start ^ WIDTH;
         let far = S::load(planes[start..start + WIDTH].try_into().unwrap());
         [
-            near.mul_add(inverse, S::splat(self.from_near[axis][ray])),
-            far.mul_add(inverse, S::splat(self.from_far[axis][ray])),
+            near.mul_add(inverse, S::splat(self.enter[3 + axis])),
+            far.mul_add(inverse, S::splat(self.leave[axis])),
         ]
     }
 
     /// The x′ and y′ of vertices, and the larger of |x′| and |y′|.
     #[inline(always)]
-    fn sheared<S: F32x8>(&self, ray: usize, [u, v, w]: [S::F32x16; 3]) -> [S::F32x16; 3] {
+    fn sheared<S: F32x8>(&self, [u, v, w]: [S::F32x16; 3]) -> [S::F32x16; 3] {
         let splat = S::F32x16::splat;
-        let z = w.sub(splat(self.origin[2][ray]));
-        let x = splat(-self.g[0][ray]).mul_add(z, u.sub(splat(self.origin[0][ray])));
-        let y = splat(-self.g[1][ray]).mul_add(z, v.sub(splat(self.origin[1][ray])));
+        let [gu, gv, ou, ov, ow, ..] = self.triangle;
+        let z = w.sub(splat(ow));
+        let x = splat(-gu).mul_add(z, u.sub(splat(ou)));
+        let y = splat(-gv).mul_add(z, v.sub(splat(ov)));
         [x, y, x.abs().max(y.abs())]
     }
 
     /// The three edge functions of a ray for the triangles of a block, and the bound of their errors.
     #[inline(always)]
-    fn edge_functions<S: F32x8>(&self, ray: usize, block: &LeafBlock) -> ([S; 3], S) {
+    fn edge_functions<S: F32x8>(&self, block: &LeafBlock) -> ([S; 3], S) {
         let corners = block.corner_vertices::<S>();
-        let [u, v, w] = AXES[self.w[ray] as usize % 3];
+        let [.., factor, constant, w] = self.triangle;
+        let [u, v, w] = AXES[w.to_bits() as usize % 3];
         let (u, v, w) = (block.coordinates::<S>(u), block.coordinates::<S>(v), block.coordinates::<S>(w));
-        let first = self.sheared::<S>(ray, [u.0, v.0, w.0]);
+        let first = self.sheared::<S>([u.0, v.0, w.0]);
         let (x, y, reach) = if let (Some(u), Some(v), Some(w)) = (u.1, v.1, w.1) {
-            let more = self.sheared::<S>(
-                ray,
-                [S::F32x16::from_halves(u, u), S::F32x16::from_halves(v, v), S::F32x16::from_halves(w, w)],
-            );
+            let more = self.sheared::<S>([
+                S::F32x16::from_halves(u, u),
+                S::F32x16::from_halves(v, v),
+                S::F32x16::from_halves(w, w),
+            ]);
             (
                 S::lookup(first[0], Some(more[0].halves().0), corners),
                 S::lookup(first[1], Some(more[1].halves().0), corners),
@@ -269,13 +247,13 @@ impl<const N: usize> PreparedRays<N> {
         let eb = x[2].mul_sub(y[0], y[2].mul(x[0]));
         let ec = x[0].mul_sub(y[1], y[0].mul(x[1]));
         let reach = reach[0].max(reach[1]).max(reach[2]);
-        ([ea, eb, ec], reach.mul_add(S::splat(self.bound[0][ray]), S::splat(self.bound[1][ray])))
+        ([ea, eb, ec], reach.mul_add(S::splat(factor), S::splat(constant)))
     }
 
     /// The triangles of a block that a ray may hit, one bit each, and those that it certainly hits.
     #[inline(always)]
-    pub(super) fn test_leaf<S: F32x8>(&self, ray: usize, block: &LeafBlock) -> (u32, u32) {
-        let ([ea, eb, ec], bound) = self.edge_functions::<S>(ray, block);
+    pub(super) fn test_leaf<S: F32x8>(&self, block: &LeafBlock) -> (u32, u32) {
+        let ([ea, eb, ec], bound) = self.edge_functions::<S>(block);
         let (least, most) = (ea.min(eb).min(ec), ea.max(eb).max(ec));
         let outer = bound.neg();
         // In this form a NaN is no miss.
@@ -295,12 +273,6 @@ const LANES: [f32; 8] = {
     }
     lanes
 };
-
-/// The eight elements of a group in a table of all rays.
-#[inline(always)]
-fn group_part<T, const N: usize>(of_rays: &mut [T; N], group: usize) -> &mut [T; 8] {
-    (&mut of_rays[8 * group..8 * group + 8]).try_into().unwrap()
-}
 
 /// The memory of a traversal stack, the next entry on top: children, and the depths along w at which their boxes begin. The entry
 /// below [`BOTTOM`] ends the traversal, and is never too far.
@@ -350,8 +322,7 @@ impl StackSlices<'_> {
 /// A ray that is traced alone.
 pub(super) struct SingleRay {
     ray: LocalRay,
-    /// The ray in all eight places of a group.
-    prepared: PreparedRays<8>,
+    prepared: PreparedRay,
 }
 
 /// The traversal stack of a ray that is traced alone.
@@ -403,23 +374,25 @@ impl SingleRay {
     /// the ray is not finite or cubes of its coordinates leave f32's range.
     #[inline(always)]
     pub fn new<S: F32x8>(ray: LocalRay, largest: f32, limits: &Limits) -> Option<Self> {
-        let mut prepared = PreparedRays::NONE;
+        let mut prepared = PreparedRay::NONE;
         let limits = (S::F64x8::splat(limits.t_min), S::F64x8::splat(limits.t_max));
         let (o, d) = (Xyz::constant(ray.origin), Xyz::constant(ray.direction));
-        let in_range = prepared.prepare::<S>(0, o, d, S::F64x8::splat(largest.into()), limits);
+        let largest = S::F64x8::splat(largest.into());
+        let in_range =
+            PreparedRay::prepare::<S>(std::slice::from_mut(&mut prepared), [0; 8], o, d, largest, limits);
         (in_range != 0).then_some(Self { ray, prepared })
     }
 
     /// Ends the search at the depth of the nearest hit.
     #[inline(always)]
     pub fn limit(&mut self, t: f64) {
-        self.prepared.limit(0, t);
+        self.prepared.limit(t);
     }
 
     /// The next leaf whose box the ray may meet, nearer boxes first.
     #[inline(always)]
     pub fn next_leaf<S: F32x8>(&self, bvh: &Bvh8, stack: &mut RayStack) -> Option<u32> {
-        let z_max = S::splat(self.prepared.z_max[0]);
+        let z_max = S::splat(self.prepared.z_max());
         let mut top = stack.top;
         let mut child;
         (child, top) = stack.slices().pop::<S>(z_max, top);
@@ -434,7 +407,7 @@ impl SingleRay {
                     stack.reserve(top);
                     let before = top;
                     (child, top) =
-                        self.prepared.visit_node::<S>(0, &bvh.nodes[node as usize], &mut stack.slices(), top);
+                        self.prepared.visit_node::<S>(&bvh.nodes[node as usize], &mut stack.slices(), top);
                     for pushed in before..top {
                         bvh.prefetch::<S>(Child::from_bits(stack.children[pushed]));
                     }
@@ -458,7 +431,7 @@ impl SingleRay {
         stats: &mut TraversalStats,
     ) -> bool {
         let block = LeafBlock::at(&bvh.blocks, block_offset);
-        let (mut maybe, sure) = self.prepared.test_leaf::<S>(0, &block);
+        let (mut maybe, sure) = self.prepared.test_leaf::<S>(&block);
         stats.leaves += 1;
         stats.tests += block.triangles as u64;
         if maybe & !sure != 0 {
@@ -551,14 +524,14 @@ mod tests {
 
     #[inline(always)]
     fn error_of<S: F32x8>(single: &SingleRay, block: &LeafBlock) -> f64 {
-        let (edges, bound) = single.prepared.edge_functions::<S>(0, block);
+        let (edges, bound) = single.prepared.edge_functions::<S>(block);
         let stored = |x: S| {
             let mut to = [0.0; 8];
             x.store(&mut to);
             to
         };
         let (edges, bound) = (edges.map(stored), stored(bound));
-        let axes = AXES[single.prepared.w[0] as usize];
+        let axes = AXES[single.prepared.triangle[7].to_bits() as usize];
         let in_axes = |p: DVec3| axes.map(|axis| Dyadic::of(p[axis]));
         // With the ray's direction d in place of g, everything is d_w times as large.
         let (o, d) = (in_axes(single.ray.origin), in_axes(single.ray.direction));

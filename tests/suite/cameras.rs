@@ -227,6 +227,18 @@ fn registered_depth_has_holes_where_the_depth_camera_does_not_see() {
     assert_eq!(of_column, columns(&[(3, 0), (45, 2000)]));
 }
 
+/// A wall at 70 m is farther than 65.535 m, and a plate at 1 m hides the left half of it.
+#[test]
+fn registered_depth_tells_how_many_depths_it_lost() {
+    let plate = Plate(DVec3::new(1.0, 5.0, 0.0), DVec3::Y * 5.0, DVec3::Z * 5.0, 0.5);
+    let far = Plate(DVec3::new(70.0, 0.0, 0.0), DVec3::Y * 70.0, DVec3::Z * 70.0, 0.5);
+    let (scene, sensor) = (scene(&[far, plate]), with_colour_camera([0.0; 3]));
+    let frame = seen_from(&scene, &Tracer::build(&scene), &sensor, &Pose::IDENTITY);
+    let seen = SensorFrame::new(Capture::at_origin(&sensor), &frame, "depth");
+    let (_, lost) = Format::named("registered").unwrap().encode_counted(0, &seen).unwrap();
+    assert_eq!(lost, 32 * 48);
+}
+
 /// Depth is that of the colour camera, and the pixels of a camera that is nearer have no gaps between them, nor have those of a slope.
 #[test]
 fn registered_depth_is_that_of_the_colour_camera_and_has_no_gaps() {

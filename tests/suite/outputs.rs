@@ -590,7 +590,7 @@ fn a_format_of_ones_own_is_one_declaration() {
         let frame = session.cast(&item, &Progress::default()).unwrap();
         let seen = session.sensor_frame(&item, &frame);
         let write = |output: &Output| {
-            let content = session.encode(output, &seen).unwrap();
+            let (content, _) = session.encode(output, &seen).unwrap();
             journal.destination().write(&output.name, &content).unwrap()
         };
         let written = item.outputs.iter().map(write).collect();

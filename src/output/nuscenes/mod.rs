@@ -14,7 +14,9 @@ mod tables;
 mod timeline;
 
 use super::color;
-use super::format::{Asked, Content, EncodeError, Folder, FormatSpec, FrameFile, Kind, RunFile, field};
+use super::format::{
+    Asked, Content, Encode, EncodeError, Folder, FormatSpec, FrameFile, Kind, RunFile, field,
+};
 use super::options::Options;
 use super::picture::{Picture, check_sides};
 use super::sensor_frame::SensorFrame;
@@ -69,12 +71,16 @@ pub(super) static FORMAT: FormatSpec = FormatSpec {
     file_bytes_a_ray: bytes_a_ray,
     kind: Kind::Folder(Folder {
         of_frame: &[
-            FrameFile { path: CLOUD, is_made: |asked| !is_camera(asked), encode: |frame, _| points(frame) },
-            FrameFile { path: PICTURE, is_made: is_camera, encode: color::encode },
+            FrameFile {
+                path: CLOUD,
+                is_made: |asked| !is_camera(asked),
+                encode: Encode::Whole(|frame, _| points(frame)),
+            },
+            FrameFile { path: PICTURE, is_made: is_camera, encode: Encode::Whole(color::encode) },
             FrameFile {
                 path: LABELS,
                 is_made: |asked| !is_camera(asked) && has_labels(asked),
-                encode: |frame, _| labels(frame),
+                encode: Encode::Whole(|frame, _| labels(frame)),
             },
         ],
         of_run: &[

@@ -10,6 +10,7 @@
 use std::cmp::Ordering;
 use std::f64::consts::TAU;
 use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Mutex, PoisonError};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -72,38 +73,51 @@ pub(super) fn scan(
     let parts: Vec<(usize, usize)> = (0..rows.div_ceil(PART.0))
         .flat_map(|band| (0..columns.div_ceil(PART.1)).map(move |part| (band * PART.0, part * PART.1)))
         .collect();
+    // A part takes some 60 ms. Each is a task of its own, lest a thread ends long before another. Their memory goes from task to task.
+    let idle = Mutex::new(Vec::<Memory>::new());
+    let idle = || idle.lock().unwrap_or_else(PoisonError::into_inner);
     let measured = parts
         .par_iter()
-        .map_init(Memory::default, |memory, &(first_row, first_column)| {
+        .with_max_len(1)
+        .map(|&(first_row, first_column)| {
             if progress.cancelled.load(Relaxed) {
                 return None;
             }
+            let mut memory = idle().pop().unwrap_or_default();
             let size = (PART.0.min(rows - first_row), PART.1.min(columns - first_column));
-            let part = camera.part((first_row, first_column), size, memory);
+            let part = camera.part((first_row, first_column), size, &mut memory);
             progress.samples_done.fetch_add(memory.rays.len() as u64, Relaxed);
+            idle().push(memory);
             Some(part)
         })
         .collect::<Option<Vec<Vec<Measured>>>>()?;
-    let mut pixels = vec![Pixel::without(Cause::NoPulse); rows * columns];
-    let mut images = Images::of_time_of_flight(rows * columns, sensing.frequencies_hz.len());
-    for one in measured.into_iter().flatten() {
-        pixels[one.number] = one.pixel;
-        images.amplitude[one.number] = one.amplitude;
-        images.ambient[one.number] = one.ambient;
-        let phases = [&mut images.phase_1, &mut images.phase_2, &mut images.phase_3];
-        for (image, phase) in phases.into_iter().zip(one.phases) {
-            if let Some(value) = image.get_mut(one.number) {
-                *value = phase;
-            }
-        }
-    }
-    Some((pixels, images))
+    let across = columns.div_ceil(PART.1);
+    let measured_in = |number: usize| -> &Measured {
+        let (row, column) = (number / columns, number % columns);
+        let width = PART.1.min(columns - column / PART.1 * PART.1);
+        let part = &measured[row / PART.0 * across + column / PART.1];
+        &part[row % PART.0 * width + column % PART.1]
+    };
+    // The pixels of a large image take tens of megabytes, which all threads write.
+    let all = || (0..rows * columns).into_par_iter().with_min_len(columns);
+    let image = |of: fn(&Measured) -> f32| all().map(|number| of(measured_in(number))).collect();
+    let phase = |k: usize| {
+        let of_pixel = |number: usize| measured_in(number).phases[k];
+        if k < sensing.frequencies_hz.len() { all().map(of_pixel).collect() } else { vec![] }
+    };
+    let images = Images {
+        amplitude: image(|measured| measured.amplitude),
+        ambient: image(|measured| measured.ambient),
+        phase_1: phase(0),
+        phase_2: phase(1),
+        phase_3: phase(2),
+        ..Images::default()
+    };
+    Some((all().map(|number| measured_in(number).pixel).collect(), images))
 }
 
-/// What the camera measures in a pixel.
+/// What the camera measures in a pixel. A part has those of its pixels, row by row.
 struct Measured {
-    /// The number of the pixel.
-    number: usize,
     pixel: Pixel,
     amplitude: f32,
     ambient: f32,
@@ -210,8 +224,8 @@ struct IndirectWay {
     number: u32,
     /// The number of the ray in its pixel.
     k: u32,
-    /// Where the source is, in the world.
-    source: DVec3,
+    /// The number in the part of the sub-ray that meets the pixel's surface. It begins where the source is.
+    sub_ray: u32,
     /// The electrons that light of the irradiance of a white plane at 1 m makes in the pixel by this way.
     electrons: f64,
     /// The length of the way from the camera so far, in metres.
@@ -435,7 +449,7 @@ impl<C: Cast> Camera<'_, C> {
                     pixel: of_pixel[ray],
                     number: number as u32,
                     k: k as u32,
-                    source: origin,
+                    sub_ray: ray as u32,
                     electrons: self.sensing.electrons_at_1_m / count as f64 * lit.diffuse,
                     length_m: (lit.point - origin).length(),
                 };
@@ -445,7 +459,7 @@ impl<C: Cast> Camera<'_, C> {
         }
         for bounce in 1..=self.sensing.bounces {
             let is_last = bounce == self.sensing.bounces;
-            self.meet_others(indirect, bounce, is_last, light, shader);
+            self.meet_others(&rays.rays, indirect, bounce, is_last, light, shader);
         }
     }
 
@@ -453,6 +467,7 @@ impl<C: Cast> Camera<'_, C> {
     /// them.
     fn meet_others(
         &self,
+        sub_rays: &RayBatch<()>,
         indirect: &mut Indirect,
         bounce: u32,
         is_last: bool,
@@ -466,7 +481,7 @@ impl<C: Cast> Camera<'_, C> {
             let Together { rays, hits, through } = &mut *together;
             rays.take(wave, numbers);
             cast_through(rays, self.scene, self.tracer, hits, through);
-            self.go_on(together, onward, bounce, is_last, shader);
+            self.go_on(sub_rays, together, onward, bounce, is_last, shader);
         }
         let Onward { next, paths, shadows } = onward;
         let blocked = shadows.are_blocked_in_any_order(self.scene, self.tracer);
@@ -479,6 +494,7 @@ impl<C: Cast> Camera<'_, C> {
     /// Adds the paths by way of the surfaces that some rays have met, and the rays from there unless these are the last.
     fn go_on(
         &self,
+        sub_rays: &RayBatch<()>,
         together: &Together,
         onward: &mut Onward,
         bounce: u32,
@@ -490,15 +506,16 @@ impl<C: Cast> Camera<'_, C> {
             let Some(hit) = hit else { continue };
             let way = together.rays.known()[number];
             let Ray { origin, direction, time_s } = together.rays.ray(number);
+            let source = sub_rays.ray(way.sub_ray as usize).origin;
             // Where the source does not reach, the last rays end.
-            if is_last && !is_seen_from(way.source, origin, direction, hit) {
+            if is_last && !is_seen_from(source, origin, direction, hit) {
                 continue;
             }
-            let far = shader.light(origin, direction, hit, Some(way.source));
+            let far = shader.light(origin, direction, hit, Some(source));
             if far.diffuse == 0.0 {
                 continue;
             }
-            let to_source = way.source - far.point;
+            let to_source = source - far.point;
             let range_m = to_source.length();
             let way =
                 IndirectWay { electrons: way.electrons * far.diffuse, length_m: way.length_m + hit.t, ..way };
@@ -507,7 +524,7 @@ impl<C: Cast> Camera<'_, C> {
                 let electrons = way.electrons * cosine / (range_m * range_m);
                 paths.push(Path { pixel: way.pixel, electrons, length_m: way.length_m + range_m });
                 // From the source, so that all lines have one origin if the camera stands still.
-                shadows.push(way.source, far.point, time_s);
+                shadows.push(source, far.point, time_s);
             }
             if !is_last {
                 // Each ray has streams of its own for each surface; those of the pixel itself are the streams of the first.
@@ -535,7 +552,6 @@ impl<C: Cast> Camera<'_, C> {
         let count = lights.len() as f64;
         let phase = |k: usize| measured.get(k).map_or(0.0, |measured| measured.phasor.phase() as f32);
         Measured {
-            number,
             pixel: self.judge(number, measured, lights, direct, brightest),
             amplitude: (measured.iter().map(|measured| measured.phasor.amplitude()).sum::<f64>() / count)
                 as f32,

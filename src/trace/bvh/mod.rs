@@ -55,7 +55,7 @@ impl Child {
     }
 
     /// The leaf whose block has an offset.
-    pub fn leaf(block_offset: u32) -> Self {
+    pub const fn leaf(block_offset: u32) -> Self {
         debug_assert!(block_offset < Self::LEAF - 1);
         Self(block_offset | Self::LEAF)
     }
@@ -243,8 +243,11 @@ impl<'a> LeafBlock<'a> {
         let (coordinates, rest) = self.words[HEADER..].split_at(3 * self.vertices);
         let (x, yz) = coordinates.split_at(self.vertices);
         let (y, z) = yz.split_at(self.vertices);
-        corners_in(rest, lane)
-            .map(|vertex| [f32::from_bits(x[vertex]), f32::from_bits(y[vertex]), f32::from_bits(z[vertex])])
+        // Not by `map`, which is not always inlined.
+        let [a, b, c] = corners_in(rest, lane);
+        let position =
+            |vertex| [f32::from_bits(x[vertex]), f32::from_bits(y[vertex]), f32::from_bits(z[vertex])];
+        [position(a), position(b), position(c)]
     }
 
     /// The indices in the block of a triangle's corners.
@@ -257,7 +260,8 @@ impl<'a> LeafBlock<'a> {
 #[inline(always)]
 fn corners_in(words: &[u32], lane: usize) -> [usize; 3] {
     let (word, shift) = ((lane / 4) & 1, 8 * (lane % 4));
-    [words[word], words[2 + word], words[4 + word]].map(|corner| (corner >> shift & 0xff) as usize)
+    let corner = |of_four: u32| (of_four >> shift & 0xff) as usize;
+    [corner(words[word]), corner(words[2 + word]), corner(words[4 + word])]
 }
 
 /// A reference to a triangle: the offset of its block and its lane in the block, in 32 bits.

@@ -87,6 +87,8 @@ pub(super) trait F32x8: F32Lanes {
     fn reduce_min_4(rows: [Self; 4]) -> [f32; 4];
     /// The least lane of each of eight vectors.
     fn reduce_min_8(rows: [Self; 8]) -> Self;
+    /// The columns of eight rows: result[k][i] is rows[i][k].
+    fn transposed(rows: [Self; 8]) -> [Self; 8];
 
     /// −self.
     #[inline(always)]

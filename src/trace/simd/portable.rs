@@ -182,6 +182,11 @@ impl F32x8 for PortableF32x8 {
     }
 
     #[inline(always)]
+    fn transposed(rows: [Self; 8]) -> [Self; 8] {
+        from_fn(|column| Self(from_fn(|row| rows[row].0[column])))
+    }
+
+    #[inline(always)]
     fn reduce_min_8(rows: [Self; 8]) -> Self {
         Self(rows.map(Self::reduce_min))
     }

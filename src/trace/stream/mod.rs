@@ -9,9 +9,10 @@
 //!
 //! # Placements
 //! In a scene with placements a ray begins in the hierarchy over these, in the scene's space. Where it comes to a placement, it waits
-//! until eight rays do, which are then carried into the spaces of their meshes and prepared together. Its stack goes on above a mark
-//! that is never too far: when the ray comes to that, it is done with the placement, and back in the scene's space. Depths are the
-//! same numbers in all spaces, so a hit ends the search in both.
+//! until eight rays do, which are then carried into the spaces of their meshes and prepared together. Placement 0 is mesh 0 in the
+//! scene's space, where a ray goes on at once as it is. Its stack goes on above a mark that is never too far: when the ray comes to
+//! that, it is done with the placement, and back in the scene's space. Depths are the same numbers in all spaces, so a hit ends the
+//! search in both.
 
 mod placed;
 
@@ -23,7 +24,7 @@ use super::exact::{Candidate, Corners, Facet, LocalRay, Real, Xyz};
 use super::hit_attributes::{Surfaces, in_f64};
 use super::maps::Maps;
 use super::simd::{F32x8, F64x8, U32x8};
-use super::single::{BOTTOM, PreparedRays, StackSlices, id, passing};
+use super::single::{BOTTOM, PreparedRay, StackSlices, id, passing};
 use super::stats::TraversalStats;
 use super::top::Top;
 
@@ -42,6 +43,9 @@ const CROSSINGS: usize = (STREAM_RAYS + 2) * WIDTH;
 
 /// The mark in a stack below which it belongs to the hierarchy over placements.
 const BACK: Child = Child::NONE;
+
+/// Placement 0: mesh 0 as it stands, in the scene's space.
+const FIXED: Child = Child::leaf(0);
 
 /// What a stream's rays are cast at: the hierarchy over the placements, if there are several, and the meshes.
 #[derive(Clone, Copy)]
@@ -62,9 +66,9 @@ struct StreamState {
     taken: u64,
     next_group: usize,
     /// The rays in the scene's space, in a scene with placements.
-    above: PreparedRays<STREAM_RAYS>,
+    above: [PreparedRay; STREAM_RAYS],
     /// The rays in the space of the placement that they are at, or were at last.
-    local: PreparedRays<STREAM_RAYS>,
+    local: [PreparedRay; STREAM_RAYS],
     /// In a scene with placements: that placement, its mesh, and each ray in its space.
     placement: [u32; STREAM_RAYS],
     mesh: [u32; STREAM_RAYS],
@@ -88,6 +92,8 @@ struct StreamState {
     /// The rays whose next child is a node of the hierarchy over placements, and those whose next child is a placement.
     above_node: u64,
     at_placement: u64,
+    /// The rays whose next child is [`FIXED`].
+    at_fixed: u64,
     /// The rays whose next child is a node, the rays whose next child is a leaf, and the rays that wait for the depth of a
     /// crossing.
     at_node: u64,
@@ -106,8 +112,8 @@ impl Default for StreamState {
             groups: [0; GROUPS],
             taken: 0,
             next_group: 0,
-            above: PreparedRays::NONE,
-            local: PreparedRays::NONE,
+            above: [PreparedRay::NONE; STREAM_RAYS],
+            local: [PreparedRay::NONE; STREAM_RAYS],
             placement: [0; STREAM_RAYS],
             mesh: [0; STREAM_RAYS],
             origins: [DVec3::ZERO; STREAM_RAYS],
@@ -125,6 +131,7 @@ impl Default for StreamState {
             crossing_count: 0,
             above_node: 0,
             at_placement: 0,
+            at_fixed: 0,
             at_node: 0,
             at_leaf: 0,
             waits: 0,
@@ -161,9 +168,7 @@ impl RayStream {
     ) -> Option<(usize, u32)> {
         let state = self.state.get_or_insert_with(StreamState::boxed);
         loop {
-            let under_way =
-                state.above_node | state.at_placement | state.at_node | state.at_leaf | state.waits;
-            let done = state.taken & !whole_bytes(under_way);
+            let done = state.taken & !whole_bytes(state.visits() | state.waits);
             if done != 0 {
                 let group = done.trailing_zeros() as usize / 8;
                 state.taken &= !(0xff << (8 * group));
@@ -183,6 +188,7 @@ impl RayStream {
             if PLACED {
                 let at_placement = state.at_placement;
                 state.visit_nodes_above::<S>(targets);
+                state.enter_fixed::<S>(targets, rays);
                 state.visit_placements::<S, AFTER>(targets, rays, maps, at_placement);
             }
             state.visit_nodes::<S, PLACED>(targets);
@@ -214,12 +220,16 @@ impl StreamState {
         self.taken |= places;
         let (o, d) = rays.group::<S>(batch_group);
         let limits = (rays.t_min_of_group::<S, AFTER>(batch_group), S::F64x8::splat(rays.t_max));
+        let mesh_0 = &targets.surfaces.meshes[0];
         let (bvh, prepared, at_root) = if PLACED {
             (&targets.top.bvh, &mut self.above, &mut self.above_node)
         } else {
-            (&targets.surfaces.meshes[0], &mut self.local, &mut self.at_node)
+            (mesh_0, &mut self.local, &mut self.at_node)
         };
-        let in_range = prepared.prepare::<S>(group, o, d, S::F64x8::splat(bvh.largest.into()), limits);
+        let numbers = std::array::from_fn(|k| 8 * group + k);
+        // What is prepared for the scene's space serves mesh 0 as well.
+        let largest = S::F64x8::splat(bvh.largest.max(mesh_0.largest).into());
+        let in_range = PreparedRay::prepare::<S>(prepared, numbers, o, d, largest, limits);
         let all = 0xff_u32 >> (8 - (rays.directions.len() - 8 * batch_group).min(8));
         if !bvh.nodes.is_empty() {
             *at_root |= u64::from(all & in_range) << (8 * group);
@@ -246,6 +256,12 @@ impl StreamState {
             }
         }
         (self.groups[group], rejected)
+    }
+
+    /// The rays that have something to visit.
+    #[inline(always)]
+    fn visits(&self) -> u64 {
+        self.above_node | self.at_placement | self.at_fixed | self.at_node | self.at_leaf
     }
 
     /// The ray of the batch that is in a place.
@@ -310,7 +326,7 @@ impl StreamState {
             let bvh = self.bvh::<PLACED>(targets, ray);
             let node = &bvh.nodes[self.next[ray].bits() as usize];
             let mut stack = StackSlices { nears: &mut self.nears[ray], children: &mut self.children[ray] };
-            let (child, top) = self.local.visit_node::<S>(ray, node, &mut stack, top);
+            let (child, top) = self.local[ray].visit_node::<S>(node, &mut stack, top);
             let [node, leaf, back] = self.go_to::<S, PLACED>(bvh, ray, child, top);
             (to_node, to_leaf, to_back) = (to_node | node, to_leaf | leaf, to_back | back);
         }
@@ -336,7 +352,7 @@ impl StreamState {
             rest &= rest - 1;
             let block_offset = self.next[ray].bits() & !(1 << 31);
             let block = LeafBlock::at(&self.bvh::<PLACED>(targets, ray).blocks, block_offset);
-            let (mut maybe, sure) = self.local.test_leaf::<S>(ray, &block);
+            let (mut maybe, sure) = self.local[ray].test_leaf::<S>(&block);
             tests += block.triangles as u64;
             if maybe & !sure != 0 {
                 let local = self.local_ray::<PLACED>(rays, ray);
@@ -359,9 +375,9 @@ impl StreamState {
         self.stats.tests += tests;
         self.waits |= at_leaf & !goes_on;
         // Fewer than eight crossings are taken only if no ray has anything else to do.
-        let under_way = self.above_node | self.at_placement | self.at_node | self.at_leaf;
+        let others = self.visits();
         let mut start = 0;
-        while count - start >= WIDTH || (count > start && under_way | goes_on == 0) {
+        while count - start >= WIDTH || (count > start && others | goes_on == 0) {
             let some = (count - start).min(WIDTH);
             let of = self.update_hits::<S, AFTER, PLACED>(targets, rays, any, start, some);
             start += some;
@@ -378,7 +394,7 @@ impl StreamState {
         while rest != 0 {
             let ray = rest.trailing_zeros() as usize & (STREAM_RAYS - 1);
             rest &= rest - 1;
-            let z_max = S::splat(self.local.z_max[ray]);
+            let z_max = S::splat(self.local[ray].z_max());
             let top = self.top[ray] as usize;
             let (child, top) = self.stack(ray).pop::<S>(z_max, top);
             let bvh = self.bvh::<PLACED>(targets, ray);
@@ -463,10 +479,10 @@ impl StreamState {
         if beats && is_admitted {
             (self.t[ray], self.triangle[ray]) = (t, crossed);
             self.hit |= 1 << ray;
-            self.local.limit(ray, t);
+            self.local[ray].limit(t);
             if PLACED {
                 self.hit_placement[ray] = found.placement;
-                self.above.limit(ray, t);
+                self.above[ray].limit(t);
             }
             if any {
                 // There is nothing more to visit.

@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 
-use super::{BACK, DEPTH, STREAM_RAYS, StreamState, Targets};
+use super::{BACK, DEPTH, FIXED, STREAM_RAYS, StreamState, Targets};
 use crate::trace::batch::Batch;
 use crate::trace::bvh::{Child, WIDTH};
 use crate::trace::exact::{LocalRay, Xyz};
 use crate::trace::maps::Maps;
 use crate::trace::simd::{F32x8, F64x8};
-use crate::trace::single::{BOTTOM, PreparedRays, StackSlices};
+use crate::trace::single::{BOTTOM, PreparedRay, StackSlices};
 
 impl StreamState {
     /// Takes all rays that are at a node of the hierarchy over placements one step further.
@@ -26,7 +26,7 @@ impl StreamState {
             }
             let node = &targets.top.bvh.nodes[self.next[ray].bits() as usize];
             let mut stack = StackSlices { nears: &mut self.nears[ray], children: &mut self.children[ray] };
-            let (child, top) = self.above.visit_node::<S>(ray, node, &mut stack, top);
+            let (child, top) = self.above[ray].visit_node::<S>(node, &mut stack, top);
             self.go_above::<S>(targets, ray, child, top);
         }
     }
@@ -36,8 +36,11 @@ impl StreamState {
     fn go_above<S: F32x8>(&mut self, targets: &Targets, ray: usize, child: Child, top: usize) {
         (self.next[ray], self.top[ray]) = (child, top as u32);
         let goes_on = u64::from(top >= BOTTOM) << ray;
-        let to_placement = u64::from(child.bits() >> 31) << ray;
-        self.above_node |= goes_on & !to_placement;
+        let to_leaf = u64::from(child.bits() >> 31) << ray;
+        let to_fixed = u64::from(child == FIXED) << ray;
+        let to_placement = to_leaf & !to_fixed;
+        self.above_node |= goes_on & !to_leaf;
+        self.at_fixed |= goes_on & to_fixed;
         self.at_placement |= goes_on & to_placement;
         targets.top.bvh.prefetch::<S>(child);
         if goes_on & to_placement != 0 {
@@ -54,11 +57,26 @@ impl StreamState {
         while rest != 0 {
             let ray = rest.trailing_zeros() as usize & (STREAM_RAYS - 1);
             rest &= rest - 1;
-            let z_max = S::splat(self.above.z_max[ray]);
+            let z_max = S::splat(self.above[ray].z_max());
             let top = self.top[ray] as usize;
             let (child, top) = self.stack(ray).pop::<S>(z_max, top);
             self.go_above::<S>(targets, ray, child, top);
         }
+    }
+
+    /// Puts all rays that are at placement 0 at the root of mesh 0. They are prepared for it in the scene's space.
+    #[inline(always)]
+    pub(super) fn enter_fixed<S: F32x8>(&mut self, targets: &Targets, rays: &Batch) {
+        let ready = std::mem::take(&mut self.at_fixed);
+        let mut rest = ready;
+        while rest != 0 {
+            let ray = rest.trailing_zeros() as usize & (STREAM_RAYS - 1);
+            rest &= rest - 1;
+            self.local[ray] = self.above[ray];
+            LocalRay { origin: self.origins[ray], direction: self.directions[ray] } = rays.ray(self.ray(ray));
+            (self.placement[ray], self.mesh[ray]) = (0, 0);
+        }
+        self.begin_meshes::<S>(targets, ready);
     }
 
     /// Carries rays of a set, which are at a placement, into the space of its mesh, eight at a time.
@@ -124,9 +142,9 @@ impl StreamState {
         }
         let [ox, oy, oz] = S::F64x8::load_xyz(&o);
         let [dx, dy, dz] = S::F64x8::load_xyz(&d);
-        let mut prepared = PreparedRays::<8>::NONE;
-        let in_range = prepared.prepare::<S>(
-            0,
+        let in_range = PreparedRay::prepare::<S>(
+            &mut self.local,
+            fresh,
             Xyz(ox, oy, oz),
             Xyz(dx, dy, dz),
             S::F64x8::load(&largest),
@@ -134,7 +152,6 @@ impl StreamState {
         );
         let mut ready = 0;
         for (k, &ray) in fresh[..count].iter().enumerate() {
-            self.local.copy_from(ray, &prepared, k);
             let is_ready = u64::from(in_range >> k & 1);
             ready |= is_ready << ray;
             self.rejected |= (1 - is_ready) << ray;

@@ -137,6 +137,42 @@ macro_rules! f32x8_methods {
         }
 
         #[inline(always)]
+        fn transposed(rows: [Self; 8]) -> [Self; 8] {
+            // SAFETY: AVX, see `x86`.
+            unsafe {
+                let [a, b, c, d, e, f, g, h] = rows;
+                // Pairs of rows, of which each half has two columns: 0 and 1 with 4 and 5, then 2 and 3 with 6 and 7.
+                let ab = [_mm256_unpacklo_ps(a.0, b.0), _mm256_unpackhi_ps(a.0, b.0)];
+                let cd = [_mm256_unpacklo_ps(c.0, d.0), _mm256_unpackhi_ps(c.0, d.0)];
+                let ef = [_mm256_unpacklo_ps(e.0, f.0), _mm256_unpackhi_ps(e.0, f.0)];
+                let gh = [_mm256_unpacklo_ps(g.0, h.0), _mm256_unpackhi_ps(g.0, h.0)];
+                // Four rows, of which each half has one column: 0 with 4, 1 with 5, 2 with 6, 3 with 7.
+                let ad = [
+                    _mm256_shuffle_ps::<0b01_00_01_00>(ab[0], cd[0]),
+                    _mm256_shuffle_ps::<0b11_10_11_10>(ab[0], cd[0]),
+                    _mm256_shuffle_ps::<0b01_00_01_00>(ab[1], cd[1]),
+                    _mm256_shuffle_ps::<0b11_10_11_10>(ab[1], cd[1]),
+                ];
+                let eh = [
+                    _mm256_shuffle_ps::<0b01_00_01_00>(ef[0], gh[0]),
+                    _mm256_shuffle_ps::<0b11_10_11_10>(ef[0], gh[0]),
+                    _mm256_shuffle_ps::<0b01_00_01_00>(ef[1], gh[1]),
+                    _mm256_shuffle_ps::<0b11_10_11_10>(ef[1], gh[1]),
+                ];
+                [
+                    Self(_mm256_permute2f128_ps::<0x20>(ad[0], eh[0])),
+                    Self(_mm256_permute2f128_ps::<0x20>(ad[1], eh[1])),
+                    Self(_mm256_permute2f128_ps::<0x20>(ad[2], eh[2])),
+                    Self(_mm256_permute2f128_ps::<0x20>(ad[3], eh[3])),
+                    Self(_mm256_permute2f128_ps::<0x31>(ad[0], eh[0])),
+                    Self(_mm256_permute2f128_ps::<0x31>(ad[1], eh[1])),
+                    Self(_mm256_permute2f128_ps::<0x31>(ad[2], eh[2])),
+                    Self(_mm256_permute2f128_ps::<0x31>(ad[3], eh[3])),
+                ]
+            }
+        }
+
+        #[inline(always)]
         fn reduce_min_8(rows: [Self; 8]) -> Self {
             // SAFETY: AVX, see `x86`.
             Self(unsafe {
