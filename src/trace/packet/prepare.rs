@@ -8,7 +8,7 @@ use crate::trace::exact::Real;
 use crate::trace::hit_attributes::Surfaces;
 use crate::trace::rays::Origins;
 use crate::trace::rounding::{TINY, U};
-use crate::trace::simd::{F32Lanes, F32x8, F32x16, F64x8};
+use crate::trace::simd::{F32x8, F32x16, F64x8};
 use crate::trace::stats::TraversalStats;
 
 /// Rays are computed with in groups of eight.
