@@ -12,7 +12,7 @@ use super::job::load_sensor_or_job;
 use super::json;
 use super::terminal::Terminal;
 use crate::config::presets::BUILT_IN;
-use crate::config::{self, Config, Job, SensorFile};
+use crate::config::{self, Config, DataSheet, Job, SensorFile};
 use crate::error::Error;
 use crate::run::memory;
 use crate::scan::Progress;
@@ -27,10 +27,8 @@ struct Subject {
     sensor: Sensor,
     /// Whether the figures by which it measures are those of `[nominal]`.
     is_nominal: bool,
-    /// The publication that these, or the promises, are from, where the sensor's file says it.
-    source: Option<String>,
-    /// The bounds that the data sheet states of a depth camera.
-    published: Vec<Published>,
+    /// What the data sheet states, if one is known and it is the source of these figures or states bounds.
+    data_sheet: Option<DataSheet>,
 }
 
 /// The findings about a sensor.
@@ -51,9 +49,23 @@ impl Found {
 }
 
 impl Subject {
+    /// The sensor as it measures without its `[nominal]`, or with it. The data sheet counts if its figures do, or if it states bounds.
+    fn new(name: String, sensor: Sensor, is_nominal: bool, data_sheet: Option<DataSheet>) -> Self {
+        let data_sheet = data_sheet.filter(|stated| is_nominal || !stated.published.is_empty());
+        Self { name, sensor, is_nominal, data_sheet }
+    }
+
+    fn published(&self) -> &[Published] {
+        self.data_sheet.as_ref().map_or(&[], |stated| &stated.published)
+    }
+
+    fn source(&self) -> Option<&str> {
+        self.data_sheet.as_ref().map(|stated| stated.source.as_str())
+    }
+
     fn rays(&self) -> u64 {
         match self.sensor.measurement.depth {
-            Some(_) => quality::rays(&self.sensor, &self.published),
+            Some(_) => quality::rays(&self.sensor, self.published()),
             None => datasheet::rays(&self.sensor, &self.sensor.measurement),
         }
     }
@@ -61,7 +73,7 @@ impl Subject {
     fn find(&self, progress: &Progress) -> Result<Option<Found>, Error> {
         let found = match self.sensor.measurement.depth {
             Some(_) => {
-                quality::measure(&self.sensor, &self.published, progress).map(|q| q.map(Found::Quality))
+                quality::measure(&self.sensor, self.published(), progress).map(|q| q.map(Found::Quality))
             }
             None => datasheet::replay(&self.sensor, &self.sensor.measurement, progress)
                 .map(|replay| replay.map(Found::Replay)),
@@ -163,19 +175,13 @@ fn nothing_of(name: &str, nominal: &str) -> String {
 fn of_file(name: String, file: SensorFile) -> Result<Subject, String> {
     let SensorFile { sensor, nominal, .. } = file;
     if is_measurable(&sensor.measurement) {
-        let promises = nominal.filter(|nominal| !nominal.published.is_empty());
-        let (source, published) = promises.map(|nominal| (nominal.source, nominal.published)).unzip();
-        let published = published.unwrap_or_default();
-        return Ok(Subject { name, sensor, is_nominal: false, source, published });
+        return Ok(Subject::new(name, sensor, false, nominal.map(|nominal| nominal.data_sheet)));
     }
     match nominal {
-        Some(nominal) if is_measurable(&nominal.measurement) => Ok(Subject {
-            name,
-            sensor: Sensor { measurement: nominal.measurement, ..sensor },
-            is_nominal: true,
-            source: Some(nominal.source),
-            published: nominal.published,
-        }),
+        Some(nominal) if is_measurable(&nominal.measurement) => {
+            let sensor = Sensor { measurement: nominal.measurement, ..sensor };
+            Ok(Subject::new(name, sensor, true, Some(nominal.data_sheet)))
+        }
         _ => Err(nothing_of(&name, "no `[nominal]` with them")),
     }
 }
@@ -184,12 +190,8 @@ fn of_file(name: String, file: SensorFile) -> Result<Subject, String> {
 fn of_job(path: &Path, job: &Job, index: usize) -> Result<Subject, String> {
     let mounted = &job.sensors[index];
     let name = format!("{} of {}", mounted.name, path.display());
-    let subject = |sensor: &Sensor, is_nominal| Subject {
-        name: name.clone(),
-        sensor: sensor.clone(),
-        is_nominal,
-        source: None,
-        published: Vec::new(),
+    let subject = |sensor: &Sensor, is_nominal| {
+        Subject::new(name.clone(), sensor.clone(), is_nominal, mounted.data_sheet.clone())
     };
     if is_measurable(&mounted.sensor.measurement) {
         return Ok(subject(&mounted.sensor, mounted.is_nominal));
@@ -212,7 +214,7 @@ fn as_text(subject: &Subject, found: &Found) -> String {
     if subject.is_nominal {
         text += ", nominal";
     }
-    if let Some(source) = &subject.source {
+    if let Some(source) = subject.source() {
         let _ = write!(text, " ({})", on_one_line(source));
     }
     text += "\n";
@@ -306,7 +308,7 @@ fn as_json(subject: &Subject, found: &Found) -> Value {
     json!({
         "name": subject.name,
         "is_nominal": subject.is_nominal,
-        "source": subject.source,
+        "source": subject.source(),
         "passed": found.passed(),
         "exponent": several.map(|fit| fit.exponent),
         "misfit": several.map(|fit| fit.misfit),

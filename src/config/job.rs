@@ -297,6 +297,8 @@ pub struct MountedSensor {
     pub sensor: Sensor,
     /// Whether it measures by the figures of its preset's data sheet.
     pub is_nominal: bool,
+    /// What the data sheet of its preset states, if the preset has one.
+    pub data_sheet: Option<DataSheet>,
     /// The pose of the sensor on the body.
     pub body_from_sensor: Pose,
     /// How much later than the sequence says each frame of this sensor starts, in seconds. A rig's sensors may be triggered
@@ -389,11 +391,18 @@ pub struct SensorFile {
 /// How a sensor measures by its data sheet. It measures so where a job says `nominal = true`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nominal {
-    /// The publication that the figures are from.
-    pub source: String,
+    /// What the data sheet states.
+    pub data_sheet: DataSheet,
     /// The data sheet's figures, with the sensor's own tables over them.
     pub measurement: Measurement,
-    /// The bounds that the data sheet states of a depth camera.
+}
+
+/// What a data sheet states beside the figures by which a sensor measures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DataSheet {
+    /// The publication.
+    pub source: String,
+    /// The bounds of what a depth camera finds; none of other sensors.
     pub published: Vec<Published>,
 }
 

@@ -44,8 +44,9 @@ use crate::source::{Diagnostic, FileKind, Layer, Report, Severity, Unreadable, W
 
 pub use drive::{DRIVE_JOB, starter_drive};
 pub use job::{
-    Actor, ActorBody, Animation, Config, FromScene, InScene, InputFile, Job, Length, MountedSensor, Nominal,
-    OutputSettings, Owner, Places, Placing, SensorFile, Sequence, SurfaceName, TruthSettings,
+    Actor, ActorBody, Animation, Config, DataSheet, FromScene, InScene, InputFile, Job, Length,
+    MountedSensor, Nominal, OutputSettings, Owner, Places, Placing, SensorFile, Sequence, SurfaceName,
+    TruthSettings,
 };
 use keys::GRAMMAR;
 use keys::job::JOB;

@@ -310,6 +310,7 @@ mod tests {
             name: "top".to_owned(),
             sensor,
             is_nominal: false,
+            data_sheet: None,
             body_from_sensor: Pose::IDENTITY,
             trigger_s: 0.0,
         }

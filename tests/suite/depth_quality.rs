@@ -320,6 +320,48 @@ fn the_command_judges_promises_and_exits_by_them() {
     assert!(err.contains("no `[stereo]`, `[structured_light]` or `[tof]`"), "{err}");
 }
 
+/// A job's camera is held to the data sheet of its preset as that preset is, with the job's own figures and with those of `[nominal]`.
+#[test]
+fn the_command_judges_the_cameras_of_a_job() {
+    let folder = tempfile::tempdir().unwrap();
+    let right = PROMISES.replace("sigma_m = 0.01", "sigma_m = 0.08");
+    let ideal = STEREO.replace("stereo = { baseline_m = 0.05 }\n", "");
+    fs::write(folder.path().join("own.toml"), STEREO.to_owned() + &right).unwrap();
+    let nominal = ideal + &right + "[nominal.stereo]\nbaseline_m = 0.05\n";
+    fs::write(folder.path().join("nominal.toml"), nominal).unwrap();
+    let run = |sensors: &str| {
+        let job = format!("scene = \"s.glb\"\n[output]\ndir = \"out\"\n{sensors}");
+        fs::write(folder.path().join("job.toml"), job).unwrap();
+        let mut command = super::cli::program();
+        let args = ["selftest", "job.toml", "--datasheet", "--json"];
+        let output = command.args(args).current_dir(folder.path()).output().unwrap();
+        let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let sensors = document["sensors"].as_array().unwrap().iter();
+        let found = sensors.map(|sensor| {
+            let verdicts = sensor["published"].as_array().unwrap().iter().map(|one| one["agrees"].clone());
+            (sensor["name"].clone(), sensor["source"].clone(), verdicts.collect::<Vec<_>>())
+        });
+        (output.status.code(), found.collect::<Vec<_>>())
+    };
+    let two = "[[sensor]]\nname = \"first\"\npreset = \"own.toml\"\n\
+               [[sensor]]\nname = \"second\"\npreset = \"nominal.toml\"\nnominal = true\n";
+    let (code, found) = run(two);
+    let expected = |name: &str, kept: [bool; 3]| {
+        (
+            Value::from(format!("{name} of job.toml")),
+            Value::from("a data sheet"),
+            kept.map(Value::from).to_vec(),
+        )
+    };
+    assert_eq!((code, found), (Some(0), vec![expected("first", [true; 3]), expected("second", [true; 3])]));
+
+    // A job that narrows the base of one camera loses the promise of its σ, and of no other.
+    let narrow = two.replacen("own.toml\"\n", "own.toml\"\nstereo = { baseline_m = 0.03 }\n", 1);
+    let (code, found) = run(&narrow);
+    let kept = [expected("first", [true, false, true]), expected("second", [true; 3])];
+    assert_eq!((code, found), (Some(1), kept.to_vec()));
+}
+
 #[test]
 fn promises_that_are_wrong_are_told() {
     let folder = tempfile::tempdir().unwrap();

@@ -60,7 +60,7 @@ pub(super) fn from_entries(
     let kernel = t.read(&keys::TRACE).and_then(|t| t.value.value(&keys::KERNEL));
     let output = t.read(&keys::OUTPUT).and_then(|t| output(&t.value, folder));
     let rig::Rig { sensors, places: sensors_at, tables: tables_at, from_scene, unposed } =
-        rig::sensors(&t, sensor_files, &presets.lost, body_at);
+        rig::sensors(&t, sensor_files, presets, body_at);
     let environment = surroundings::environment(&t);
     check_rates(report, &sequence, &sensors, &tables_at);
     let truth = truth(&t);

@@ -1,6 +1,6 @@
 //! The figures of a sensor's data sheet, which lie under the sensor's own tables if a job turns them on.
 
-use super::super::job::Nominal;
+use super::super::job::{DataSheet, Nominal};
 use super::super::keys::measurement::{
     IS_NOMINAL, NOMINAL, NOMINAL_KEYS, PARTS, PUBLISHED, SOURCE, published as keys,
 };
@@ -15,8 +15,23 @@ use crate::source::Span;
 use crate::source::tree::{Entries, Node, Value};
 
 /// Takes `[nominal]` out of the table of a preset, and lays its tables under the preset's own if the job's sensor asks for that.
-pub(super) fn settle_nominal(reading: Reading<'_>, preset: &mut Entries, sensor: &Entries) {
+/// Returns what the data sheet states.
+pub(super) fn settle_nominal(
+    reading: Reading<'_>,
+    preset: &mut Entries,
+    sensor: &Entries,
+) -> Option<DataSheet> {
     let given = preset.remove(NOMINAL.name()).map(|entry| entry.node);
+    let stated = given.as_ref().and_then(|nominal| match &nominal.value {
+        Value::Table(figures) => data_sheet(&Table::new(reading, &NOMINAL_KEYS, figures, nominal.span)),
+        _ => None, // reported where the preset is read as a file of its own
+    });
+    lay_nominal_under(reading, preset, given, sensor);
+    stated
+}
+
+/// Lays `[nominal]`, which a preset has or has not, under the preset's own tables if the job's sensor asks for that.
+fn lay_nominal_under(reading: Reading<'_>, preset: &mut Entries, given: Option<Node>, sensor: &Entries) {
     let Some(asked) = sensor.get(IS_NOMINAL.name()).map(|entry| &entry.node) else { return };
     // Promises alone say nothing about how the sensor measures.
     let has_figures = |nominal: &Node| match &nominal.value {
@@ -42,8 +57,6 @@ pub(super) fn report_absence(reading: Reading<'_>, span: Span) {
 /// Lays the tables of `[nominal]` under a sensor's own.
 fn lay_under(reading: Reading<'_>, entries: &mut Entries, nominal: &Node) {
     let Value::Table(figures) = &nominal.value else { return }; // reported when it is read
-    // It reports keys that are unknown.
-    Table::new(reading, &NOMINAL_KEYS, figures, nominal.span);
     let mut laid = Entries::new();
     let mut own = Entries::new();
     for part in PARTS.map(AnyKey::name) {
@@ -68,8 +81,7 @@ pub(super) fn nominal(
 ) -> Option<Nominal> {
     let t = Table::new(reading, &SENSOR_FILE, entries, file);
     let given = t.read(&NOMINAL)?;
-    let source = given.value.read(&SOURCE);
-    let published = published(&given.value);
+    let data_sheet = data_sheet(&given.value);
     if !given.value.has(&PUBLISHED) && !PARTS.into_iter().any(|part| given.value.has(part)) {
         let help = "such as `[nominal.receiver]` with `range_pairs`".to_owned();
         reading.report.error(given.span, "`[nominal]` has no figures", "needs a table", Some(help));
@@ -81,7 +93,14 @@ pub(super) fn nominal(
     lay_under(reading, &mut laid, &figures);
     let t = Table::new(reading, &SENSOR_FILE, &laid, file);
     let measurement = measurement(&t, files, range(&t), max_at(&t));
-    Some(Nominal { source: source?.value.to_owned(), measurement, published })
+    Some(Nominal { data_sheet: data_sheet?, measurement })
+}
+
+/// What the data sheet states beside figures. `None` if it has no source, which is reported.
+fn data_sheet(nominal: &Table<'_>) -> Option<DataSheet> {
+    let source = nominal.read(&SOURCE);
+    let published = published(nominal);
+    Some(DataSheet { source: source?.value.to_owned(), published })
 }
 
 /// The bounds that the data sheet of a depth camera states. Those that are wrong are reported and left out.

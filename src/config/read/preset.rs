@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::super::job::InputFile;
+use super::super::job::{DataSheet, InputFile};
 use super::super::keys::job::{MAX_SENSORS, MODE, NAME, PRESET, SENSORS};
 use super::super::overlay;
 use super::super::parse;
@@ -35,6 +35,8 @@ pub(super) struct Laid {
     pub inputs: Vec<InputFile>,
     /// The spans of the sensors that lack what their preset should have given: the report says why.
     pub lost: Vec<Span>,
+    /// What the data sheets of presets state, with the spans of the sensors over them, in the job's order.
+    pub data_sheets: Vec<(Span, DataSheet)>,
 }
 
 /// Writes down the name of a lone sensor without one, if an override addresses it by its default name.
@@ -93,7 +95,7 @@ pub(super) fn lay_presets_under(
         if let Some(mode) = sensor.get(MODE.name()) {
             choose_mode(reading, &mut merged, &preset.modes, &mode.node);
         }
-        settle_nominal(reading, &mut merged, sensor);
+        laid.data_sheets.extend(settle_nominal(reading, &mut merged, sensor).map(|stated| (*span, stated)));
         overlay::lay_over(reading, &mut merged, std::mem::take(sensor));
         *sensor = merged;
     }

@@ -8,6 +8,7 @@ use super::super::keys::measurement::IS_NOMINAL;
 use super::super::table::Table;
 use super::nominal::report_absence;
 use super::pose::{Placed, placed};
+use super::preset::Laid;
 use super::sensor;
 use super::sensor_files::SensorFiles;
 use crate::frame::Pose;
@@ -31,14 +32,15 @@ pub(super) struct Rig {
     pub unposed: Option<Span>,
 }
 
-/// The rig. `body` is where the body's pose stands. The patterns of the sensors in `lost` are in files that were reported.
-pub(super) fn sensors(job: &Table<'_>, files: &SensorFiles, lost: &[Span], body: Option<Span>) -> Rig {
+/// The rig. `body` is where the body's pose stands.
+pub(super) fn sensors(job: &Table<'_>, files: &SensorFiles, presets: &Laid, body: Option<Span>) -> Rig {
     let Some(tables) = job.read(&SENSORS) else { return Rig::default() };
     let is_alone = tables.value.len() == 1;
     let mut taken = BTreeMap::new();
     let (mut mounted, mut places, mut spans) = (Vec::new(), Vec::new(), Vec::new());
     let mut from_scene = Vec::new();
     let mut beams = 0;
+    let mut data_sheets = presets.data_sheets.iter().peekable();
     for t in &tables.value {
         // The preset is laid under this table already, in the mode that it asks for.
         t.read(&PRESET);
@@ -50,7 +52,8 @@ pub(super) fn sensors(job: &Table<'_>, files: &SensorFiles, lost: &[Span], body:
         let name = name(t, is_alone, &mut taken);
         let placed = placed(t, &POSE);
         let trigger_s = t.value(&TRIGGER);
-        let sensor = sensor::sensor(t, files, lost.contains(&t.span));
+        let data_sheet = data_sheets.next_if(|(span, _)| *span == t.span).map(|(_, stated)| stated.clone());
+        let sensor = sensor::sensor(t, files, presets.lost.contains(&t.span));
         if let Some(pattern) = sensor.as_ref().map(|sensor| &sensor.pattern).filter(|p| !p.is_camera()) {
             beams += pattern.rows();
             if beams > MAX_BEAMS {
@@ -75,7 +78,7 @@ pub(super) fn sensors(job: &Table<'_>, files: &SensorFiles, lost: &[Span], body:
                     Pose::IDENTITY
                 }
             };
-            mounted.push(MountedSensor { name, sensor, is_nominal, body_from_sensor, trigger_s });
+            mounted.push(MountedSensor { name, sensor, is_nominal, data_sheet, body_from_sensor, trigger_s });
             spans.push(t.span);
             places.push(if t.has(&POSE) { t.span_of(&POSE) } else { body.unwrap_or(t.span) });
         }

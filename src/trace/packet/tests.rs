@@ -11,7 +11,7 @@ use crate::trace::bvh::{self, LeafBlock};
 use crate::trace::dyadic::{Dyadic, cross, determinant, difference, dot};
 use crate::trace::rays::Origins;
 use crate::trace::rounding::{TINY, U};
-use crate::trace::simd::{self, F32Lanes, F32x8, F32x16, PortableF32x8, SimdTask};
+use crate::trace::simd::{self, F32x8, F32x16, PortableF32x8, SimdTask};
 
 /// The largest errors that were seen, in the units of the constants, and the number of tests.
 #[derive(Clone, Copy, Debug, Default)]

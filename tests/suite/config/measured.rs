@@ -499,7 +499,10 @@ fn nominal_figures_lie_under_the_sensors_own_and_the_jobs() {
     };
     let file = read(&sensor).unwrap();
     let nominal = file.nominal.unwrap();
-    assert_eq!((nominal.source.as_str(), nominal.measurement.noise.unwrap().bias_m), ("a data sheet", 0.03));
+    assert_eq!(
+        (nominal.data_sheet.source.as_str(), nominal.measurement.noise.unwrap().bias_m),
+        ("a data sheet", 0.03)
+    );
     assert_eq!(file.sensor.measurement.noise.unwrap().bias_m, 0.0);
     // What is wrong with the figures is told though they are off, and though others lie over them.
     for (from, to, expected) in [
