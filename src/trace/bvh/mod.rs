@@ -289,7 +289,7 @@ impl Bvh8 {
     /// Prefetches a child: a node, or the first cache lines of a block.
     #[inline(always)]
     pub fn prefetch<S: F32x8>(&self, child: Child) {
-        if self.nodes.len() < IN_CACHE {
+        if self.is_small() {
             return;
         }
         // Both addresses are computed and one is selected, because a branch would be unpredictable. A prefetch reads nothing, so
@@ -301,6 +301,12 @@ impl Bvh8 {
         S::prefetch(start.wrapping_add(16));
         S::prefetch(start.wrapping_add(32));
         S::prefetch(start.wrapping_add(48));
+    }
+
+    /// Whether the hierarchy stays in the cache.
+    #[inline(always)]
+    pub fn is_small(&self) -> bool {
+        self.nodes.len() < IN_CACHE
     }
 
     /// The bytes that the hierarchy holds.

@@ -5,7 +5,8 @@
 //! A leaf's box lets some of the rays of each bundle through, the active ones. Where they are few, they are set next to each other, and
 //! two at a time are tested against eight triangles. Lanes are then wasted on triangles that the leaf does not have. Where they are
 //! many, each bundle of sixteen is tested as it is against one triangle after the other. Lanes are then wasted on rays that are not
-//! active. ([`is_dense`] chooses.) Both decide by the same numbers, with the same bounds.
+//! active. Both decide by the same numbers, with the same bounds. [`is_dense`] chooses in small meshes. In large ones few rays of a packet
+//! meet the same triangle, and there the second way is left out of the code.
 //!
 //! # Depth
 //! The best hit of a ray is kept as an interval of z that holds the true depth. A certain hit whose interval lies before it
@@ -21,7 +22,7 @@ use crate::trace::batch::{RaySet, chunk, chunk_mut};
 use crate::trace::bvh::{LeafBlock, TriangleRef, WIDTH};
 use crate::trace::exact::{Candidate, Corners};
 use crate::trace::rounding::U;
-use crate::trace::simd::{F32Lanes, F32x8, F32x16, Mask8, SimdTask, U32x8};
+use crate::trace::simd::{F32Lanes, F32x8, F32x16, Mask8, U32x8};
 
 /// The effect of a leaf's tests, over all rays.
 #[derive(Clone, Copy, Default)]
@@ -33,9 +34,10 @@ struct Outcome {
 }
 
 impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
-    /// Tests the triangles of a leaf against the rays of its bundles that its box lets through.
+    /// Tests the triangles of a leaf against the rays of its bundles that its box lets through. `IN_SMALL_MESH` tells whether many rays may
+    /// meet each triangle.
     #[inline(always)]
-    pub(super) fn test_leaf<S: F32x8>(&mut self, leaf: &Leaf) {
+    pub(super) fn test_leaf<S: F32x8, const IN_SMALL_MESH: bool>(&mut self, leaf: &Leaf) {
         let Leaf { number: block_offset, bounds: ref b, bundles } = *leaf;
         let m = b.largest_coordinate();
         let middle = if MULTI_ORIGIN { Middle::of(self, b, m) } else { Middle::NONE };
@@ -46,10 +48,10 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
         let block = LeafBlock::at(&self.bvh.blocks, block_offset);
         self.rays.active.stats.leaves += 1;
         self.rays.active.stats.tests += (count * block.triangles) as u64;
-        let changed = if is_dense(count, self.rays.active.bundle_count, block.triangles) {
-            self.test_bundles::<S>(block_offset, m, middle)
+        let prepared = PreparedTriangles::<S, MULTI_ORIGIN>::new(self, &block, m, &middle);
+        let changed = if IN_SMALL_MESH && is_dense(count, self.rays.active.bundle_count, block.triangles) {
+            self.test_bundles::<S>((block_offset, block.triangles), &prepared)
         } else {
-            let prepared = PreparedTriangles::<S, MULTI_ORIGIN>::new(self, &block, m, &middle);
             self.test_active::<S>(block_offset, &prepared, count)
         };
         if changed {
@@ -236,13 +238,17 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
         self.replaced(changed);
     }
 
-    /// Tests bundles as they are against the triangles of a leaf. Returns whether a ray has a nearer hit than before, or may have one.
-    /// It is told to be cold, although rooms spend most of their time here: so the compiler saves registers at this call, and not
-    /// all over the loop that makes it, which would cast 5 % fewer rays where rays are few.
-    #[cold]
-    #[inline(never)]
-    fn test_bundles<S: F32x8>(&mut self, block_offset: u32, m: f32, middle: Middle) -> bool {
-        S::run(DenseLeaf { packet: self, block_offset, m, middle })
+    /// Tests bundles as they are against the triangles of a block. Returns whether a ray has a nearer hit than before, or may have one.
+    #[inline(always)]
+    fn test_bundles<S: F32x8>(&mut self, leaf: (u32, usize), p: &PreparedTriangles<S, MULTI_ORIGIN>) -> bool {
+        let triangles = p.one_by_one();
+        let mut changed = false;
+        for index in 0..self.rays.active.bundle_count {
+            let (bundle, alive) = self.rays.active.bundles[index & (BUNDLES - 1)];
+            let rays = (usize::from(bundle) & (BUNDLES - 1), u32::from(alive));
+            changed |= self.bundle_against_triangles::<S>(leaf, p, &triangles, rays);
+        }
+        changed
     }
 
     /// Tests some rays of a bundle, one bit each in `alive`, against the triangles of a block, one after the other.
@@ -402,36 +408,6 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
             self.known |= 1 << ray;
         }
         self.rays.t[ray]
-    }
-}
-
-/// The test of a leaf's triangles against bundles as they are, as a task.
-struct DenseLeaf<'p, 'a, const MULTI_ORIGIN: bool> {
-    packet: &'p mut RayPacket<'a, MULTI_ORIGIN>,
-    block_offset: u32,
-    /// The largest |coordinate| of the leaf's box, and the middle of the box.
-    m: f32,
-    middle: Middle,
-}
-
-impl<const MULTI_ORIGIN: bool> SimdTask for DenseLeaf<'_, '_, MULTI_ORIGIN> {
-    /// Whether a ray has a nearer hit than before, or may have one.
-    type Output = bool;
-
-    #[inline(always)]
-    fn run<S: F32x8>(self) -> bool {
-        let Self { packet, block_offset, m, middle } = self;
-        let block = LeafBlock::at(&packet.bvh.blocks, block_offset);
-        let prepared = PreparedTriangles::<S, MULTI_ORIGIN>::new(packet, &block, m, &middle);
-        let triangles = prepared.one_by_one();
-        let mut changed = false;
-        for index in 0..packet.rays.active.bundle_count {
-            let (bundle, alive) = packet.rays.active.bundles[index & (BUNDLES - 1)];
-            let rays = (usize::from(bundle) & (BUNDLES - 1), u32::from(alive));
-            let leaf = (block_offset, block.triangles);
-            changed |= packet.bundle_against_triangles::<S>(leaf, &prepared, &triangles, rays);
-        }
-        changed
     }
 }
 

@@ -25,7 +25,7 @@ mod traverse;
 mod triangles;
 
 use super::policy::{PACKET_LEAF, PACKET_LEAF_MET, PACKET_NODE};
-use super::simd::F32x8;
+use super::simd::{F32x8, SimdTask};
 pub(super) use prepare::{Elsewhere, RayData, RayPacket, may_be_packet};
 pub(super) use traverse::PacketStack;
 
@@ -34,6 +34,20 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
     /// passes `budget`.
     #[inline(always)]
     pub fn traverse_mesh<S: F32x8>(&mut self, stack: &mut PacketStack, budget: u64) -> Option<u64> {
+        if self.bvh.is_small() {
+            S::run(SmallMesh { packet: self, stack, budget })
+        } else {
+            self.traverse::<S, false>(stack, budget)
+        }
+    }
+
+    /// [`RayPacket::traverse_mesh`] with the code for small meshes, or with that for large ones.
+    #[inline(always)]
+    fn traverse<S: F32x8, const IN_SMALL_MESH: bool>(
+        &mut self,
+        stack: &mut PacketStack,
+        budget: u64,
+    ) -> Option<u64> {
         let (visited, before) = (stack.visited, self.rays.stats());
         let mut leaves = 0;
         self.push_root::<S>(stack);
@@ -54,10 +68,27 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
             for k in 0..stack.leaf_count {
                 let entry = stack.leaves[k];
                 if entry.near <= self.farthest {
-                    self.test_leaf::<S>(&self.leaf(&entry));
+                    self.test_leaf::<S, IN_SMALL_MESH>(&self.leaf(&entry));
                 }
             }
             stack.leaf_count = 0;
         }
+    }
+}
+
+/// [`RayPacket::traverse_mesh`] of a small mesh as a task. Most triangles of a small mesh are met by many rays, and are tested one by one
+/// ([`leaf`]). As a part of the code for large meshes it would take registers that are needed there, and cost up to 7 % of the rays a second.
+struct SmallMesh<'p, 'a, const MULTI_ORIGIN: bool> {
+    packet: &'p mut RayPacket<'a, MULTI_ORIGIN>,
+    stack: &'p mut PacketStack,
+    budget: u64,
+}
+
+impl<const MULTI_ORIGIN: bool> SimdTask for SmallMesh<'_, '_, MULTI_ORIGIN> {
+    type Output = Option<u64>;
+
+    #[inline(always)]
+    fn run<S: F32x8>(self) -> Option<u64> {
+        self.packet.traverse::<S, true>(self.stack, self.budget)
     }
 }
