@@ -27,7 +27,7 @@ struct Subject {
     sensor: Sensor,
     /// Whether the figures by which it measures are those of `[nominal]`.
     is_nominal: bool,
-    /// What the data sheet states, if one is known and it is the source of these figures or states bounds.
+    /// The data sheet, if one is known and these figures are from it or it states bounds.
     data_sheet: Option<DataSheet>,
 }
 

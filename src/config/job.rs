@@ -297,7 +297,7 @@ pub struct MountedSensor {
     pub sensor: Sensor,
     /// Whether it measures by the figures of its preset's data sheet.
     pub is_nominal: bool,
-    /// What the data sheet of its preset states, if the preset has one.
+    /// The data sheet of its preset, if the preset has one.
     pub data_sheet: Option<DataSheet>,
     /// The pose of the sensor on the body.
     pub body_from_sensor: Pose,
@@ -391,13 +391,13 @@ pub struct SensorFile {
 /// How a sensor measures by its data sheet. It measures so where a job says `nominal = true`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nominal {
-    /// What the data sheet states.
+    /// The data sheet.
     pub data_sheet: DataSheet,
     /// The data sheet's figures, with the sensor's own tables over them.
     pub measurement: Measurement,
 }
 
-/// What a data sheet states beside the figures by which a sensor measures.
+/// The statements of a data sheet beside the figures by which a sensor measures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataSheet {
     /// The publication.

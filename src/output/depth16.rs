@@ -1,7 +1,7 @@
 //! Depth images as PNGs with 16 bits for each pixel, as depth cameras and data sets have them.
 
 use super::channel::{CHANNELS, ChannelSpec, channel};
-use super::format::{Content, EncodeError, FormatSpec, Kind, field};
+use super::format::{Content, EncodeError, FormatSpec, Kind, LossyContent, field};
 use super::image::{Image, Samples};
 use super::options::{OptionSpec, OptionValues, Options};
 use super::picture::{Pixels, check_sides, encode_numbers};
@@ -76,7 +76,7 @@ fn pixel(depth_m: f32, options: &Options) -> Option<u16> {
     depth_m.is_finite().then_some(if fits { number as u16 } else { 0 })
 }
 
-fn encode(frame: &SensorFrame, options: &Options) -> Result<(Vec<u8>, u64), EncodeError> {
+fn encode(frame: &SensorFrame, options: &Options) -> Result<LossyContent, EncodeError> {
     let (numbers, lost) = pixels(depths(frame).into_iter(), options);
     // A file on its own says what it holds.
     let name = depth_channel(frame.capture.sensor).name;

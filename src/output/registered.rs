@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::depth16;
-use super::format::{Content, EncodeError, FormatSpec, Kind, field};
+use super::format::{Content, EncodeError, FormatSpec, Kind, LossyContent, field};
 use super::options::Options;
 use super::picture::{Pixels, encode_numbers};
 use super::sensor_frame::SensorFrame;
@@ -105,7 +105,7 @@ fn register(frame: &SensorFrame) -> Result<Vec<f64>, EncodeError> {
     Ok(nearest)
 }
 
-fn encode(frame: &SensorFrame, options: &Options) -> Result<(Vec<u8>, u64), EncodeError> {
+fn encode(frame: &SensorFrame, options: &Options) -> Result<LossyContent, EncodeError> {
     let (numbers, lost) =
         depth16::pixels(register(frame)?.into_iter().map(|depth_m| depth_m as f32), options);
     let camera = &registered(frame.capture.sensor)?.camera;

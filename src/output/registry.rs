@@ -5,7 +5,8 @@ use std::hash::{Hash, Hasher};
 
 use super::channel::{ChannelSpec, TERM_NAMES};
 use super::format::{
-    Asked, Content, Encode, EncodeError, FormatSpec, FrameFile, FramePath, Kind, RunFile, Stream,
+    Asked, Content, Encode, EncodeError, FormatSpec, FrameFile, FramePath, Kind, LossyContent, RunFile,
+    Stream,
 };
 use super::options::{Channels, OptionSpec, OptionValue, Options};
 use super::points::{MOTION, TERMS};
@@ -306,7 +307,7 @@ impl Format {
     ///
     /// # Errors
     /// As [`Self::encode_file`].
-    pub fn encode_counted(self, file: usize, frame: &SensorFrame) -> Result<(Vec<u8>, u64), EncodeError> {
+    pub fn encode_counted(self, file: usize, frame: &SensorFrame) -> Result<LossyContent, EncodeError> {
         match self.frame_file(file).map(|file| file.encode) {
             Some(Encode::Whole(encode)) => Ok((encode(frame, &self.options)?, 0)),
             Some(Encode::Lossy(encode)) => encode(frame, &self.options),

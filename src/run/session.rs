@@ -12,7 +12,7 @@ use super::plan::{Item, Output};
 use super::tracked::Tracked;
 use crate::config::{Job, MountedSensor, OutputSettings};
 use crate::error::Error;
-use crate::output::{Names, SensorFrame};
+use crate::output::{LossyContent, Names, SensorFrame};
 use crate::plausibility;
 use crate::scan::{self, Frame, Progress, Story};
 use crate::scene::{Scene, gltf};
@@ -179,7 +179,7 @@ impl Session {
     ///
     /// # Errors
     /// [`Error::Output`] if the frame does not fit the format.
-    pub fn encode(&self, output: &Output, frame: &SensorFrame) -> Result<(Vec<u8>, u64), Error> {
+    pub fn encode(&self, output: &Output, frame: &SensorFrame) -> Result<LossyContent, Error> {
         let encoded = output.format.encode_counted(output.file, frame);
         encoded.map_err(|e| Error::output(self.job.output.dir.join(&output.name), e))
     }

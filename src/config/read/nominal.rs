@@ -15,7 +15,7 @@ use crate::source::Span;
 use crate::source::tree::{Entries, Node, Value};
 
 /// Takes `[nominal]` out of the table of a preset, and lays its tables under the preset's own if the job's sensor asks for that.
-/// Returns what the data sheet states.
+/// Returns the data sheet.
 pub(super) fn settle_nominal(
     reading: Reading<'_>,
     preset: &mut Entries,
@@ -96,7 +96,7 @@ pub(super) fn nominal(
     Some(Nominal { data_sheet: data_sheet?, measurement })
 }
 
-/// What the data sheet states beside figures. `None` if it has no source, which is reported.
+/// The data sheet that `[nominal]` tells of. `None` if it has no source, which is reported.
 fn data_sheet(nominal: &Table<'_>) -> Option<DataSheet> {
     let source = nominal.read(&SOURCE);
     let published = published(nominal);

@@ -35,7 +35,7 @@ pub(super) struct Laid {
     pub inputs: Vec<InputFile>,
     /// The spans of the sensors that lack what their preset should have given: the report says why.
     pub lost: Vec<Span>,
-    /// What the data sheets of presets state, with the spans of the sensors over them, in the job's order.
+    /// The data sheets of the presets, with the spans of the sensors over these, in the job's order.
     pub data_sheets: Vec<(Span, DataSheet)>,
 }
 

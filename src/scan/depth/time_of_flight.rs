@@ -116,7 +116,7 @@ pub(super) fn scan(
     Some((all().map(|number| measured_in(number).pixel).collect(), images))
 }
 
-/// What the camera measures in a pixel. A part has those of its pixels, row by row.
+/// The measurement of one pixel. A part of an image has its pixels' measurements row by row.
 struct Measured {
     pixel: Pixel,
     amplitude: f32,

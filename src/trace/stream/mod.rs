@@ -227,7 +227,7 @@ impl StreamState {
             (mesh_0, &mut self.local, &mut self.at_node)
         };
         let numbers = std::array::from_fn(|k| 8 * group + k);
-        // What is prepared for the scene's space serves mesh 0 as well.
+        // A ray that is prepared for the scene's space goes on in mesh 0 as it is.
         let largest = S::F64x8::splat(bvh.largest.max(mesh_0.largest).into());
         let in_range = PreparedRay::prepare::<S>(prepared, numbers, o, d, largest, limits);
         let all = 0xff_u32 >> (8 - (rays.directions.len() - 8 * batch_group).min(8));
