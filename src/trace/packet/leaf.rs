@@ -137,7 +137,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
         &mut self,
         block_offset: u32,
         p: &PreparedTriangles<S, MULTI_ORIGIN>,
-        pairs: &PairedTriangles<S, MULTI_ORIGIN>,
+        pairs: &PairedTriangles<S>,
         Range { start: first, end: count }: Range<usize>,
         outcome: &mut Outcome,
     ) {
@@ -257,7 +257,7 @@ impl<const MULTI_ORIGIN: bool> RayPacket<'_, MULTI_ORIGIN> {
         &mut self,
         (block_offset, triangle_count): (u32, usize),
         p: &PreparedTriangles<S, MULTI_ORIGIN>,
-        triangles: &StoredTriangles<MULTI_ORIGIN>,
+        triangles: &StoredTriangles,
         (bundle, alive): (usize, u32),
     ) -> bool {
         let RayData { g, offset, z_low, z_high, triangle, .. } = &mut *self.rays;

@@ -138,8 +138,8 @@ pub(super) struct Lines<L> {
 pub(super) struct PreparedTriangles<S: F32x8, const MULTI_ORIGIN: bool> {
     /// The vectors (c−b) × (c+b) of the edges opposite a, b and c: an edge function is g·edge.
     edges: [Vec3Lanes<S>; 3],
-    /// The vectors of the edges themselves, oriented as `edges` are, for moments.
-    sides: [Vec3Lanes<S>; 3],
+    /// The vectors of the edges themselves, oriented as `edges` are, if the edge functions take the moments of rays.
+    sides: Option<[Vec3Lanes<S>; 3]>,
     /// k, if rays from different origins are aimed at the middle of the leaf.
     pub aimed: Option<f32>,
     pub normal: Vec3Lanes<S>,
@@ -197,9 +197,9 @@ impl<S: F32x8, const MULTI_ORIGIN: bool> PreparedTriangles<S, MULTI_ORIGIN> {
             ab.cross(a.add(b)).flip_signs(against),
         ];
         let sides = if MULTI_ORIGIN && aimed.is_none() {
-            [bc.flip_signs(against), ac.flip_signs(volume.sign_bits()), ab.flip_signs(against)]
+            Some([bc.flip_signs(against), ac.flip_signs(volume.sign_bits()), ab.flip_signs(against)])
         } else {
-            [Vec3Lanes::splat([0.0; 3]); 3]
+            None
         };
         let size = volume.abs();
         // |s·N|. The factor covers the rounding of N and of this sum.
@@ -228,13 +228,7 @@ impl<S: F32x8, const MULTI_ORIGIN: bool> PreparedTriangles<S, MULTI_ORIGIN> {
         }
     }
 
-    /// Whether the edge functions take the moments of rays.
-    #[inline(always)]
-    fn takes_moments(&self) -> bool {
-        MULTI_ORIGIN && self.aimed.is_none()
-    }
-
-    /// What the edge functions take of rays that are given by g and s.
+    /// The numbers by which the edge functions know rays that are given by g and s.
     #[inline(always)]
     pub fn lines<L: F32Lanes>(&self, g: [L; 2], [su, sv]: [L; 2]) -> Lines<L> {
         let none = Vec3Lanes::splat([0.0; 3]);
@@ -253,37 +247,28 @@ impl<S: F32x8, const MULTI_ORIGIN: bool> PreparedTriangles<S, MULTI_ORIGIN> {
 
     /// The triangles for tests of two rays at a time.
     #[inline(always)]
-    pub fn for_pairs(&self) -> PairedTriangles<S, MULTI_ORIGIN> {
+    pub fn for_pairs(&self) -> PairedTriangles<S> {
         let [a, b, c] = self.edges;
         let edges = [a.in_both_halves(), b.in_both_halves(), c.in_both_halves()];
-        let mut sides = [Vec3Lanes::splat([0.0; 3]); 3];
-        if self.takes_moments() {
-            let [a, b, c] = self.sides;
-            sides = [a.in_both_halves(), b.in_both_halves(), c.in_both_halves()];
+        let mut sides = None;
+        if let Some([a, b, c]) = self.sides {
+            sides = Some([a.in_both_halves(), b.in_both_halves(), c.in_both_halves()]);
         }
-        PairedTriangles { edges, sides, takes_moments: self.takes_moments() }
+        PairedTriangles { edges, sides }
     }
 
     /// The triangles for tests of one triangle at a time.
     #[inline(always)]
-    pub fn one_by_one(&self) -> StoredTriangles<MULTI_ORIGIN> {
-        let none = [[0.0; WIDTH]; 3];
+    pub fn one_by_one(&self) -> StoredTriangles {
         let [a, b, c] = self.edges;
         let edges = [stored(a), stored(b), stored(c)];
-        let mut sides = [none; 3];
-        if self.takes_moments() {
-            let [a, b, c] = self.sides;
-            sides = [stored(a), stored(b), stored(c)];
+        let mut sides = None;
+        if let Some([a, b, c]) = self.sides {
+            sides = Some([stored(a), stored(b), stored(c)]);
         }
         let mut volume = [0.0; WIDTH];
         self.volume.store(&mut volume);
-        StoredTriangles {
-            edges,
-            sides,
-            takes_moments: self.takes_moments(),
-            normal: stored(self.normal),
-            volume,
-        }
+        StoredTriangles { edges, sides, normal: stored(self.normal), volume }
     }
 
     /// Bounds of z = T/D for a denominator D of at least four times its error δ, with one division: for x = δ/D ≤ ¼,
@@ -301,53 +286,45 @@ impl<S: F32x8, const MULTI_ORIGIN: bool> PreparedTriangles<S, MULTI_ORIGIN> {
 }
 
 /// The triangles of a block for tests of two rays at a time: each vector in both halves.
-pub(super) struct PairedTriangles<S: F32x8, const MULTI_ORIGIN: bool> {
+pub(super) struct PairedTriangles<S: F32x8> {
     edges: [Vec3Lanes<S::F32x16>; 3],
-    sides: [Vec3Lanes<S::F32x16>; 3],
-    takes_moments: bool,
+    sides: Option<[Vec3Lanes<S::F32x16>; 3]>,
 }
 
-impl<S: F32x8, const MULTI_ORIGIN: bool> PairedTriangles<S, MULTI_ORIGIN> {
+impl<S: F32x8> PairedTriangles<S> {
     /// The edge functions of all triangles for two of these rays, `first` and `first` + 1.
     #[inline(always)]
     pub fn edges_of(&self, lines: &Lines<S>, first: usize) -> [S::F32x16; 3] {
         let [a, b, c] = self.edges;
         let g = [S::F32x16::broadcast_two(lines.g[0], first), S::F32x16::broadcast_two(lines.g[1], first)];
         let edges = [a.dot_ray(g), b.dot_ray(g), c.dot_ray(g)];
-        if !MULTI_ORIGIN || !self.takes_moments {
-            return edges;
-        }
+        let Some([a, b, c]) = self.sides else { return edges };
         let moment = Vec3Lanes(
             S::F32x16::broadcast_two(lines.moment.0, first),
             S::F32x16::broadcast_two(lines.moment.1, first),
             S::F32x16::broadcast_two(lines.moment.2, first),
         );
-        let [a, b, c] = self.sides;
         [moment.dot_onto(a, edges[0]), moment.dot_onto(b, edges[1]), moment.dot_onto(c, edges[2])]
     }
 }
 
 /// The triangles of a block for tests of one triangle at a time. They are in memory, from where a number is broadcast to all lanes
 /// in the instruction that computes with it.
-pub(super) struct StoredTriangles<const MULTI_ORIGIN: bool> {
+pub(super) struct StoredTriangles {
     edges: [[[f32; WIDTH]; 3]; 3],
-    sides: [[[f32; WIDTH]; 3]; 3],
-    takes_moments: bool,
+    sides: Option<[[[f32; WIDTH]; 3]; 3]>,
     normal: [[f32; WIDTH]; 3],
     volume: [f32; WIDTH],
 }
 
-impl<const MULTI_ORIGIN: bool> StoredTriangles<MULTI_ORIGIN> {
+impl StoredTriangles {
     /// The edge functions of one triangle for rays.
     #[inline(always)]
     pub fn edges_of<L: F32Lanes>(&self, triangle: usize, lines: &Lines<L>) -> [L; 3] {
         let [a, b, c] = &self.edges;
         let (a, b, c) = (in_all(a, triangle), in_all(b, triangle), in_all(c, triangle));
         let edges = [a.dot_ray(lines.g), b.dot_ray(lines.g), c.dot_ray(lines.g)];
-        if !MULTI_ORIGIN || !self.takes_moments {
-            return edges;
-        }
-        let [a, b, c] = &self.sides;
+        let Some([a, b, c]) = &self.sides else { return edges };
         let (a, b, c) = (in_all(a, triangle), in_all(b, triangle), in_all(c, triangle));
         let moment = lines.moment;
         [moment.dot_onto(a, edges[0]), moment.dot_onto(b, edges[1]), moment.dot_onto(c, edges[2])]
